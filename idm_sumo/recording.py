@@ -1,0 +1,134 @@
+"""`Recording`: the one table of trajectories, the same for observed and simulated vehicles."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field, replace
+from functools import cache
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+import pandas as pd
+
+from idm_sumo import columns as c
+from idm_sumo.errors import InputError
+
+if TYPE_CHECKING:
+    import pandera.pandas as pa
+
+DTYPES = {
+    c.PERIOD: "category", c.VEHICLE: "int64", c.FRAME: "int64", c.TIME: "float64",
+    c.X: "float64", c.Y: "float64", c.SPEED: "float64", c.ACCELERATION: "float64",
+    c.HEADING: "float64", c.LENGTH: "float64", c.WIDTH: "float64", c.CLASS: "int8",
+    c.LANE: "int8", c.LEADER: "int64", c.HEADWAY: "float64",
+}  # fmt: skip
+
+
+@cache
+def schema() -> pa.DataFrameSchema:
+    """Return the table's schema; checked once, where a table enters the house."""
+    import pandera.pandas as pa
+
+    finite = pa.Check(lambda s: np.isfinite(s), error="must be finite")
+    positive = pa.Check(lambda s: s > 0, error="must be positive")
+    plausible_speed = pa.Check.in_range(0, 70)
+    checks: dict[str, list[Any]] = {
+        c.TIME: [finite], c.X: [finite], c.Y: [finite], c.SPEED: [plausible_speed],
+        c.ACCELERATION: [finite], c.HEADING: [finite], c.LENGTH: [positive],
+        c.WIDTH: [positive], c.CLASS: [pa.Check.isin([0, 1, 2, 3])], c.LANE: [pa.Check.in_range(1, 8)],
+        c.HEADWAY: [positive],
+    }  # fmt: skip
+    nullable = {c.LENGTH, c.WIDTH, c.HEADWAY}
+    fields = {
+        name: pa.Column(None if dtype == "category" else dtype, checks.get(name, []), nullable=name in nullable)
+        for name, dtype in DTYPES.items()
+    }
+    return pa.DataFrameSchema(fields, strict=True)
+
+
+@dataclass(frozen=True)
+class Recording:
+    """Trajectories of many vehicles, one row a vehicle and frame, in SI units.
+
+    Attributes
+    ----------
+    table : pandas.DataFrame
+        Columns of :mod:`idm_sumo.columns`, sorted by period, vehicle and frame.
+    source : str
+        Where it came from, for titles and manifests.
+    notes : tuple of str
+        What was assumed because the source did not say (lane from lateral position, ...).
+    has_leader_rows : bool
+        Whether the vehicles ahead are themselves in the table. If not, all that is known
+        of a leader is ``headway``, seen from the recorded follower.
+    """
+
+    table: pd.DataFrame
+    source: str = ""
+    notes: tuple[str, ...] = field(default=())
+    has_leader_rows: bool = True
+
+    @classmethod
+    def from_table(cls, table: pd.DataFrame, *, source: str = "", notes: tuple[str, ...] = (), has_leader_rows: bool = True) -> Recording:
+        """Check a table against the schema, sort it and wrap it.
+
+        Raises
+        ------
+        InputError
+            If a column is missing or a value is impossible; names column and first row.
+        """
+        import pandera.errors
+
+        missing = [name for name in c.ALL if name not in table.columns]
+        if missing:
+            raise InputError(f"{source or 'recording'}: column {missing[0]!r} is missing; a Recording needs {', '.join(c.ALL)}")
+        if table.empty:
+            raise InputError(f"{source or 'recording'}: no rows left to work on; see `idm-sumo inspect` for why rows were dropped")
+        ordered = table[list(c.ALL)].astype(DTYPES).sort_values(list(c.KEYS), kind="stable", ignore_index=True)
+        try:
+            schema().validate(ordered)
+        except pandera.errors.SchemaError as error:
+            raise InputError(_one_line(error, ordered, source)) from None
+        if (duplicated := ordered.duplicated(list(c.KEYS))).any():
+            row = ordered[duplicated].iloc[0]
+            raise InputError(f"{source or 'recording'}: vehicle {row[c.VEHICLE]} has frame {row[c.FRAME]} twice in period {row[c.PERIOD]}")
+        return cls(ordered, source, notes, has_leader_rows)
+
+    @property
+    def periods(self) -> list[str]:
+        """Labels of the recording periods, in order of their first time."""
+        first = self.table.groupby(c.PERIOD, observed=True)[c.TIME].min().sort_values(kind="stable")
+        return [str(label) for label in first.index]
+
+    def of_period(self, period: str) -> Recording:
+        """Return the part that was recorded in one period.
+
+        Raises
+        ------
+        InputError
+            If there is no such period.
+        """
+        if period not in self.periods:
+            raise InputError(f"{self.source or 'recording'}: no period {period!r}; it has {', '.join(self.periods)}")
+        chosen = self.table[self.table[c.PERIOD] == period].reset_index(drop=True)
+        return replace(self, table=chosen)
+
+    def with_table(self, table: pd.DataFrame, *notes: str) -> Recording:
+        """Return the same recording with another table (same columns) and further notes."""
+        return replace(self, table=table, notes=self.notes + notes)
+
+    @property
+    def vehicle_count(self) -> int:
+        """Number of vehicles, those of different periods counted apart."""
+        return len(self.table.drop_duplicates([c.PERIOD, c.VEHICLE]))
+
+
+def _one_line(error: Any, table: pd.DataFrame, source: str) -> str:
+    """Say in one line which value of which row broke the schema."""
+    name = getattr(error.schema, "name", None)
+    cases = error.failure_cases
+    if isinstance(cases, pd.DataFrame) and "index" in cases and cases["index"].notna().any():
+        row = table.loc[int(cases["index"].dropna().iloc[0])]
+        where = f"vehicle {row[c.VEHICLE]}, frame {row[c.FRAME]}, period {row[c.PERIOD]}"
+        value = row[name] if name in row else ""
+        return f"{source or 'recording'}: {where}: {name} = {value} is impossible; check units and columns"
+    return f"{source or 'recording'}: {name}: {error!s}".splitlines()[0]

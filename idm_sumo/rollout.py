@@ -1,0 +1,150 @@
+"""The ``kernel`` back end of replay: many modelled vehicles, each in its own recorded traffic."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+import numpy.typing as npt
+from numba import njit, prange
+
+from idm_sumo import bicycle, idm, road
+from idm_sumo.scenes import Scenes
+from idm_sumo.steering import lookahead_distance, pure_pursuit
+from idm_sumo.traffic import NOBODY, leader_row
+
+Floats = npt.NDArray[np.float64]
+
+
+@dataclass(frozen=True)
+class Trajectories:
+    """Simulated vehicles, ``T`` steps from their start.
+
+    Attributes
+    ----------
+    x, y, heading, speed : float64, shape (vehicles, T + 1)
+        Front bumper (m), rad, m/s; column 0 is the recorded start.
+    acceleration, steering : float64, shape (vehicles, T)
+        Controls of each step (m/s², rad).
+    gap : float64, shape (vehicles, T + 1)
+        Bumper to bumper to the perceived leader (m), infinite without one.
+    leader : int64, shape (vehicles, T + 1)
+        Row of the perceived leader in the scenes' traffic, -1 without one.
+    """
+
+    x: Floats
+    y: Floats
+    heading: Floats
+    speed: Floats
+    acceleration: Floats
+    steering: Floats
+    gap: Floats
+    leader: npt.NDArray[np.int64]
+
+    @classmethod
+    def empty(cls, vehicles: int, steps: int) -> Trajectories:
+        """Return storage for ``vehicles`` over ``steps`` steps."""
+        states = (np.empty((vehicles, steps + 1)) for _ in range(4))
+        controls = (np.empty((vehicles, steps)) for _ in range(2))
+        return cls(
+            *states, *controls, np.empty((vehicles, steps + 1)), np.empty((vehicles, steps + 1), dtype=np.int64)
+        )
+
+
+def drive_idm(
+    scenes: Scenes,
+    parameters: npt.ArrayLike,
+    *,
+    desired_speed: npt.ArrayLike = road.SPEED_LIMIT,
+) -> Trajectories:
+    """Drive every vehicle by IDM and pure pursuit from its start over the horizon.
+
+    Parameters
+    ----------
+    scenes : Scenes
+    parameters : array_like, shape (vehicles, 5) or (5,)
+        ``a, b, T, d0, d1`` in SI units.
+    desired_speed : array_like, shape (vehicles,) or ()
+        m/s.
+
+    Returns
+    -------
+    Trajectories
+        By the paper's transition model: Euler with the old speed.
+    """
+    n = len(scenes)
+    theta = np.ascontiguousarray(np.broadcast_to(np.asarray(parameters, dtype=np.float64), (n, 5)))
+    limit = np.ascontiguousarray(np.broadcast_to(np.asarray(desired_speed, dtype=np.float64), (n,)))
+    out = Trajectories.empty(n, scenes.window.horizon)
+    first, t = scenes.start, scenes.traffic
+    start = np.stack([getattr(scenes, name)[:, first] for name in ("x", "y", "heading", "speed")], axis=1)
+    _drive_all(
+        theta, limit, start, scenes.length, road.lane_center(scenes.lane), scenes.cell + first, scenes.vehicle,
+        t.offsets, t.x, t.speed, t.length, t.vehicle,
+        out.x, out.y, out.heading, out.speed, out.acceleration, out.steering, out.gap, out.leader,
+    )  # fmt: skip
+    return out
+
+
+def drive_constant_velocity(scenes: Scenes) -> Trajectories:
+    """Keep speed and heading of the start: zero acceleration, zero steering, no eyes."""
+    n, steps = len(scenes), scenes.window.horizon
+    first = scenes.start
+    heading, speed = scenes.heading[:, first, None], scenes.speed[:, first, None]
+    travelled = speed * road.FRAME_STEP * np.arange(steps + 1)
+    whole = np.ones((1, steps + 1))
+    return Trajectories(
+        x=scenes.x[:, first, None] + travelled * np.cos(heading),
+        y=scenes.y[:, first, None] + travelled * np.sin(heading),
+        heading=heading * whole, speed=speed * whole,
+        acceleration=np.zeros((n, steps)), steering=np.zeros((n, steps)),
+        gap=np.full((n, steps + 1), np.inf), leader=np.full((n, steps + 1), NOBODY),
+    )  # fmt: skip
+
+
+@njit(cache=True)
+def perceive(cell, front, own, offsets, x, length, vehicle):  # type: ignore[no-untyped-def]
+    """Return the leader's row (or ``NOBODY``) and the gap to it (m, infinite without one)."""
+    row = leader_row(offsets, x, vehicle, cell, front, own)
+    if row == NOBODY:
+        return row, np.inf
+    return row, x[row] - length[row] - front
+
+
+@njit(cache=True)
+def control(x, y, heading, speed, gap, leader_speed, theta, desired_speed, length, lane_y):  # type: ignore[no-untyped-def]
+    """Return acceleration (m/s²) and steering (rad) of a modelled driver; ``x, y`` is the centre of mass."""
+    approach_rate = speed - leader_speed
+    acceleration = idm.acceleration(
+        speed, approach_rate, gap, theta[0], theta[1], theta[2], theta[3], theta[4], desired_speed
+    )
+    axles = bicycle.wheelbase(length)
+    heading_x, heading_y = np.cos(heading), np.sin(heading)
+    rear_y = y - bicycle.REAR_SHARE * axles * heading_y
+    steering = pure_pursuit(heading_x, heading_y, lookahead_distance(speed), lane_y - rear_y, axles)
+    return acceleration, steering
+
+
+@njit(cache=True, parallel=True)
+def _drive_all(  # type: ignore[no-untyped-def]
+    theta, limit, start, length, lane_y, first_cell, own,
+    offsets, traffic_x, traffic_speed, traffic_length, traffic_vehicle,
+    x, y, heading, speed, acceleration, steering, gap, leader,
+):  # fmt: skip
+    steps = acceleration.shape[1]
+    for i in prange(theta.shape[0]):
+        x[i, 0], y[i, 0], psi, v = start[i]
+        heading[i, 0], speed[i, 0] = psi, v
+        cx, cy = bicycle.center_of_front(x[i, 0], y[i, 0], psi, length[i])
+        axles = bicycle.wheelbase(length[i])
+        for k in range(steps + 1):
+            row, d = perceive(first_cell[i] + k, x[i, k], own[i], offsets, traffic_x, traffic_length, traffic_vehicle)
+            leader[i, k], gap[i, k] = row, d
+            if k == steps:
+                break
+            leader_speed = traffic_speed[row] if row != NOBODY else v
+            acc, delta = control(cx, cy, psi, v, d, leader_speed, theta[i], limit[i], length[i], lane_y[i])
+            acceleration[i, k], steering[i, k] = acc, delta
+            cx, cy, psi, v = bicycle.step(cx, cy, psi, v, acc, delta, axles, road.FRAME_STEP)
+            x[i, k + 1], y[i, k + 1] = bicycle.front_of_center(cx, cy, psi, length[i])
+            heading[i, k + 1], speed[i, k + 1] = psi, v

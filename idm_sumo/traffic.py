@@ -1,0 +1,112 @@
+"""Who drives where: recorded vehicles, lane by lane and frame by frame, sorted by position."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+import numpy.typing as npt
+from numba import njit
+
+from idm_sumo import columns as c
+from idm_sumo import road
+from idm_sumo.recording import Recording
+
+NOBODY = -1  # a row that does not exist: nobody ahead
+
+
+@dataclass(frozen=True)
+class Traffic:
+    """Recorded vehicles of one period, as sorted cells.
+
+    A *cell* is one lane at one frame; the cells of a lane follow each other frame by frame,
+    so the next frame's cell is the next number. The rows of cell ``i`` are
+    ``offsets[i]:offsets[i + 1]``, sorted by ``x``.
+
+    Attributes
+    ----------
+    offsets : int64, shape (cells + 1,)
+    x, y, heading, speed, length, width : float64, shape (rows,)
+        Front bumper (m), rad, m/s, m, m. Unknown sizes are assumed (:mod:`idm_sumo.road`).
+    vehicle : int64, shape (rows,)
+        Vehicle numbers, 0 for a leader that is known by its headway only.
+    first_frame : int
+        The frame of every lane's first cell.
+    frames : int
+        Cells per lane.
+    """
+
+    offsets: npt.NDArray[np.int64]
+    x: npt.NDArray[np.float64]
+    y: npt.NDArray[np.float64]
+    heading: npt.NDArray[np.float64]
+    speed: npt.NDArray[np.float64]
+    length: npt.NDArray[np.float64]
+    width: npt.NDArray[np.float64]
+    vehicle: npt.NDArray[np.int64]
+    first_frame: int
+    frames: int
+
+    def cell(self, lane: npt.ArrayLike, frame: npt.ArrayLike) -> npt.NDArray[np.int64]:
+        """Return the cell of main lane ``lane`` (1 to 5) at ``frame``."""
+        lanes, frames = np.asarray(lane, dtype=np.int64), np.asarray(frame, dtype=np.int64)
+        return (lanes - 1) * self.frames + frames - self.first_frame
+
+
+def build_traffic(recording: Recording) -> Traffic:
+    """Sort one period of a recording into cells of the five main lanes.
+
+    The lane of a vehicle is the one its front bumper's centre lies in: the definition that
+    SUMO applies to a vehicle moved to ``x, y``, and one that needs no lane labels.
+    """
+    table = recording.table
+    frame = table[c.FRAME].to_numpy()
+    first, frames = int(frame.min()), int(frame.max() - frame.min() + 1)
+    cell = (road.lane_at(table[c.Y]) - 1) * frames + frame - first
+    columns = {name: table[name].to_numpy(np.float64) for name in (c.X, c.Y, c.HEADING, c.SPEED)}
+    columns[c.LENGTH] = table[c.LENGTH].fillna(road.CAR_LENGTH).to_numpy()
+    columns[c.WIDTH] = table[c.WIDTH].fillna(road.CAR_WIDTH).to_numpy()
+    vehicle = table[c.VEHICLE].to_numpy()
+    return sort_into_cells(cell, road.MAIN_LANES * frames, columns, vehicle, first, frames)
+
+
+def sort_into_cells(
+    cell: npt.NDArray[np.int64],
+    cells: int,
+    columns: dict[str, npt.NDArray[np.float64]],
+    vehicle: npt.NDArray[np.int64],
+    first_frame: int,
+    frames: int,
+) -> Traffic:
+    """Sort rows by cell, then position. ``columns`` holds the float columns by name."""
+    order = np.lexsort((columns[c.X], cell))
+    offsets = np.zeros(cells + 1, dtype=np.int64)
+    np.cumsum(np.bincount(cell, minlength=cells), out=offsets[1:])
+    sorted_columns = {name: np.ascontiguousarray(values[order]) for name, values in columns.items()}
+    return Traffic(offsets=offsets, vehicle=vehicle[order], first_frame=first_frame, frames=frames, **sorted_columns)
+
+
+@njit(cache=True)
+def leader_row(
+    offsets: npt.NDArray[np.int64],
+    x: npt.NDArray[np.float64],
+    vehicle: npt.NDArray[np.int64],
+    cell: int,
+    front: float,
+    own: int,
+) -> int:
+    """Return the row of the first vehicle of ``cell`` whose front is ahead of ``front`` (m), or ``NOBODY``.
+
+    The modelled vehicle's recorded twin, number ``own``, is not there for it.
+    """
+    low, high = offsets[cell], offsets[cell + 1]
+    end = high
+    while low < high:
+        middle = (low + high) >> 1
+        if x[middle] > front:
+            high = middle
+        else:
+            low = middle + 1
+    while low < end and vehicle[low] == own:
+        low += 1
+    return low if low < end else NOBODY

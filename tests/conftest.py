@@ -1,0 +1,16 @@
+"""What tests of several modules need."""
+
+import os
+from pathlib import Path
+
+import pytest
+
+
+@pytest.fixture(scope="session")
+def shared_data() -> Path:
+    """Folder with real trajectories: ``IDM_SUMO_DATA``, or ``../shared/data`` beside the clone."""
+    root = Path(__file__).parents[1]
+    folder = Path(os.environ.get("IDM_SUMO_DATA", root.parent / "shared" / "data"))
+    if not folder.is_dir():
+        pytest.skip(f"no real trajectories at {folder}; set IDM_SUMO_DATA to run this test")
+    return folder
