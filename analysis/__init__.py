@@ -1,0 +1,1 @@
+"""The study itself: one module a table or figure, the report and its page."""

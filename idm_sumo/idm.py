@@ -53,7 +53,7 @@ UPPER = IDMParameters(a=6.0, b=6.0, T=5.0, d0=10.0, d1=10.0)
 TEXTBOOK = IDMParameters(a=0.73, b=1.67, T=1.6, d0=2.0, d1=0.0)
 
 
-@njit(cache=True)
+@njit(cache=True, error_model="numpy")
 def desired_gap(
     speed: float, approach_rate: float, a: float, b: float, T: float, d0: float, d1: float, desired_speed: float
 ) -> float:
@@ -67,7 +67,7 @@ def desired_gap(
     return d0 + d1 * sqrt(max(speed, 0.0) / desired_speed) + max(0.0, dynamic)
 
 
-@njit(cache=True)
+@njit(cache=True, error_model="numpy")
 def acceleration(
     speed: float,
     approach_rate: float,
@@ -104,9 +104,61 @@ def acceleration(
     return max(a * (1.0 - ratio * ratio * ratio * ratio - interaction * interaction), -EMERGENCY_BRAKING)
 
 
-def equilibrium_gap(
-    speed: npt.ArrayLike, parameters: IDMParameters, desired_speed: float
-) -> npt.NDArray[np.float64]:
+@njit(cache=True, error_model="numpy")
+def acceleration_partials(
+    speed: float,
+    approach_rate: float,
+    gap: float,
+    a: float,
+    b: float,
+    T: float,
+    d0: float,
+    d1: float,
+    desired_speed: float,
+) -> tuple[float, float, float, float, float, float, float]:
+    r"""Return the derivatives of :func:`acceleration`: by own speed, gap, a, b, T, d0 and d1.
+
+    With the interaction :math:`s = d^*/d`, :math:`\partial\dot v/\partial d^* = -2as/d` and
+    :math:`\partial\dot v/\partial d = 2as^2/d`. The first value is the total derivative by
+    the own speed, which is in the approach rate too.
+
+    Notes
+    -----
+    At the kinks (the maximum in :func:`desired_gap`, the clip at ``-EMERGENCY_BRAKING``, the
+    smallest gap) they are the derivatives from the side on which the equation is used: zero
+    where the braking is clipped, no dynamic term where it is not positive. At a standing
+    vehicle :math:`\sqrt{v/v_0}` has no finite derivative; zero is returned for that term.
+    """
+    if gap <= SMALLEST_GAP:
+        return 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0
+    ratio = speed / desired_speed
+    cube = ratio * ratio * ratio
+    interaction = desired_gap(speed, approach_rate, a, b, T, d0, d1, desired_speed) / gap
+    free = 1.0 - cube * ratio - interaction * interaction
+    if a * free <= -EMERGENCY_BRAKING:
+        return 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0
+    by_wanted = -2.0 * a * interaction / gap
+    root = sqrt(max(ratio, 0.0))
+    wanted_by_speed = 0.5 * d1 * root / speed if speed > 0.0 else 0.0
+    wanted_by_a = wanted_by_b = wanted_by_T = 0.0
+    half = speed / (2.0 * sqrt(a * b))
+    if T * speed + half * approach_rate > 0.0:
+        wanted_by_speed += T + half + approach_rate / (2.0 * sqrt(a * b))
+        wanted_by_a = -0.5 * half * approach_rate / a
+        wanted_by_b = -0.5 * half * approach_rate / b
+        wanted_by_T = speed
+    return (
+        by_wanted * wanted_by_speed - 4.0 * a * cube / desired_speed,
+        -by_wanted * interaction,
+        free + by_wanted * wanted_by_a,
+        by_wanted * wanted_by_b,
+        by_wanted * wanted_by_T,
+        by_wanted,
+        by_wanted * root,
+    )
+
+
+def equilibrium_gap(speed: npt.ArrayLike, parameters: IDMParameters, desired_speed: float) -> npt.NDArray[np.float64]:
     r"""Return the gap (m) at which a follower at ``speed`` (m/s, below ``desired_speed``) keeps its speed.
 
     :math:`d_e = (d_0 + d_1\sqrt{v/v_0} + Tv)/\sqrt{1 - (v/v_0)^4}`, Treiber et al. (2000), eq. 5.

@@ -1,67 +1,72 @@
-"""The leader of every recorded vehicle, rebuilt from its headway.
-
-For recordings that hold a follower and its headway but not the car ahead. A jump of the
-rebuilt leader is a change of leader, so its path is smoothed between jumps only.
-"""
+"""Who drives ahead of whom, from the rows of a recording."""
 
 from __future__ import annotations
 
-from typing import NamedTuple
-
 import numpy as np
 import numpy.typing as npt
-from scipy.signal import savgol_filter
+import pandas as pd
 
 from idm_sumo import columns as c
-from idm_sumo import road
-from idm_sumo.recording import Recording
+from idm_sumo.road import LANE_WIDTH
 
-JUMP = 2.5  # m a frame beyond the expected 0.1 s of travel: more than noise, less than a car
-SMOOTHING_FRAMES = 21
-SMOOTHING_ORDER = 3
+HEADWAY_TOLERANCE = 0.15  # m, between a front rebuilt from a headway and a recorded one
 
-
-class Leaders(NamedTuple):
-    """Front bumper (m) and speed (m/s) of each row's leader, shape (rows,), NaN for none."""
-
-    x: npt.NDArray[np.float64]
-    speed: npt.NDArray[np.float64]
+Integers = npt.NDArray[np.int64]
 
 
-def recorded_leaders(recording: Recording) -> Leaders:
-    """Rebuild the leaders of all rows of one period; the leader's front is own front plus headway."""
-    table = recording.table
-    raw = table[c.X].to_numpy() + table[c.HEADWAY].to_numpy()
-    first = _first_rows(table[c.VEHICLE].to_numpy(), table[c.FRAME].to_numpy(), raw, table[c.SPEED].to_numpy())
-    position, speed = np.full(len(raw), np.nan), np.full(len(raw), np.nan)
-    own_speed = table[c.SPEED].to_numpy()
-    for begin, end in zip(first, np.append(first[1:], len(raw)), strict=True):
-        if np.isnan(raw[begin]):
-            continue
-        position[begin:end], speed[begin:end] = _smooth_run(raw[begin:end], own_speed[begin:end])
-    return Leaders(position, speed)
+def frame_code(table: pd.DataFrame) -> Integers:
+    """Return one number per row, the same for all rows of one frame of one period; shape ``(rows,)``."""
+    period = np.asarray(table[c.PERIOD].cat.codes, dtype=np.int64)
+    return (period << 40) + np.asarray(table[c.FRAME], dtype=np.int64)
 
 
-def _first_rows(
-    vehicle: npt.NDArray[np.int64],
-    frame: npt.NDArray[np.int64],
-    leader_x: npt.NDArray[np.float64],
-    speed: npt.NDArray[np.float64],
-) -> npt.NDArray[np.int64]:
-    """Return the first row of every stretch with one leader, or with none."""
-    known = np.isfinite(leader_x)
-    with np.errstate(invalid="ignore"):
-        jump = np.abs(np.diff(leader_x) - speed[1:] * road.FRAME_STEP) > JUMP
-    breaks = (np.diff(vehicle) != 0) | (np.diff(frame) != 1) | (np.diff(known.astype(np.int8)) != 0) | jump
-    return np.concatenate([[0], np.flatnonzero(breaks) + 1])
+def row_ahead(table: pd.DataFrame) -> Integers:
+    """Return for each row the position of the row next ahead in the same lane and frame, or -1; shape ``(rows,)``."""
+    code, lane, x = frame_code(table), table[c.LANE].to_numpy(), table[c.X].to_numpy()
+    order = np.lexsort((x, lane, code))
+    same = (np.diff(code[order]) == 0) & (np.diff(lane[order]) == 0)
+    ahead = np.full(len(table), -1, dtype=np.int64)
+    ahead[order[:-1][same]] = order[1:][same]
+    return ahead
 
 
-def _smooth_run(
-    path: npt.NDArray[np.float64], follower_speed: npt.NDArray[np.float64]
-) -> tuple[npt.NDArray[np.float64], npt.NDArray[np.float64]]:
-    """Smooth one leader's path; a glimpse of under half a second takes the follower's speed."""
-    frames = min(SMOOTHING_FRAMES, len(path) - 1 + len(path) % 2)
-    if frames <= SMOOTHING_ORDER:
-        return path, follower_speed
-    settings = {"window_length": frames, "polyorder": SMOOTHING_ORDER, "delta": road.FRAME_STEP, "mode": "interp"}
-    return savgol_filter(path, **settings), np.maximum(savgol_filter(path, deriv=1, **settings), 0.0)
+def row_of(table: pd.DataFrame, vehicle: Integers) -> Integers:
+    """Return for each row the position of the row of another vehicle in the same frame, or -1.
+
+    Parameters
+    ----------
+    table : pandas.DataFrame
+        A recording's table.
+    vehicle : numpy.ndarray, shape (rows,)
+        The vehicle sought for each row; 0 finds none.
+    """
+    here = pd.MultiIndex.from_arrays([frame_code(table), table[c.VEHICLE].to_numpy(dtype=np.int64)])
+    found = np.full(len(table), -1, dtype=np.int64)
+    sought = np.flatnonzero(vehicle)
+    wanted = pd.MultiIndex.from_arrays([frame_code(table)[sought], vehicle[sought]])
+    found[sought] = here.get_indexer(wanted)
+    return found
+
+
+def leader_from_headway(table: pd.DataFrame) -> Integers:
+    """Return the number of the vehicle whose front is where the recorded headway puts the leader's, or 0.
+
+    A candidate must be within :data:`HEADWAY_TOLERANCE` along the road and one lane width across.
+    """
+    code, x = frame_code(table), table[c.X].to_numpy()
+    y, headway = table[c.Y].to_numpy(), table[c.HEADWAY].to_numpy()
+    _, dense = np.unique(code, return_inverse=True)
+    stride = 10_000.0  # m between frames on one axis: longer than any section
+    place = dense * stride + x
+    order = np.argsort(place, kind="stable")
+    leader = np.zeros(len(table), dtype=np.int64)
+    rows = np.flatnonzero(np.isfinite(headway))
+    target = place[rows] + headway[rows]
+    first = np.searchsorted(place[order], target - HEADWAY_TOLERANCE)
+    for step in range(3):  # at most a few cars abreast fit the tolerance
+        candidate = order[np.minimum(first + step, len(order) - 1)]
+        near = np.abs(place[candidate] - target) <= HEADWAY_TOLERANCE
+        beside = np.abs(y[candidate] - y[rows]) <= LANE_WIDTH
+        hit = near & beside & (leader[rows] == 0) & (candidate != rows)
+        leader[rows[hit]] = table[c.VEHICLE].to_numpy()[candidate[hit]]
+    return leader

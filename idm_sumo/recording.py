@@ -68,7 +68,9 @@ class Recording:
     has_leader_rows: bool = True
 
     @classmethod
-    def from_table(cls, table: pd.DataFrame, *, source: str = "", notes: tuple[str, ...] = (), has_leader_rows: bool = True) -> Recording:
+    def from_table(
+        cls, table: pd.DataFrame, *, source: str = "", notes: tuple[str, ...] = (), has_leader_rows: bool = True
+    ) -> Recording:
         """Check a table against the schema, sort it and wrap it.
 
         Raises
@@ -80,9 +82,13 @@ class Recording:
 
         missing = [name for name in c.ALL if name not in table.columns]
         if missing:
-            raise InputError(f"{source or 'recording'}: column {missing[0]!r} is missing; a Recording needs {', '.join(c.ALL)}")
+            raise InputError(
+                f"{source or 'recording'}: column {missing[0]!r} is missing; a Recording needs {', '.join(c.ALL)}"
+            )
         if table.empty:
-            raise InputError(f"{source or 'recording'}: no rows left to work on; see `idm-sumo inspect` for why rows were dropped")
+            raise InputError(
+                f"{source or 'recording'}: no rows left to work on; see `idm-sumo inspect` for why rows were dropped"
+            )
         ordered = table[list(c.ALL)].astype(DTYPES).sort_values(list(c.KEYS), kind="stable", ignore_index=True)
         try:
             schema().validate(ordered)
@@ -90,7 +96,9 @@ class Recording:
             raise InputError(_one_line(error, ordered, source)) from None
         if (duplicated := ordered.duplicated(list(c.KEYS))).any():
             row = ordered[duplicated].iloc[0]
-            raise InputError(f"{source or 'recording'}: vehicle {row[c.VEHICLE]} has frame {row[c.FRAME]} twice in period {row[c.PERIOD]}")
+            raise InputError(
+                f"{source or 'recording'}: vehicle {row[c.VEHICLE]} has frame {row[c.FRAME]} twice in period {row[c.PERIOD]}"
+            )
         return cls(ordered, source, notes, has_leader_rows)
 
     @property
@@ -129,6 +137,6 @@ def _one_line(error: Any, table: pd.DataFrame, source: str) -> str:
     if isinstance(cases, pd.DataFrame) and "index" in cases and cases["index"].notna().any():
         row = table.loc[int(cases["index"].dropna().iloc[0])]
         where = f"vehicle {row[c.VEHICLE]}, frame {row[c.FRAME]}, period {row[c.PERIOD]}"
-        value = row[name] if name in row else ""
+        value = row.get(name, "")
         return f"{source or 'recording'}: {where}: {name} = {value} is impossible; check units and columns"
     return f"{source or 'recording'}: {name}: {error!s}".splitlines()[0]

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, fields
 
 import numpy as np
 import numpy.typing as npt
@@ -44,11 +44,16 @@ class Trajectories:
     @classmethod
     def empty(cls, vehicles: int, steps: int) -> Trajectories:
         """Return storage for ``vehicles`` over ``steps`` steps."""
-        states = (np.empty((vehicles, steps + 1)) for _ in range(4))
-        controls = (np.empty((vehicles, steps)) for _ in range(2))
+        state, control = (vehicles, steps + 1), (vehicles, steps)
         return cls(
-            *states, *controls, np.empty((vehicles, steps + 1)), np.empty((vehicles, steps + 1), dtype=np.int64)
-        )
+            x=np.empty(state), y=np.empty(state), heading=np.empty(state), speed=np.empty(state),
+            acceleration=np.empty(control), steering=np.empty(control),
+            gap=np.empty(state), leader=np.empty(state, dtype=np.int64),
+        )  # fmt: skip
+
+    def rows(self, which: slice | npt.NDArray[np.int64]) -> Trajectories:
+        """Return some of the vehicles."""
+        return Trajectories(**{field.name: getattr(self, field.name)[which] for field in fields(self)})
 
 
 def drive_idm(

@@ -11,9 +11,9 @@ import pandas as pd
 
 from idm_sumo import columns as c
 from idm_sumo import road
-from idm_sumo.leaders import recorded_leaders
 from idm_sumo.recording import Recording
 from idm_sumo.traffic import Traffic, build_traffic, sort_into_cells
+from idm_sumo.twin_leaders import recorded_leaders
 
 Floats = npt.NDArray[np.float64]
 Integers = npt.NDArray[np.int64]
@@ -141,7 +141,9 @@ def build_scenes(
     first_row, rows = first_row[is_allowed], rows[is_allowed]
     long_enough = rows >= window.frames
     period = str(table[c.PERIOD].iloc[0])
-    excluded = pd.DataFrame({c.PERIOD: period, c.VEHICLE: table[c.VEHICLE].to_numpy()[first_row[~long_enough]], "reason": TOO_SHORT})
+    excluded = pd.DataFrame(
+        {c.PERIOD: period, c.VEHICLE: table[c.VEHICLE].to_numpy()[first_row[~long_enough]], "reason": TOO_SHORT}
+    )
     starts = _window_starts(first_row[long_enough], rows[long_enough], window)
     return _cut(recording, period, window, starts), excluded
 

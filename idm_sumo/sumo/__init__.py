@@ -1,0 +1,1 @@
+"""The only room that imports libsumo or sumolib: session, replay, export, closed loop."""

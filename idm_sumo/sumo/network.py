@@ -16,11 +16,12 @@ import numpy.typing as npt
 from idm_sumo.errors import InputError
 from idm_sumo.road import AUXILIARY_LANE, OFF_RAMP_LANE, ON_RAMP_LANE
 
-MAINLINE = ("entry", "weave", "exit", "downstream")
+MAINLINE = ("upstream", "entry", "weave", "exit", "downstream", "outflow")
+WEAVE = MAINLINE.index("weave")  # the edge that has the auxiliary lane
 ON_RAMP = "on_ramp"
 OFF_RAMP = "off_ramp"
-ORIGINS = ("entry", ON_RAMP)
-DESTINATIONS = ("downstream", OFF_RAMP)
+ORIGINS = ("upstream", ON_RAMP)
+DESTINATIONS = ("outflow", OFF_RAMP)
 
 
 class Place(NamedTuple):
@@ -103,7 +104,7 @@ def place(x: npt.ArrayLike, lane: npt.ArrayLike) -> Place:
     segment = np.searchsorted(starts, x, side="right") - 1
     edge = np.array(MAINLINE)[np.maximum(segment, 0)]
     right = lane >= AUXILIARY_LANE
-    edge = np.where(right & (segment < 1), ON_RAMP, np.where(right & (segment > 1), OFF_RAMP, edge))
+    edge = np.where(right & (segment < WEAVE), ON_RAMP, np.where(right & (segment > WEAVE), OFF_RAMP, edge))
     index = np.where(right, 0, [_lane_count(str(name)) for name in edge.ravel()] - lane.ravel()).reshape(lane.shape)
     position = np.full(x.shape, np.nan)
     for name in np.unique(edge):

@@ -1,0 +1,43 @@
+"""Run every command of the README's ``sh`` blocks, as printed.
+
+``RECORDING`` stands for a file of the reader's; here it is a short surrogate.
+"""
+
+from __future__ import annotations
+
+import re
+import subprocess
+import sys
+import tempfile
+import time
+from pathlib import Path
+
+ROOT = Path(__file__).parents[1]
+
+
+def commands(text: str) -> list[str]:
+    """Return the commands of all ``sh`` blocks, one a line, continued lines joined."""
+    blocks = re.findall(r"^```sh\n(.*?)^```", text, flags=re.MULTILINE | re.DOTALL)
+    lines = "".join(blocks).replace("\\\n", " ").splitlines()
+    return [line.strip() for line in lines if line.strip() and not line.startswith("#")]
+
+
+def main() -> None:
+    """Run them in order; stop at the first that fails."""
+    with tempfile.TemporaryDirectory() as folder:
+        recording = Path(folder) / "recording.parquet"
+        for command in commands((ROOT / "README.md").read_text(encoding="utf-8")):
+            if "RECORDING" in command and not recording.exists():
+                maker = [ROOT / ".venv/bin/idm-sumo", "surrogate", "-o", recording, "--minutes", "6"]
+                subprocess.run(maker, check=True, cwd=ROOT)
+            line = command.replace("RECORDING", str(recording))
+            begin = time.monotonic()
+            print(f"$ {command}", flush=True)
+            done = subprocess.run(line, shell=True, cwd=ROOT, check=False)
+            print(f"  ({time.monotonic() - begin:.0f} s)", flush=True)
+            if done.returncode:
+                sys.exit(f"README command failed with {done.returncode}: {command}")
+
+
+if __name__ == "__main__":
+    main()

@@ -1,0 +1,92 @@
+"""Which population of a closed loop is closest to the recording, and where each is wrong: computed, then said."""
+
+from __future__ import annotations
+
+import numpy as np
+import pandas as pd
+
+POPULATION, RECORDED = "population", "recorded"
+DEVIATION = "deviation of "
+# Smaller is closer. The last two are made here, from the figures themselves.
+CLOSENESS = {
+    "gap_wasserstein_m": "gaps", "time_headway_wasserstein_s": "time headways", "travel_time_wasserstein_s": "travel times",
+    "speed_wasserstein_m_s": "speeds", "speed_rmse_m_s": "speed by minute, lane and segment",
+    "flow_rmse_veh_h": "flow by minute, lane and segment", "density_rmse_veh_km": "density by minute, lane and segment",
+    f"{DEVIATION}lane_changes_per_km": "lane changes", f"{DEVIATION}wave_speed_m_s": "wave speed",
+}  # fmt: skip
+# What is said of a figure that is above, and below, the recorded one.
+FIGURES = {
+    "mean_speed_m_s": ("mean speed", "too high", "too low"), "flow_veh_h": ("flow", "too high", "too low"),
+    "density_veh_km": ("density", "too high", "too low"), "travel_time_s": ("median travel time", "too long", "too short"),
+    "gap_m": ("median gap", "too wide", "too narrow"), "time_headway_s": ("median time headway", "too long", "too short"),
+    "lane_changes_per_km": ("lane changes", "too many", "too few"), "wave_speed_m_s": ("wave speed", "too fast", "too slow"),
+}  # fmt: skip
+MOST_WRONG = 2  # figures named of each population
+
+
+def ranking(table: pd.DataFrame) -> pd.DataFrame:
+    """Return the mean rank of every population over the measures of closeness, the closest first.
+
+    Parameters
+    ----------
+    table : pandas.DataFrame
+        ``tables/closed_loop.csv``: one row a population and seed, the recording's first.
+
+    Returns
+    -------
+    pandas.DataFrame
+        ``population, mean_rank, best_in`` (number of measures), ``measures`` (number that could be had).
+    """
+    means, recorded = _means(table)
+    for name in FIGURES:
+        means[DEVIATION + name] = (means[name] / recorded[name]).map(
+            lambda ratio: abs(np.log(ratio)) if ratio > 0 else np.nan
+        )
+    # A population without waves or lane changes, where the recording has them, is the farthest.
+    known = [
+        name
+        for name in CLOSENESS
+        if means[name].notna().any() or np.isfinite(recorded.get(name.removeprefix(DEVIATION), np.nan))
+    ]
+    ranks = means[known].rank(na_option="bottom")
+    out = pd.DataFrame({"mean_rank": ranks.mean(axis=1), "best_in": (ranks == 1).sum(axis=1), "measures": len(known)})
+    return out.sort_values("mean_rank", kind="stable").reset_index(names=POPULATION)
+
+
+def in_words(table: pd.DataFrame) -> str:
+    """Say which population is closest, and where each is wrong."""
+    ranks = ranking(table)
+    means, recorded = _means(table)
+    order = ", ".join(f"{row[POPULATION]} ({row['mean_rank']:.1f})" for _, row in ranks.iterrows())
+    first = ranks.iloc[0]
+    closest = (
+        f"Closest to the recording is {first[POPULATION]}: mean rank {first['mean_rank']:.1f} over {first['measures']} measures, first in "
+        f"{first['best_in']} of them. In order: {order}. "
+        if len(ranks) > 1
+        else ""
+    )
+    wrong = [f"{name}: {_wrong(means.loc[name], recorded)}" for name in ranks[POPULATION]]
+    return closest + "Where each is wrong most: " + "; ".join(wrong) + "."
+
+
+def _means(table: pd.DataFrame) -> tuple[pd.DataFrame, pd.Series]:
+    """Return the populations' means over seeds, and the recording's row."""
+    numbers = table.select_dtypes("number").columns
+    recorded = table[table[POPULATION] == RECORDED].iloc[0]
+    others = table[table[POPULATION] != RECORDED]
+    return others.groupby(POPULATION, sort=False)[list(numbers)].mean(), recorded
+
+
+def _wrong(own: pd.Series, recorded: pd.Series) -> str:
+    """Name the figures that are off most, relative to the recorded ones."""
+    off = {}
+    for name in FIGURES:
+        ratio = own[name] / recorded[name] if recorded[name] else np.nan
+        if np.isfinite(ratio):
+            off[name] = ratio - 1.0
+        elif np.isfinite(recorded[name]) and name == "wave_speed_m_s":
+            return "no backward-moving waves at all"
+    worst = sorted(off, key=lambda name: -abs(off[name]))[:MOST_WRONG]
+    return " and ".join(
+        f"{FIGURES[name][0]} {abs(off[name]):.0%} {FIGURES[name][1 if off[name] > 0 else 2]}" for name in worst
+    )

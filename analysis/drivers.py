@@ -1,0 +1,78 @@
+"""The drivers of one side of the study, training or test, over one or more periods."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass
+
+import numpy as np
+import numpy.typing as npt
+import pandas as pd
+
+from idm_sumo import columns as c
+from idm_sumo import metrics
+from idm_sumo.driving_code import driving_code
+from idm_sumo.rollout import Trajectories, drive_idm
+from idm_sumo.scenes import Scenes
+
+Drive = Callable[[Scenes, npt.NDArray[np.float64]], Trajectories]
+
+
+@dataclass(frozen=True)
+class Drivers:
+    """Windows of several periods, handled as one long list in the order of ``scenes``."""
+
+    scenes: tuple[Scenes, ...]
+
+    def __len__(self) -> int:
+        """Return the number of windows."""
+        return sum(len(scenes) for scenes in self.scenes)
+
+    def parts(self, rows: npt.NDArray[np.float64]) -> list[npt.NDArray[np.float64]]:
+        """Split rows that belong to the windows, period by period."""
+        return list(np.split(rows, np.cumsum([len(scenes) for scenes in self.scenes])[:-1]))
+
+    def code(self, frames: int | None = None) -> pd.DataFrame:
+        """Return the driving codes, seen in the first ``frames`` frames or in all."""
+        return pd.concat([driving_code(s, frames) for s in self.scenes], ignore_index=True)
+
+    def drive(self, parameters: npt.ArrayLike, drive: Drive = drive_idm) -> list[Trajectories]:
+        """Drive all windows; ``parameters`` has shape (windows, 5) or (5,)."""
+        theta = np.broadcast_to(np.asarray(parameters, dtype=np.float64), (len(self), 5))
+        return [drive(s, part) for s, part in zip(self.scenes, self.parts(theta), strict=True)]
+
+    def drive_each(self, methods: dict[str, npt.NDArray[np.float64]], drive: Drive) -> dict[str, list[Trajectories]]:
+        """Drive all windows by several methods at once, so that the traffic is played once a period.
+
+        ``methods`` holds parameters of shape (windows, 5) by name.
+        """
+        driven: dict[str, list[Trajectories]] = {name: [] for name in methods}
+        by_period = zip(*(self.parts(theta) for theta in methods.values()), strict=True)
+        for scenes, parts in zip(self.scenes, by_period, strict=True):
+            together = drive(scenes.subset(np.tile(np.arange(len(scenes)), len(parts))), np.concatenate(parts))
+            for number, name in enumerate(methods):
+                driven[name].append(together.rows(slice(number * len(scenes), (number + 1) * len(scenes))))
+        return driven
+
+    def score(self, trajectories: list[Trajectories]) -> pd.DataFrame:
+        """Score trajectories, one row a window."""
+        rows = [metrics.score(s, t) for s, t in zip(self.scenes, trajectories, strict=True)]
+        return pd.concat(rows, ignore_index=True)
+
+    def keys(self) -> pd.DataFrame:
+        """Return period, vehicle and first frame of every window."""
+        return pd.concat(
+            [
+                pd.DataFrame({c.PERIOD: s.period, c.VEHICLE: s.vehicle, "first_frame": s.first_frame})
+                for s in self.scenes
+            ],
+            ignore_index=True,
+        )
+
+    def sample(self, most: int | None, rng: np.random.Generator) -> Drivers:
+        """Return at most ``most`` windows, drawn without replacement, in their order."""
+        if most is None or len(self) <= most:
+            return self
+        kept = np.zeros(len(self))
+        kept[rng.choice(len(self), most, replace=False)] = 1
+        return Drivers(tuple(s.subset(k.astype(bool)) for s, k in zip(self.scenes, self.parts(kept), strict=True)))

@@ -1,0 +1,50 @@
+"""What a run was, so that it can be repeated: settings, input, versions, machine, seconds."""
+
+from __future__ import annotations
+
+import hashlib
+import json
+import platform
+import subprocess
+from importlib.metadata import version
+from pathlib import Path
+from typing import Any
+
+import idm_sumo
+
+PACKAGES = (
+    "libsumo", "sumolib", "numpy", "pandas", "scipy", "scikit-learn", "matplotlib", "numba", "joblib", "pyarrow",
+)  # fmt: skip
+
+
+def manifest(command: list[str], settings: dict[str, Any], inputs: list[Path], **more: Any) -> dict[str, Any]:
+    """Return the record of a run; ``more`` is added as it is."""
+    return {
+        "command": command,
+        "settings": settings,
+        "inputs": [{"file": path.name, "bytes": path.stat().st_size, "sha256": sha256(path)} for path in inputs if path.is_file()],
+        "versions": {"idm-sumo": idm_sumo.__version__, "commit": _commit(), "python": platform.python_version(),
+                     **{name: version(name) for name in PACKAGES}},
+        "platform": platform.platform(),
+        **more,
+    }  # fmt: skip
+
+
+def write_manifest(path: Path, record: dict[str, Any]) -> None:
+    """Write the record as JSON."""
+    path.write_text(json.dumps(record, indent=2, default=str) + "\n", encoding="utf-8")
+
+
+def sha256(path: Path) -> str:
+    """Return the fingerprint of a file."""
+    with path.open("rb") as stream:
+        return hashlib.file_digest(stream, "sha256").hexdigest()
+
+
+def _commit() -> str | None:
+    """Return the commit of a clone, None for an installed wheel."""
+    root = Path(idm_sumo.__file__).parents[1]
+    if not (root / ".git").exists():
+        return None
+    done = subprocess.run(["git", "rev-parse", "HEAD"], cwd=root, capture_output=True, text=True, check=False)
+    return done.stdout.strip() or None

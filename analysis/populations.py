@@ -1,0 +1,155 @@
+"""Whose parameters the vehicles of a closed loop have: calibrated, predicted, pooled."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+import numpy.typing as npt
+import pandas as pd
+
+from idm_sumo import columns as c
+from idm_sumo import road
+from idm_sumo.calibration import calibrate, pooled
+from idm_sumo.cleaning import clean
+from idm_sumo.driver_table import read_drivers
+from idm_sumo.driving_code import FEATURES, driving_code
+from idm_sumo.errors import InputError
+from idm_sumo.idm import IDMParameters
+from idm_sumo.jam_distance import MEAN_SPEED, REFIT, refit_table
+from idm_sumo.prediction import predict_drivers
+from idm_sumo.progress import Progress, silent
+from idm_sumo.recording import Recording
+from idm_sumo.scenes import Scenes, Window, build_scenes
+from idm_sumo.smoothing import smooth
+from idm_sumo.sumo.translation import sumo_parameters, with_parameters
+
+Floats = npt.NDArray[np.float64]
+
+PARAMETERS = list(IDMParameters._fields)
+CALIBRATED = ("drivers", "predicted", "pooled")  # populations that need the drivers of the recording
+OBSERVED, NEIGHBOURS = 10, 8
+LEAST_LIBRARY = 2
+
+
+@dataclass(frozen=True)
+class Drivers:
+    """The drivers of one period.
+
+    Attributes
+    ----------
+    scenes : Scenes
+    table : pandas.DataFrame
+        Calibrated drivers with finite parameters, one row each, with what SUMO needs for the jam distance.
+    predicted : pandas.DataFrame or None
+        The same drivers as predicted from one second, each without its own row of the library.
+    pooled : IDMParameters
+    origin : str
+        Where the calibration comes from.
+    """
+
+    scenes: Scenes
+    table: pd.DataFrame
+    predicted: pd.DataFrame | None
+    pooled: IDMParameters
+    origin: str
+
+
+def drivers_of(recording: Recording, path: Path | None, seed: int, progress: Progress = silent) -> Drivers:
+    """Calibrate the drivers of a period, or read them.
+
+    Parameters
+    ----------
+    recording : Recording
+        One period, as read.
+    path : Path or None
+        A driver table.
+
+    Raises
+    ------
+    InputError
+        If no driver can be calibrated, or the table holds none of this period.
+    """
+    progress("calibrating", 0, 4)
+    cleaned = clean(recording)
+    scenes, _ = build_scenes(smooth(cleaned.recording), Window(), modelled=cleaned.eligible[c.VEHICLE])
+    if not len(scenes):
+        raise InputError(
+            f"{recording.source}: no vehicle is recorded for {Window().frames} frames in a row on the main lanes"
+        )
+    one_for_all = pooled(scenes)
+    progress("calibrating", 1, 4)
+    table = _calibrated(scenes, seed) if path is None else _read(path, scenes.period)
+    progress("calibrating", 3, 4)
+    library = table if set(FEATURES.values()) <= set(table) else None
+    predicted = None
+    if library is not None and len(library) >= LEAST_LIBRARY:
+        predicted = predict_drivers(scenes, library, observed=OBSERVED, neighbours=NEIGHBOURS)
+        predicted = predicted.assign(**{MEAN_SPEED: scenes.speed[:, :OBSERVED].mean(axis=1)})
+    progress("calibrating", 4, 4)
+    return Drivers(scenes, table, predicted, one_for_all, "calibrated in this run" if path is None else path.name)
+
+
+def _calibrated(scenes: Scenes, seed: int) -> pd.DataFrame:
+    """Fit every driver, with its code, and without d1 as SUMO needs it."""
+    fits = calibrate(scenes, seed=seed)
+    fitted = np.isfinite(fits[PARAMETERS].to_numpy()).all(axis=1)
+    codes = driving_code(scenes)
+    table = fits.join(codes[[name for name in codes if name not in fits]])[fitted].reset_index(drop=True)
+    some = scenes.subset(np.flatnonzero(fitted))
+    keys = [c.PERIOD, c.VEHICLE, "first_frame"]
+    refits = refit_table(table, some)
+    return table.merge(refits[[*keys, *(name for name in refits if name not in table)]], on=keys)
+
+
+def _read(path: Path, period: str) -> pd.DataFrame:
+    """Return the drivers of one period from a table; of several windows of a driver the first."""
+    table, _ = with_parameters(read_drivers(path), str(path))
+    own = table[table[c.PERIOD].astype(str) == period].drop_duplicates([c.PERIOD, c.VEHICLE]).reset_index(drop=True)
+    if own.empty:
+        there = ", ".join(sorted(table[c.PERIOD].astype(str).unique()))
+        raise InputError(f"{path}: has no driver of period {period}; it has {there}")
+    return own
+
+
+def parameters_for(population: str, drivers: Drivers, demand: pd.DataFrame, speeds: pd.Series) -> tuple[Floats, int]:
+    """Return ``a, b, T, d0, 0`` of every vehicle of the demand, shape ``(vehicles, 5)``, and how many have the pooled ones.
+
+    Parameters
+    ----------
+    population : str
+        ``drivers``, ``predicted`` or ``pooled``.
+    drivers : Drivers
+    demand : pandas.DataFrame
+    speeds : pandas.Series
+        Recorded mean speed (m/s) of every vehicle, at which a ``d1`` is linearised.
+
+    Raises
+    ------
+    InputError
+        If there is nothing to predict from.
+    """
+    vehicle = demand[c.VEHICLE].to_numpy()
+    keys = {c.PERIOD: drivers.scenes.period, c.VEHICLE: vehicle}
+    everybody = pd.DataFrame(keys | drivers.pooled._asdict()).assign(**{MEAN_SPEED: speeds.reindex(vehicle).to_numpy()})
+    theta, _ = sumo_parameters(everybody, "linearised", road.SPEED_LIMIT, "euler", "pooled")
+    if population == "pooled":
+        return theta, len(demand)
+    table = drivers.table if population == "drivers" else drivers.predicted
+    if table is None:
+        raise InputError(
+            f"--types {population}: the driver table has no driving codes; write it with `idm-sumo calibrate`"
+        )
+    if MEAN_SPEED not in table:
+        table = table.assign(**{MEAN_SPEED: speeds.reindex(table[c.VEHICLE]).fillna(speeds.mean()).to_numpy()})
+    way = "refit" if set(REFIT) <= set(table) else "linearised"
+    own, _ = sumo_parameters(table, way, road.SPEED_LIMIT, "euler", population)
+    row = pd.Index(table[c.VEHICLE]).get_indexer(pd.Index(vehicle))
+    theta[row >= 0] = own[row[row >= 0]]
+    return theta, int((row < 0).sum())
+
+
+def mean_speed_of(recording: Recording) -> pd.Series:
+    """Return every vehicle's recorded mean speed (m/s)."""
+    return recording.table.groupby(c.VEHICLE)[c.SPEED].mean()

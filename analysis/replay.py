@@ -1,0 +1,148 @@
+"""One replay to look at: trajectory, scores, time-space picture and animation."""
+
+from __future__ import annotations
+
+from dataclasses import asdict, dataclass
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import numpy.typing as npt
+import pandas as pd
+
+from idm_sumo import columns as c
+from idm_sumo import road
+from idm_sumo.calibration import calibrate
+from idm_sumo.driver_table import read_drivers
+from idm_sumo.errors import InputError
+from idm_sumo.idm import IDMParameters
+from idm_sumo.metrics import score
+from idm_sumo.outputs import MANIFEST, new_folder
+from idm_sumo.progress import Progress, silent
+from idm_sumo.recording import Recording
+from idm_sumo.rollout import Trajectories, drive_idm
+from idm_sumo.scenes import Scenes, Window, build_scenes
+
+from .animation import animate
+from .figures import time_space
+from .manifest import manifest, write_manifest
+from .style import save
+
+PARAMETERS = list(IDMParameters._fields)
+
+
+@dataclass(frozen=True)
+class Request:
+    """Which vehicle is to be replayed, how.
+
+    Attributes
+    ----------
+    recording : Path
+        For the manifest; what is replayed has been read already.
+    vehicle : int
+    periods : tuple of str
+        Where to look for it; empty for all, of which the first that has it is taken.
+    window : Window
+    backend : str
+        ``"sumo"`` or ``"kernel"``.
+    drivers : Path or None
+        Table with its parameters; without one they are fitted to the vehicle itself.
+    desired_speed : float
+        m/s.
+    seed : int
+    """
+
+    recording: Path
+    vehicle: int
+    periods: tuple[str, ...]
+    window: Window
+    backend: str
+    drivers: Path | None
+    desired_speed: float
+    seed: int
+
+
+def replay_one(
+    recording: Recording, request: Request, out: Path, *, command: list[str], progress: Progress = silent
+) -> pd.DataFrame:
+    """Drive one vehicle of a cleaned, smoothed recording and write what happened to a folder; return its scores.
+
+    Raises
+    ------
+    InputError
+        If the vehicle is not there, is too short a time, or its parameters are unknown.
+    """
+    scenes = _scene_of(recording, request)
+    theta, origin = _parameters(request, scenes)
+    trajectories = _drive(request, scenes, theta)
+    scores = score(scenes, trajectories)
+    with new_folder(out) as part:
+        trajectory_table(scenes, trajectories).to_parquet(part / "trajectory.parquet", index=False)
+        scores.to_csv(part / "scores.csv", index=False)
+        save(time_space(scenes, 0, {f"idm_{origin}": trajectories}), part / "time_space.png")
+        animate(recording, scenes, trajectories, part / "replay.gif", progress)
+        parameters = dict(zip(PARAMETERS, theta[0].tolist(), strict=True))
+        record = manifest(command, asdict(request), [request.recording], parameters=parameters, parameters_from=origin)
+        write_manifest(part / MANIFEST, record)
+    return scores[[c.PERIOD, c.VEHICLE, "ade_m", "fde_m", "collision", "at_fault", "min_gap_m"]]
+
+
+def _scene_of(recording: Recording, request: Request) -> Scenes:
+    """Cut the window of the one vehicle."""
+    table = recording.table
+    holding = [str(p) for p in table.loc[table[c.VEHICLE] == request.vehicle, c.PERIOD].unique()]
+    wanted = [p for p in recording.periods if p in holding and (not request.periods or p in request.periods)]
+    if not wanted:
+        there = f"it is in {', '.join(holding)}" if holding else "no period has it"
+        raise InputError(
+            f"{recording.source}: no vehicle {request.vehicle} in the wanted periods; {there}; see `idm-sumo inspect`"
+        )
+    scenes, _ = build_scenes(recording.of_period(wanted[0]), request.window, modelled=[request.vehicle])
+    if not len(scenes):
+        raise InputError(
+            f"{recording.source}: vehicle {request.vehicle} is recorded for fewer than {request.window.frames} frames; lower --horizon"
+        )
+    return scenes
+
+
+def _parameters(request: Request, scenes: Scenes) -> tuple[npt.NDArray[np.float64], str]:
+    """Return the driver's parameters, shape (1, 5), and where they come from."""
+    if request.drivers is None:
+        fit = calibrate(scenes, desired_speed=request.desired_speed, seed=request.seed)
+        if not np.isfinite(fit[PARAMETERS].to_numpy()).all():
+            raise InputError(
+                f"vehicle {request.vehicle}: no fit ({fit['status'].iloc[0]}); give parameters with --drivers"
+            )
+        return fit[PARAMETERS].to_numpy(), "oracle"
+    drivers = read_drivers(request.drivers)
+    own = drivers[(drivers[c.PERIOD].astype(str) == scenes.period) & (drivers[c.VEHICLE] == request.vehicle)]
+    if own.empty:
+        raise InputError(f"{request.drivers}: no row for vehicle {request.vehicle} of period {scenes.period}")
+    return own[PARAMETERS].to_numpy()[:1], "prediction"
+
+
+def _drive(request: Request, scenes: Scenes, theta: npt.NDArray[np.float64]) -> Trajectories:
+    """Drive it in SUMO or in the kernel."""
+    if request.backend == "kernel":
+        return drive_idm(scenes, theta, desired_speed=request.desired_speed)
+    from idm_sumo.sumo.replay import replay
+
+    return replay(scenes, theta, desired_speed=request.desired_speed)
+
+
+def trajectory_table(scenes: Scenes, trajectories: Trajectories) -> pd.DataFrame:
+    """Return the modelled car and its recorded twin frame by frame, SI units, for the first driver."""
+    steps = trajectories.x.shape[1]
+    span = slice(scenes.start, scenes.start + steps)
+    values: dict[str, Any] = {
+        c.PERIOD: scenes.period, c.VEHICLE: scenes.vehicle[0],
+        c.FRAME: scenes.first_frame[0] + scenes.start + np.arange(steps),
+        "time_s": np.arange(steps) * road.FRAME_STEP,
+    }  # fmt: skip
+    for name in (c.X, c.Y, c.HEADING, c.SPEED):
+        values[name] = getattr(trajectories, name)[0]
+        values[f"recorded_{name}"] = getattr(scenes, name)[0, span]
+    values["gap_m"] = trajectories.gap[0]
+    for name in ("acceleration", "steering"):
+        values[name] = np.append(getattr(trajectories, name)[0], np.nan)
+    return pd.DataFrame(values)

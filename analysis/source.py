@@ -1,0 +1,161 @@
+"""What a run works on: recordings read, cleaned, smoothed and split into training and test."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from pathlib import Path
+
+import pandas as pd
+
+from idm_sumo import columns as c
+from idm_sumo.accounting import Accounting
+from idm_sumo.cleaning import clean
+from idm_sumo.errors import InputError
+from idm_sumo.progress import Progress, silent
+from idm_sumo.reading import read_recording
+from idm_sumo.recording import Recording
+from idm_sumo.scenes import Window, build_scenes
+from idm_sumo.smoothing import smooth
+
+from .builtin import cached_surrogate
+from .drivers import Drivers
+from .settings import SURROGATE, Settings
+
+NOT_MODELLED = [c.PERIOD, c.VEHICLE, "reason"]
+
+ByPeriod = dict[str, frozenset[int]]
+
+
+@dataclass(frozen=True)
+class Source:
+    """Cleaned, smoothed periods and who of them trains and who tests.
+
+    Attributes
+    ----------
+    name : str
+        What was read.
+    periods : dict of str to Recording
+        One recording a period that is used.
+    files : tuple of Path
+        What the periods were read from.
+    train, test : dict of str to frozenset of int
+        Vehicles to model, by period.
+    accounts : dict of str to Accounting
+        Row accounting of reading and cleaning, by file.
+    not_modelled : pandas.DataFrame
+        Vehicles that are traffic only: ``period, vehicle, reason``.
+    notes : tuple of str
+        What was assumed.
+    """
+
+    name: str
+    periods: dict[str, Recording]
+    files: tuple[Path, ...]
+    train: ByPeriod
+    test: ByPeriod
+    accounts: dict[str, Accounting]
+    not_modelled: pd.DataFrame
+    notes: tuple[str, ...]
+
+    def drivers(self, side: ByPeriod, name: str, window: Window) -> tuple[Drivers, pd.DataFrame]:
+        """Cut the windows of one side; also return the vehicles without one (``period, vehicle, reason``).
+
+        Raises
+        ------
+        InputError
+            If not one vehicle has a whole window.
+        """
+        scenes, excluded = [], []
+        for period, modelled in side.items():
+            cut, left_out = build_scenes(self.periods[period], window, modelled=modelled)
+            excluded.append(left_out)
+            if len(cut):
+                scenes.append(cut)
+        if not scenes:
+            raise InputError(
+                f"{self.name}: no vehicle of {name} period {', '.join(side)} is recorded for "
+                f"{window.frames} frames in a row; shorten the horizon or choose other periods"
+            )
+        return Drivers(tuple(scenes)), pd.concat(excluded, ignore_index=True)
+
+
+def load_source(settings: Settings, progress: Progress = silent) -> Source:
+    """Read, clean, smooth and split the recordings of a run, file by file.
+
+    Raises
+    ------
+    InputError
+        If a file cannot be used, a period is named that no file has, or one vehicle is all there is.
+    """
+    files = _files(settings, progress)
+    periods: dict[str, Recording] = {}
+    accounts, left_out = {}, []
+    for index, file in enumerate(files):
+        progress("reading", index, len(files))
+        read = read_recording(file)
+        cleaned = clean(read.recording)
+        smoothed = smooth(cleaned.recording)
+        accounts[file.name] = read.accounting.then(cleaned.accounting)
+        left_out.append(cleaned.vehicles.loc[cleaned.vehicles["reason"] != "", NOT_MODELLED])
+        for period in smoothed.periods:
+            if period in periods:
+                raise InputError(f"{file}: period {period!r} is in an earlier file too; leave one of them out")
+            periods[period] = smoothed.of_period(period)
+    progress("reading", len(files), len(files))
+    name = ", ".join(SURROGATE if name == SURROGATE else Path(name).name for name in settings.recordings)
+    if len({recording.has_leader_rows for recording in periods.values()}) > 1:
+        raise InputError(f"{name}: some have the vehicles ahead and some have not; run them apart")
+    not_modelled = pd.concat(left_out, ignore_index=True)
+    periods = dict(sorted(periods.items(), key=lambda item: float(item[1].table[c.TIME].min())))
+    train, test, split_note = _split(name, periods, not_modelled, settings)
+    used = {period: recording for period, recording in periods.items() if period in train or period in test}
+    notes = dict.fromkeys(note for recording in used.values() for note in recording.notes)
+    return Source(name, used, tuple(files), train, test, accounts, not_modelled, (*notes, *split_note))
+
+
+def _files(settings: Settings, progress: Progress) -> list[Path]:
+    """Return the files to read; of the built-in recording only the periods that are needed."""
+    files = []
+    wanted = {*settings.train, *settings.test}
+    for name in settings.recordings:
+        if name != SURROGATE:
+            files.append(Path(name))
+            continue
+        parts = sorted(cached_surrogate(settings.minutes, settings.seed, progress).glob("*.parquet"))
+        files += [part for part in parts if part.stem in wanted or not (settings.train and settings.test)]
+    return files
+
+
+def _split(
+    name: str, periods: dict[str, Recording], not_modelled: pd.DataFrame, settings: Settings
+) -> tuple[ByPeriod, ByPeriod, tuple[str, ...]]:
+    """Choose training and test drivers: by period, or within a single one by time of entry."""
+    for wanted in (*settings.train, *settings.test):
+        if wanted not in periods:
+            raise InputError(f"{name}: no period {wanted!r}; it has {', '.join(periods) or 'none of those named'}")
+    if both := set(settings.train) & set(settings.test):
+        raise InputError(f"period {sorted(both)[0]!r} is both in `train` and in `test`; drivers may not be in both")
+    entries = {period: _by_entry(recording, period, not_modelled) for period, recording in periods.items()}
+    if (count := sum(map(len, entries.values()))) < 2:
+        raise InputError(f"{name}: {count} vehicle(s) to model; training and test need one each at least")
+    if len(periods) == 1:
+        return _split_by_entry(*entries.popitem())
+    train = settings.train or tuple(p for p in periods if p not in settings.test)[:1]
+    test = settings.test or tuple(p for p in periods if p not in train)
+    if not train or not test:
+        raise InputError(f"{name}: training and test need a period each; give --train and --test")
+    return {p: frozenset(entries[p]) for p in train}, {p: frozenset(entries[p]) for p in test}, ()
+
+
+def _by_entry(recording: Recording, period: str, not_modelled: pd.DataFrame) -> list[int]:
+    """Return the vehicles of a period that may be modelled, in the order they entered."""
+    barred = not_modelled.loc[not_modelled[c.PERIOD] == period, c.VEHICLE]
+    entry = recording.table.groupby(c.VEHICLE)[c.FRAME].min().drop(barred, errors="ignore")
+    return [int(vehicle) for vehicle in entry.sort_values(kind="stable").index]
+
+
+def _split_by_entry(period: str, ordered: list[int]) -> tuple[ByPeriod, ByPeriod, tuple[str, ...]]:
+    """Train on the half that entered first, test on the other."""
+    half = len(ordered) // 2
+    note = f"one period only: trained on the {half} vehicles that entered first, tested on the {len(ordered) - half} others"
+    return {period: frozenset(ordered[:half])}, {period: frozenset(ordered[half:])}, (note,)

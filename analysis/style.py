@@ -1,0 +1,47 @@
+"""One look for all pictures: sizes, colours and names of the methods."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+from matplotlib.axes import Axes
+from matplotlib.figure import Figure
+
+METHOD_NAMES = {
+    "constant_velocity": "constant velocity",
+    "irl_rl": "IRL + PPO",
+    "idm_average": "IDM, average of oracles",
+    "idm_prediction": "IDM, predicted (KNN)",
+    "idm_first_gap": "IDM, first gap kept",
+    "idm_pooled": "IDM, pooled",
+    "idm_oracle": "IDM, oracle",
+}
+# Okabe and Ito's palette, told apart by colour-blind readers too.
+METHOD_COLOURS = {
+    "constant_velocity": "#999999",
+    "irl_rl": "#CC79A7",
+    "idm_average": "#E69F00",
+    "idm_prediction": "#D55E00",
+    "idm_first_gap": "#56B4E9",
+    "idm_pooled": "#0072B2",
+    "idm_oracle": "#009E73",
+}
+RECORDED = "#000000"
+TRAFFIC = "#BBBBBB"
+
+
+def new_figure(
+    width: float = 7.0, height: float = 4.2, *, columns: int = 1, rows: int = 1
+) -> tuple[Figure, list[Axes]]:
+    """Return a figure (inches) and its axes, without the state of a plotting session."""
+    figure = Figure(figsize=(width, height), layout="constrained", dpi=130)
+    axes = [figure.add_subplot(rows, columns, number + 1) for number in range(rows * columns)]
+    for ax in axes:
+        ax.spines[["top", "right"]].set_visible(False)
+        ax.grid(alpha=0.25, linewidth=0.6)
+    return figure, axes
+
+
+def save(figure: Figure, path: Path) -> None:
+    """Write a picture without the date, so that equal runs give equal files."""
+    figure.savefig(path, metadata={"Software": None})

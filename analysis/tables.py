@@ -1,0 +1,114 @@
+"""The paper's tables, and the rows it lacks."""
+
+from __future__ import annotations
+
+from itertools import combinations
+
+import numpy as np
+import numpy.typing as npt
+import pandas as pd
+
+from idm_sumo.driving_code import FEATURES
+from idm_sumo.idm import LOWER, UPPER, IDMParameters
+from idm_sumo.metrics import summary
+from idm_sumo.progress import Progress, silent
+from idm_sumo.rollout import Trajectories, drive_constant_velocity, drive_idm
+from idm_sumo.scenes import Window
+
+from . import paper
+from .drivers import Drive, Drivers
+from .study import Study, predictions
+
+FEATURE_SETS = tuple(chosen for size in (1, 2, 3) for chosen in combinations(FEATURES, size))
+
+
+def methods(
+    study: Study, drive: Drive, progress: Progress = silent
+) -> tuple[pd.DataFrame, dict[str, list[Trajectories]], dict[str, pd.DataFrame]]:
+    """Drive the test drivers by every method.
+
+    Returns
+    -------
+    table : pandas.DataFrame
+        One row a method: ``method, ade_m, ade_se_m, fde_m, fde_se_m, collisions, vehicles`` and further metrics.
+    trajectories, scores : dict
+        By method: what was driven, and its score window by window.
+    """
+    progress("driving the test drivers", 0, 2)
+    driven = {"constant_velocity": [drive_constant_velocity(scenes) for scenes in study.test.scenes]}
+    driven |= study.test.drive_each(predictions(study), drive)
+    progress("driving the test drivers", 1, 2)
+    scores = {name: study.test.score(t) for name, t in driven.items()}
+    progress("driving the test drivers", 2, 2)
+    table = pd.DataFrame([{"method": name, **summary(score)} for name, score in scores.items()])
+    return table, driven, scores
+
+
+def features(study: Study) -> pd.DataFrame:
+    """Return the effect of each combination of the driving code's features on the prediction."""
+    codes = study.test.code(study.settings.observed)
+    k = study.settings.neighbours
+    return pd.DataFrame(
+        [
+            {"features": "+".join(chosen), **_score(study.test, study.neighbours(codes, k, chosen))}
+            for chosen in FEATURE_SETS
+        ]
+    )
+
+
+def neighbours(study: Study) -> pd.DataFrame:
+    """Return the effect of the number of neighbours."""
+    codes = study.test.code(study.settings.observed)
+    most = len(study.library[1])
+    counts = [k for k in study.settings.neighbour_counts if k <= most]
+    return pd.DataFrame([{"k": k, **_score(study.test, study.neighbours(codes, k))} for k in counts])
+
+
+def frame_window(study: Study) -> Window:
+    """Return the window in which the largest number of frames can be observed before the common start."""
+    s = study.settings
+    return Window(observed=max(s.frame_counts), horizon=s.horizon, from_entry=s.rollout_start == "entry")
+
+
+def frames(study: Study, test: Drivers) -> pd.DataFrame:
+    """Return the effect of the number of observed frames; ``test`` has windows of :func:`frame_window`.
+
+    Every row starts at the same moment, after the largest number of frames, so that the rows
+    differ in what was observed and in nothing else.
+    """
+    s = study.settings
+    rows = []
+    for count in s.frame_counts:
+        theta = study.neighbours(test.code(count), s.neighbours)
+        rows.append({"frames": count, **_score(test, theta)})
+    return pd.DataFrame(rows)
+
+
+def _score(drivers: Drivers, theta: npt.NDArray[np.float64]) -> dict[str, float]:
+    return dict(summary(drivers.score(drivers.drive(theta, drive_idm))))
+
+
+def beside_paper(
+    table: pd.DataFrame, printed: dict[str, paper.Printed] | dict[int, paper.Printed], key: str
+) -> pd.DataFrame:
+    """Return the table with the paper's ADE, FDE and collisions beside ours, where it has them."""
+    ours = table.copy()
+    for name in ("ade_m", "fde_m", "collisions"):
+        ours[f"paper_{name}"] = [getattr(printed[k], name) if k in printed else np.nan for k in table[key]]
+    return ours
+
+
+def at_bound(study: Study) -> pd.DataFrame:
+    """Return the share of oracle fits in which each parameter sits at a bound of the search."""
+    fits = pd.concat([study.train_fits, study.test_fits])
+    hits = fits["at_bound"].fillna("").str.split(",")
+    rows = []
+    for name in IDMParameters._fields:
+        values = fits[name].dropna()
+        rows.append({
+            "parameter": name, "lower bound": getattr(LOWER, name), "upper bound": getattr(UPPER, name),
+            "share at a bound": float(hits.map(lambda found, name=name: name in found).mean()),
+            "median": float(values.median()), "mean": float(values.mean()),
+            "pooled": getattr(study.pooled, name),
+        })  # fmt: skip
+    return pd.DataFrame(rows)

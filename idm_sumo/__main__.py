@@ -1,0 +1,5 @@
+"""``python -m idm_sumo``."""
+
+from idm_sumo.cli import main
+
+main()

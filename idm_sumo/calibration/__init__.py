@@ -1,0 +1,6 @@
+"""Calibration: one driver's parameters, one set for all of them, and everything between."""
+
+from idm_sumo.calibration.pooled import pooled
+from idm_sumo.calibration.table import calibrate
+
+__all__ = ["calibrate", "pooled"]

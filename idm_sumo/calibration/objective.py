@@ -1,0 +1,107 @@
+r"""What a fit minimises: the error of a frame and what it costs, as compiled scalars.
+
+The cost of a driver is the mean over its counted frames. With the *weight*
+:math:`w(e) = \rho'(e)/e` of a cost :math:`\rho`, iteratively reweighted least squares
+minimises any of them: :math:`\rho` lies below the parabola :math:`\tfrac12 w(e_k) e^2 + c`
+that touches it at :math:`e_k`, so a step that lowers the parabolas lowers the cost
+(Holland and Welsch, 1977; Lange, Hunter and Yang, 2000).
+"""
+
+from __future__ import annotations
+
+from math import log, sqrt
+
+from numba import njit
+
+from idm_sumo.idm import SMALLEST_GAP
+
+ADE, GAP, SPEED, LOG_GAP = 0, 1, 2, 3
+CODES = {"ade": ADE, "gap": GAP, "speed": SPEED, "log-gap": LOG_GAP}
+
+NEARLY_ZERO = 1e-12  # m, keeps a weight finite
+
+SQUARED, HUBER, SOFT_L1 = 0, 1, 2
+LOSSES = {"squared": SQUARED, "huber": HUBER, "soft-l1": SOFT_L1}
+
+
+@njit(cache=True, error_model="numpy")
+def distance(error: float, lateral: float, smoothing: float) -> float:
+    r"""Return :math:`\sqrt{e_x^2 + e_y^2 + \epsilon^2}` (m): the ADE's cost of one frame at :math:`\epsilon = 0`."""
+    return sqrt(error * error + lateral * lateral + smoothing * smoothing)
+
+
+@njit(cache=True, error_model="numpy")
+def robust_cost(error: float, loss: int, scale: float) -> float:
+    r"""Return the cost of an error: :math:`\tfrac12 e^2`, linear beyond ``scale`` if the loss is robust.
+
+    Huber: :math:`s|e| - s^2/2` beyond :math:`s`; soft L1: :math:`s\sqrt{e^2 + s^2} - s^2`.
+    """
+    if loss == SQUARED:
+        return 0.5 * error * error
+    if loss == HUBER:
+        return 0.5 * error * error if abs(error) <= scale else scale * (abs(error) - 0.5 * scale)
+    return scale * (sqrt(error * error + scale * scale) - scale)
+
+
+@njit(cache=True, error_model="numpy")
+def robust_weight(error: float, loss: int, scale: float) -> float:
+    """Return the weight of an error: the derivative of :func:`robust_cost` divided by the error."""
+    if loss == SQUARED:
+        return 1.0
+    if loss == HUBER:
+        return 1.0 if abs(error) <= scale else scale / abs(error)
+    return scale / sqrt(error * error + scale * scale)
+
+
+@njit(cache=True, error_model="numpy")
+def robust_curvature(error: float, loss: int, scale: float) -> float:
+    """Return the second derivative of :func:`robust_cost`."""
+    if loss == SQUARED:
+        return 1.0
+    if loss == HUBER:
+        return 1.0 if abs(error) <= scale else 0.0
+    return (scale / sqrt(error * error + scale * scale)) ** 3
+
+
+@njit(cache=True, error_model="numpy")
+def measured(objective: int, x: float, speed: float, rear: float) -> float:
+    """Return what an objective compares: position (m), gap (m), speed (m/s) or the gap's logarithm."""
+    if objective == ADE:
+        return x
+    if objective == SPEED:
+        return speed
+    gap = rear - x
+    return log(max(gap, SMALLEST_GAP)) if objective == LOG_GAP else gap
+
+
+@njit(cache=True, error_model="numpy")
+def measured_partials(objective: int, x: float, rear: float) -> tuple[float, float]:
+    """Return the derivatives of :func:`measured` by position and speed (the leader held)."""
+    if objective == ADE:
+        return 1.0, 0.0
+    if objective == SPEED:
+        return 0.0, 1.0
+    if objective == GAP:
+        return -1.0, 0.0
+    gap = rear - x
+    return (-1.0 / gap, 0.0) if gap > SMALLEST_GAP else (0.0, 0.0)
+
+
+@njit(cache=True, error_model="numpy")
+def frame_cost(objective: int, loss: int, scale: float, error: float, lateral: float, smoothing: float) -> float:
+    """Return what an error costs in one frame."""
+    if objective == ADE:
+        return distance(error, lateral, smoothing)
+    return robust_cost(error, loss, scale)
+
+
+@njit(cache=True, error_model="numpy")
+def frame_weights(
+    objective: int, loss: int, scale: float, error: float, lateral: float, smoothing: float
+) -> tuple[float, float]:
+    """Return two weights of an error: the cost's derivative divided by the error, and the cost's curvature."""
+    if objective == ADE:
+        fixed = distance(0.0, lateral, smoothing)
+        off = max(distance(error, fixed, 0.0), NEARLY_ZERO)
+        return 1.0 / off, fixed * fixed / (off * off * off)
+    return robust_weight(error, loss, scale), robust_curvature(error, loss, scale)

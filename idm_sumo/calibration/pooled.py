@@ -1,0 +1,134 @@
+"""One parameter set for many drivers: the smallest mean ADE that no knowledge of the driver allows."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+import numpy as np
+import numpy.typing as npt
+
+from idm_sumo import road
+from idm_sumo.calibration import status
+from idm_sumo.calibration.kernel import (
+    LOWER,
+    PARAMETERS,
+    UPPER,
+    costs_and_derivatives,
+    costs_of_designs,
+    from_search,
+)
+from idm_sumo.calibration.problem import Problem, prepare
+from idm_sumo.calibration.solver import DAMPING_MOST, SMOOTHING, damped_step, design_of_starts
+from idm_sumo.errors import InputError
+from idm_sumo.idm import IDMParameters
+from idm_sumo.scenes import Scenes
+
+Floats = npt.NDArray[np.float64]
+
+STARTS = 64
+CANDIDATES = 3
+ITERATIONS = 60
+SMALLEST_DROP = 1e-7  # relative
+
+
+def pooled(
+    scenes: Scenes | Sequence[Scenes], *, objective: str = "ade", loss: str | None = None,
+    desired_speed: float = road.SPEED_LIMIT,
+) -> IDMParameters:  # fmt: skip
+    """Return the one parameter set with the smallest mean objective over all drivers together.
+
+    Parameters
+    ----------
+    scenes : Scenes or sequence of Scenes
+    objective, loss : str
+        As for :func:`~idm_sumo.calibration.table.calibrate`.
+    desired_speed : float
+        m/s.
+
+    Raises
+    ------
+    InputError
+        If no window can be fitted.
+
+    Notes
+    -----
+    The sum over drivers of the same cost, gradient and Gauss-Newton matrix as in the single
+    fit; a design of starts screened over all drivers, the best refined, then a compass
+    search. Deterministic.
+    """
+    every = [scenes] if isinstance(scenes, Scenes) else list(scenes)
+    problems = [prepare(one, objective=objective, loss=loss, desired_speed=desired_speed) for one in every]
+    usable = [_usable(problem, one) for problem, one in zip(problems, every, strict=True)]
+    if not sum(int(u.sum()) for u in usable):
+        raise InputError("pooled calibration: no window can be fitted; see `idm-sumo inspect` for why")
+    together = _Together(problems, usable)
+    designs = design_of_starts(STARTS)
+    order = np.argsort(together.screen(designs), kind="stable")[:CANDIDATES]
+    refined = [_refine(together, designs[s]) for s in order]
+    best = min(refined, key=together.cost)
+    return IDMParameters(*from_search(_polish(together, best)).tolist())
+
+
+def _usable(problem: Problem, scenes: Scenes) -> npt.NDArray[np.bool_]:
+    """Return which windows can be fitted at all."""
+    first = scenes.start
+    state = status.statuses(problem, scenes.speed[:, first : first + scenes.window.horizon + 1])
+    return np.asarray(~np.isin(state.astype(str), list(status.WITHOUT_FIT)))
+
+
+class _Together:
+    """Several problems as one: the mean over all their usable windows."""
+
+    def __init__(self, problems: list[Problem], usable: list[npt.NDArray[np.bool_]]) -> None:
+        self.parts = list(zip(problems, usable, strict=True))
+        self.windows = sum(int(u.sum()) for u in usable)
+
+    def screen(self, designs: Floats) -> Floats:
+        """Return the mean cost at every design point."""
+        total = sum(costs_of_designs(problem, designs, 0.0)[use].sum(axis=0) for problem, use in self.parts)
+        return np.asarray(total / self.windows)
+
+    def cost(self, z: Floats) -> float:
+        """Return the mean cost."""
+        return float(self.screen(z[None, :])[0])
+
+    def derivatives(self, z: Floats) -> tuple[float, Floats, Floats]:
+        """Return the mean cost, its gradient and Gauss-Newton matrix, smoothed."""
+        value, gradient, normal = 0.0, np.zeros(PARAMETERS), np.zeros((PARAMETERS, PARAMETERS))
+        for problem, use in self.parts:
+            all_z = np.ascontiguousarray(np.broadcast_to(z, (len(use), PARAMETERS)))
+            v, g, h = costs_and_derivatives(problem, all_z, SMOOTHING)
+            value, gradient, normal = value + v[use].sum(), gradient + g[use].sum(axis=0), normal + h[use].sum(axis=0)
+        return value / self.windows, gradient / self.windows, normal / self.windows
+
+
+def _refine(together: _Together, start: Floats) -> Floats:
+    """Refine one start by damped Gauss-Newton steps over all drivers."""
+    z, trial, damping = start.copy(), np.empty(PARAMETERS), 1e-2
+    best, gradient, normal = together.derivatives(z)
+    for _ in range(ITERATIONS):
+        if damping > DAMPING_MOST or not damped_step(z, gradient, normal, damping, trial):
+            break
+        value, new_gradient, new_normal = together.derivatives(trial)
+        if value >= best:
+            damping *= 6.0
+            continue
+        drop, damping = best - value, damping * 0.2
+        z, best, gradient, normal = trial.copy(), value, new_gradient, new_normal
+        if drop < SMALLEST_DROP * best:
+            break
+    return z
+
+
+def _polish(together: _Together, z: Floats) -> Floats:
+    """Finish by a compass search, all ten neighbours at once."""
+    reach, value = 0.05, together.cost(z)
+    while reach > 1e-4:
+        around = np.clip(z + reach * np.vstack([np.eye(PARAMETERS), -np.eye(PARAMETERS)]), LOWER, UPPER)
+        screened = together.screen(np.ascontiguousarray(around))
+        best = int(np.argmin(screened))
+        if screened[best] < value:
+            z, value = around[best], float(screened[best])
+        else:
+            reach *= 0.4
+    return z

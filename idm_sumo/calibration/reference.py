@@ -1,0 +1,91 @@
+"""What others calibrate with, on the same compiled objective: scipy's L-BFGS-B and differential evolution.
+
+L-BFGS-B with bounds, finite differences and several random starts is the paper's solver. A
+fit costs a thousand times a rollout; these are references, to be compared with.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+import numpy.typing as npt
+from numba import njit
+from scipy.optimize import differential_evolution, minimize
+
+from idm_sumo.calibration.kernel import LOWER, PARAMETERS, UPPER, cost, cost_and_derivatives, costs_of
+from idm_sumo.calibration.problem import Problem, only
+
+Floats = npt.NDArray[np.float64]
+
+DIFFERENCE = 1e-6  # in search coordinates: the step of the finite differences
+
+
+@njit(cache=True)
+def value_and_difference_gradient(p, i, z):  # type: ignore[no-untyped-def]
+    """Return the cost and its gradient by forward differences (backward at the upper bound)."""
+    trials, values, step = np.empty((PARAMETERS + 1, PARAMETERS)), np.empty(PARAMETERS + 1), np.empty(PARAMETERS)
+    trials[:] = z
+    for j in range(PARAMETERS):
+        step[j] = DIFFERENCE if z[j] + DIFFERENCE <= UPPER[j] else -DIFFERENCE
+        trials[j + 1, j] += step[j]
+    costs_of(p, i, trials, 0.0, values)
+    return values[0], (values[1:] - values[0]) / step
+
+
+@njit(cache=True)
+def value_and_gradient(p, i, z):  # type: ignore[no-untyped-def]
+    """Return the cost and its gradient by forward sensitivities."""
+    h, gradient, matrices = p.target.shape[1], np.empty(PARAMETERS), np.empty((2, PARAMETERS, PARAMETERS))
+    value = cost_and_derivatives(
+        p, i, z, 0.0, gradient, matrices[0], matrices[1], np.empty(h), np.empty((h, PARAMETERS))
+    )
+    return value, gradient
+
+
+def l_bfgs_b(
+    problem: Problem, which: npt.NDArray[np.int64], *, starts: int = 10, seed: int = 0, first: int = 0, derivatives: bool = False
+) -> tuple[Floats, Floats]:
+    """Fit drivers ``which`` by scipy's L-BFGS-B from random starts within the bounds.
+
+    Parameters
+    ----------
+    problem : Problem
+    which : int64, shape (m,)
+    starts, seed : int
+    first : int
+        Number of the problem's first driver in the campaign: every driver has its own random starts.
+    derivatives : bool
+        Whether to use our sensitivities in place of finite differences.
+
+    Returns
+    -------
+    z : float64, shape (m, 5)
+        Search coordinates.
+    value : float64, shape (m,)
+        The objective, the best of the starts.
+    """
+    function = value_and_gradient if derivatives else value_and_difference_gradient
+    z, value = np.empty((len(which), PARAMETERS)), np.full(len(which), np.inf)
+    bounds = list(zip(LOWER, UPPER, strict=True))
+    for q, i in enumerate(which):
+        rng = np.random.default_rng([seed, first + int(i)])
+        one = only(problem, np.array([i]))
+        for start in rng.uniform(LOWER, UPPER, (starts, PARAMETERS)):
+            found = minimize(lambda at, one=one: function(one, 0, at), start, jac=True, method="L-BFGS-B", bounds=bounds)
+            if found.fun < value[q]:
+                z[q], value[q] = found.x, found.fun
+    return z, value
+
+
+def evolve(
+    problem: Problem, which: npt.NDArray[np.int64], *, seed: int = 0, first: int = 0
+) -> tuple[Floats, Floats]:
+    """Fit drivers ``which`` by scipy's differential evolution, as :func:`l_bfgs_b`."""
+    z, value = np.empty((len(which), PARAMETERS)), np.empty(len(which))
+    bounds = list(zip(LOWER, UPPER, strict=True))
+    for q, i in enumerate(which):
+        one = only(problem, np.array([i]))
+        found = differential_evolution(
+            lambda at, one=one: cost(one, 0, np.ascontiguousarray(at), 0.0), bounds, rng=np.random.default_rng([seed, first + int(i)])
+        )
+        z[q], value[q] = found.x, found.fun
+    return z, value

@@ -1,0 +1,196 @@
+"""The driver table: one row a window, whatever happens."""
+
+from __future__ import annotations
+
+from functools import partial
+
+import joblib
+import numba
+import numpy as np
+import numpy.typing as npt
+import pandas as pd
+
+from idm_sumo import columns as c
+from idm_sumo import idm, road
+from idm_sumo.calibration import identifiability, reference, solver, status
+from idm_sumo.calibration.chunks import CHUNK, chunks
+from idm_sumo.calibration.kernel import from_search
+from idm_sumo.calibration.problem import Problem, only, prepare
+from idm_sumo.errors import InputError
+from idm_sumo.progress import Progress, silent
+from idm_sumo.rollout import drive_idm
+from idm_sumo.scenes import Scenes
+
+Floats = npt.NDArray[np.float64]
+Integers = npt.NDArray[np.int64]
+NAMES = list(idm.IDMParameters._fields)
+
+GAUSS_NEWTON, L_BFGS_B, EVOLUTION = SOLVERS = ("gauss-newton", "l-bfgs-b", "differential-evolution")
+SLOW_CHUNK = 64  # windows at a time for scipy's solvers, which take a thousand times longer
+REFERENCE_STARTS = 10
+
+
+def calibrate(
+    scenes: Scenes,
+    *,
+    objective: str = "ade",
+    loss: str | None = None,
+    solver: str = GAUSS_NEWTON,
+    starts: int | None = None,
+    seed: int = 0,
+    desired_speed: npt.ArrayLike = road.SPEED_LIMIT,
+    mask: npt.NDArray[np.bool_] | None = None,
+    jobs: int | None = None,
+    progress: Progress | None = None,
+) -> pd.DataFrame:
+    """Fit the IDM to every window of ``scenes``.
+
+    Parameters
+    ----------
+    scenes : Scenes
+    objective : {"ade", "gap", "speed", "log-gap"}
+        What is minimised: the mean over the simulated frames.
+    loss : {"squared", "huber", "soft-l1"}, optional
+        Of the gap, speed and log-gap errors.
+    solver : {"gauss-newton", "l-bfgs-b", "differential-evolution"}
+        Ours (:mod:`idm_sumo.calibration.solver`), the paper's, or a global search.
+    starts : int, optional
+        Starts that ours screens (64), or that L-BFGS-B goes through (10).
+    seed : int
+        Of L-BFGS-B's random starts and of differential evolution; ours draws nothing.
+    desired_speed : array_like, shape (vehicles,) or ()
+        :math:`v_0` in m/s, by default the speed limit.
+    mask : bool, shape (vehicles, frames), optional
+        False where a recorded frame is not to count; NaN frames never do.
+    jobs : int, optional
+        Processes, by joblib's current backend (``joblib.parallel_config(backend="dask")``
+        spreads a campaign over machines). By default one, with a thread a core.
+    progress : Progress, optional
+
+    Returns
+    -------
+    pandas.DataFrame
+        One row a window, in order: ``period, vehicle, first_frame``; ``a, b, T, d0, d1`` (SI);
+        ``ade_m`` of the full replay at these parameters; ``objective``; ``status`` (see
+        :mod:`idm_sumo.calibration.status`); ``at_bound`` and ``undetermined`` (names joined by
+        commas, '' for none); ``frames`` that count, ``leader_frames`` among the simulated,
+        ``leader_changes``; ``effective_frames``; ``a_sd`` ... ``d1_sd`` (SI): the 95 % interval is
+        ``p ± 1.96 sd`` for ``T, d0, d1`` and ``p exp(± 1.96 sd / p)`` for ``a, b``. Parameters are
+        NaN where there was nothing to fit.
+
+    Raises
+    ------
+    InputError
+        For an unknown objective, loss or solver, or arrays of the wrong shape. Never for what is recorded.
+    """
+    if solver not in SOLVERS:
+        raise InputError(f"solver: {solver!r} is unknown; use one of {', '.join(SOLVERS)}")
+    report, n = progress or silent, len(scenes)
+    limit = np.asarray(desired_speed, dtype=np.float64)
+    work = partial(_calibrate_chunk, objective=objective, loss=loss, solver=solver, starts=starts, seed=seed)
+    size = CHUNK if solver == GAUSS_NEWTON else SLOW_CHUNK
+    if jobs is not None and jobs > 1:
+        size = max(1, min(size, -(-n // jobs)))
+    tasks = (
+        (piece, part, limit[piece] if limit.ndim else limit, None if mask is None else mask[piece])
+        for piece, part in chunks(scenes, size)
+    )
+    _check(limit, mask, scenes)
+    tables, done = [], 0
+    for table in _run(work, tasks, jobs):
+        tables.append(table)
+        done += len(table)
+        report("calibration", done, n)
+    return pd.concat(tables, ignore_index=True) if tables else work(slice(0, 0), scenes, limit, mask)
+
+
+def _check(limit: Floats, mask: npt.NDArray[np.bool_] | None, scenes: Scenes) -> None:
+    """Raise for arrays of the wrong shape before they are cut."""
+    if limit.shape not in ((), (len(scenes),)):
+        raise InputError(f"desired_speed: shape {limit.shape} is neither () nor that of the {len(scenes)} windows")
+    if mask is not None and mask.shape != scenes.x.shape:
+        raise InputError(f"mask: shape {mask.shape} is not that of the scenes, {scenes.x.shape} (vehicles, frames)")
+
+
+def _run(work, tasks, jobs):  # type: ignore[no-untyped-def]
+    """Yield the chunks' tables in order, from this process or from several."""
+    if jobs is None or jobs <= 1:
+        return (work(*task) for task in tasks)
+    threads = max(1, numba.config.NUMBA_NUM_THREADS // jobs)
+    parallel = joblib.Parallel(n_jobs=jobs, return_as="generator", pre_dispatch="2*n_jobs")
+    return parallel(joblib.delayed(_with_threads)(threads, work, task) for task in tasks)
+
+
+def _with_threads(threads: int, work: partial[pd.DataFrame], task: tuple[object, ...]) -> pd.DataFrame:
+    """Work in another process, with its share of the cores."""
+    numba.set_num_threads(min(threads, numba.config.NUMBA_NUM_THREADS))
+    return work(*task)
+
+
+def _calibrate_chunk(
+    piece: slice, scenes: Scenes, limit: Floats, mask: npt.NDArray[np.bool_] | None, *,
+    objective: str, loss: str | None, solver: str, starts: int | None, seed: int,
+) -> pd.DataFrame:  # fmt: skip
+    """Fit the windows ``piece`` of a campaign, of which ``scenes`` holds just these."""
+    problem = prepare(scenes, objective=objective, loss=loss, desired_speed=limit, mask=mask)
+    state = status.statuses(problem, scenes.speed[:, scenes.start : scenes.start + scenes.window.horizon + 1])
+    which = np.flatnonzero(~np.isin(state.astype(str), list(status.WITHOUT_FIT)))
+    z, value, rested = _fit(problem, which, solver, starts, seed, piece.start)
+    state[which[~rested & (state[which] == status.OK)]] = status.NOT_CONVERGED
+    return _as_table(scenes, problem, state, which, z, value, limit)
+
+
+def _fit(
+    problem: Problem, which: Integers, name: str, starts: int | None, seed: int, first: int
+) -> tuple[Floats, Floats, npt.NDArray[np.bool_]]:
+    """Return search coordinates, objective and whether the solver came to rest."""
+    if name == GAUSS_NEWTON:
+        z, value, rested = solver.fit_all(problem, which, solver.design_of_starts(starts or solver.STARTS))
+        return z, value, rested
+    if name == L_BFGS_B:
+        z, value = reference.l_bfgs_b(problem, which, starts=starts or REFERENCE_STARTS, seed=seed, first=first)
+    else:
+        z, value = reference.evolve(problem, which, seed=seed, first=first)
+    return z, value, np.isfinite(value)
+
+
+def _as_table(
+    scenes: Scenes, problem: Problem, state: npt.NDArray[np.object_], which: Integers, z: Floats, value: Floats, limit: Floats
+) -> pd.DataFrame:
+    """Put fits and what is known of them into rows, NaN for windows without a fit."""
+    n = len(scenes)
+    found = identifiability.identify(only(problem, which), z)
+    theta = _spread(from_search(z), which, n)
+    table = pd.DataFrame({c.PERIOD: [scenes.period] * n, c.VEHICLE: scenes.vehicle, "first_frame": scenes.first_frame})
+    table[NAMES] = theta
+    table["ade_m"] = full_ade(scenes, problem, theta, limit)
+    table["objective"] = _spread(value, which, n)
+    table["status"] = pd.Series(state, dtype=str)
+    table["at_bound"] = identifiability.names_of(identifiability.at_bound(theta))
+    uncertain = np.zeros((n, len(NAMES)), dtype=np.bool_)
+    uncertain[which] = identifiability.undetermined(found)
+    table["undetermined"] = identifiability.names_of(uncertain)
+    table["frames"] = problem.counted.sum(axis=1)
+    table["leader_frames"] = status.leader_frames(problem)
+    table["leader_changes"] = status.leader_changes(problem)
+    table["effective_frames"] = _spread(found.effective_frames, which, n)
+    table[[f"{name}_sd" for name in NAMES]] = _spread(found.sd, which, n)
+    return table
+
+
+def _spread(values: Floats, which: Integers, n: int) -> Floats:
+    """Return ``values`` in rows ``which`` of ``n``, NaN elsewhere."""
+    result = np.full((n, *values.shape[1:]), np.nan)
+    result[which] = values
+    return result
+
+
+def full_ade(scenes: Scenes, problem: Problem, theta: Floats, desired_speed: npt.ArrayLike) -> Floats:
+    """Return the ADE (m) of the full two-dimensional replay over the counted frames, NaN without parameters."""
+    driven = drive_idm(scenes, np.where(np.isnan(theta), idm.TEXTBOOK, theta), desired_speed=desired_speed)
+    frames = slice(scenes.start + 1, scenes.start + scenes.window.horizon + 1)
+    off = np.hypot(driven.x[:, 1:] - scenes.x[:, frames], driven.y[:, 1:] - scenes.y[:, frames])
+    counted = problem.counted & np.isfinite(off)
+    with np.errstate(invalid="ignore", divide="ignore"):
+        ade = np.where(counted, off, 0.0).sum(axis=1) / counted.sum(axis=1)
+    return np.asarray(np.where(np.isnan(theta[:, 0]), np.nan, ade))

@@ -1,0 +1,121 @@
+"""``compare`` and ``interactive``: whole recordings side by side, and vehicles that react."""
+
+from __future__ import annotations
+
+import argparse
+import sys
+from pathlib import Path
+from typing import Any
+
+from idm_sumo.cli import options as shared
+from idm_sumo.cli.console import progress_bar, say, study_module, text_table
+from idm_sumo.errors import InputError
+
+SHOWN = ["recording", "period", "vehicles", "mean_speed_m_s", "travel_time_s", "gap_m", "time_headway_s", "lane_changes_per_km",
+         "gap_wasserstein_m", "time_headway_wasserstein_s"]  # fmt: skip
+
+SHOWN_LOOP = ["population", "vehicles", "mean_speed_m_s", "flow_veh_h", "travel_time_s", "gap_m", "time_headway_s", "lane_changes_per_km",
+              "late", "never_inserted", "collisions"]  # fmt: skip
+TYPES = ("drivers", "predicted", "pooled", "default-idm", "krauss")
+
+
+def add(commands: Any) -> None:
+    """Add the commands of this module."""
+    _add_compare(commands)
+    _add_interactive(commands)
+
+
+def _add_compare(commands: Any) -> None:
+    parser = shared.command(commands, "compare", compare, "hold recordings against the first: speeds, gaps, waves, lane changes",
+                            "idm-sumo compare trajectories-0750am-0805am.txt surrogate -o out")  # fmt: skip
+    parser.add_argument(
+        "recording", metavar="RECORDING", help="what the others are held against: NGSIM or SUMO FCD, or `surrogate`"
+    )
+    parser.add_argument(
+        "others", metavar="OTHER", nargs="+", help="further recordings; `surrogate` is the built-in one"
+    )
+    parser.add_argument("--location", default="us-101", help="of a file that mixes several (default us-101)")
+    parser.add_argument("--minutes", type=_minutes, default=45.0, help="length of the built-in recording (default 45)")
+    shared.output_argument(parser, "DIR", "tables/, figures/, report.html, manifest.json go there")
+
+
+def _minutes(text: str) -> float:
+    value = float(text)
+    if not value > 0:
+        raise argparse.ArgumentTypeError("must be above 0")
+    return value
+
+
+def compare(options: argparse.Namespace) -> None:
+    """Compare recordings."""
+    module = study_module("comparison")
+    with progress_bar() as report:
+        table = module.compare_files(
+            [options.recording, *options.others], options.output, minutes=options.minutes, seed=options.seed,
+            location=options.location, command=sys.argv, progress=report,
+        )  # fmt: skip
+    say(text_table(table[SHOWN]), f"open {options.output / 'report.html'}")
+
+
+def _add_interactive(commands: Any) -> None:
+    parser = shared.command(commands, "interactive", interactive, "let the recorded demand drive as vehicles that react, and compare",
+                            "idm-sumo interactive --types drivers --gui -o out")  # fmt: skip
+    parser.add_argument("recording", metavar="RECORDING", nargs="?", default="surrogate",
+                        help="whose demand drives: NGSIM or SUMO FCD (default: the built-in recording)")  # fmt: skip
+    parser.add_argument("--location", default="us-101", help="of a file that mixes several (default us-101)")
+    parser.add_argument("--minutes", type=_minutes, default=45.0, help="length of the built-in recording (default 45)")
+    parser.add_argument("--period", metavar="LABEL", help="recording period to run (default: the first)")
+    parser.add_argument(
+        "--drivers", type=Path, metavar="FILE", help="parameters from `calibrate` (default: calibrated in the run)"
+    )
+    parser.add_argument("--types", action="append", choices=TYPES, metavar="POPULATION",
+                        help=f"who drives: {', '.join(TYPES)}; may be repeated (default: all of them, compared)")  # fmt: skip
+    parser.add_argument("--lane-change-model", default="LC2013", metavar="MODEL", help="LC2013 (default) or SL2015")
+    parser.add_argument("--lane-change", action="append", default=[], type=_setting, metavar="KEY=VALUE",
+                        help="a parameter of it, such as lcSpeedGain=2; may be repeated")  # fmt: skip
+    parser.add_argument(
+        "--ego", type=int, metavar="ID", help="a vehicle that we drive by our own IDM, steering and bicycle"
+    )
+    parser.add_argument("--gui", action="store_true", help="watch it in sumo-gui")
+    parser.add_argument("--no-downstream-speed", action="store_true",
+                        help="do not impose the recorded speeds behind the section, where the bottleneck is")  # fmt: skip
+    parser.add_argument(
+        "--seeds",
+        type=int,
+        default=1,
+        metavar="N",
+        help="runs of each population, with --seed and the next ones (default 1)",
+    )
+    parser.add_argument("--replay-bias", type=int, default=150, metavar="N",
+                        help="vehicles driven with replayed and with reacting followers (default 150, 0: none)")  # fmt: skip
+    parser.set_defaults(jobs=None)
+    shared.output_argument(parser, "DIR", "tables/, figures/, fcd/, simulation/, report.html, manifest.json go there")
+
+
+def _setting(text: str) -> tuple[str, str]:
+    key, equals, value = text.partition("=")
+    if not (key and equals and value):
+        raise argparse.ArgumentTypeError(f"{text!r} is not KEY=VALUE, such as lcSpeedGain=2")
+    return key, value
+
+
+def interactive(options: argparse.Namespace) -> None:
+    """Run the closed loop."""
+    if options.seeds < 1 or options.replay_bias < 0:
+        raise InputError("--seeds must be 1 or more and --replay-bias 0 or more")
+    module = study_module("closed_loop")
+    single = options.gui or options.ego is not None  # one population is all that can be watched or driven among
+    types = tuple(dict.fromkeys(options.types or (TYPES[:1] if single else TYPES)))
+    settings = module.Settings(
+        recording=options.recording, period=options.period, drivers=options.drivers, types=types,
+        lane_change_model=options.lane_change_model, lane_change=dict(options.lane_change), ego=options.ego, gui=options.gui,
+        downstream_speed=not options.no_downstream_speed, seeds=options.seeds, bias_sample=0 if single else options.replay_bias,
+        minutes=options.minutes, location=options.location, seed=options.seed, jobs=options.jobs,
+    )  # fmt: skip
+    with progress_bar() as report:
+        table = module.interactive(settings, options.output, command=sys.argv, progress=report)
+    say(
+        text_table(table[SHOWN_LOOP]),
+        study_module("closed_loop_words").in_words(table),
+        f"open {options.output / 'report.html'}",
+    )

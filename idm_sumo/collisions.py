@@ -1,0 +1,241 @@
+r"""Contacts of modelled cars with recorded traffic, and whose fault they are.
+
+Recorded vehicles cannot react to a modelled car that behaves otherwise than its recorded
+twin, so some contacts say nothing against the model. The rule, written down:
+
+**What is a contact.** The modelled car and a recorded vehicle, as rectangles of their
+length and width turned by their heading, overlap. The recorded twin is not there. A pair
+that overlaps when the simulation starts (measured positions and assumed sizes have errors)
+counts only after it has once been apart. The *first* contact of a simulation decides: what
+comes after would not have happened. If several happen at the same step, one that is our
+fault is taken.
+
+**Which edge.** Seen along and across the modelled car, the two came to overlap along one
+direction last; both are linear between two steps, the other at its recorded velocity. If
+that was lengthwise, our ``front`` or our ``rear`` was hit, according to where the other's
+middle is; otherwise our ``side``.
+
+**Whose fault.**
+
+* ``front``: ours. We drove into it, be it that it had just changed into our lane.
+* ``rear``: not ours, struck from behind by a replayed car - except when we cut in: if
+  ``REACTION_TIME`` before we were not yet in the way of where it drives now.
+* ``side``: not ours if the other moved sideways towards us faster than we towards it, as a
+  recorded car does that changes into our lane while we keep it. Otherwise ours.
+
+The paper reports "the collisions where the model vehicle is at fault" and gives no rule.
+In scenes with ``leader_source == "twin"`` the only other vehicle is the twin's leader, at
+the twin's lateral position and with an assumed size: counts from them are a lower bound.
+"""
+
+from __future__ import annotations
+
+from math import cos, hypot, sin
+
+import numpy as np
+import numpy.typing as npt
+import pandas as pd
+from numba import njit
+
+from idm_sumo import road
+from idm_sumo.bicycle import center_of_front
+from idm_sumo.rollout import Trajectories
+from idm_sumo.scenes import LEADER_FROM_LANE, Scenes
+
+REACTION_TIME = 1.0  # s, what a follower needs to answer a car that cuts in
+REACTION_STEPS = round(REACTION_TIME / road.FRAME_STEP)
+
+NONE, FRONT, REAR, SIDE = range(4)
+EDGES = ("", "front", "rear", "side")
+
+
+def first_contacts(scenes: Scenes, trajectories: Trajectories) -> pd.DataFrame:
+    """Return the first contact of every modelled car and whether it is at fault.
+
+    Parameters
+    ----------
+    scenes : Scenes
+    trajectories : Trajectories
+        One row a driver of ``scenes``, from the start of the simulation.
+
+    Returns
+    -------
+    pandas.DataFrame
+        One row a driver: ``collision``, ``at_fault`` (bool), ``contact_time_s`` (s after the
+        start, NaN without contact), ``contact_with`` (vehicle number, 0 without contact and
+        for a leader that is known by its headway only) and ``contact_edge`` (``front``,
+        ``rear``, ``side`` or empty).
+    """
+    n, t = len(scenes), scenes.traffic
+    step, row, edge, fault = (np.zeros(n, dtype=np.int64) for _ in range(4))
+    cell, lanes = _first_cells(scenes)
+    code, names = pd.factorize(t.vehicle)
+    reach = float(np.hypot(t.length, 0.5 * t.width).max(initial=0.0))
+    own = pd.Index(names).get_indexer(pd.Index(scenes.vehicle))
+    _first_contacts(
+        trajectories.x, trajectories.y, trajectories.heading, scenes.length, scenes.width, own, cell, lanes, t.frames,
+        t.offsets, t.x, t.y, t.heading, t.speed, t.length, t.width, code, len(names), reach,
+        step, row, edge, fault,
+    )  # fmt: skip
+    hit = edge != NONE
+    return pd.DataFrame({
+        "collision": hit,
+        "at_fault": fault.astype(bool),
+        "contact_time_s": np.where(hit, step * road.FRAME_STEP, np.nan),
+        "contact_with": _numbers_of(t.vehicle, row, hit),
+        "contact_edge": np.array(EDGES)[edge],
+    })  # fmt: skip
+
+
+def _numbers_of(
+    vehicle: npt.NDArray[np.int64], row: npt.NDArray[np.int64], hit: npt.NDArray[np.bool_]
+) -> npt.NDArray[np.int64]:
+    """Return the vehicle numbers of ``row`` where there is a hit, else 0."""
+    numbers = np.zeros(len(row), dtype=np.int64)
+    numbers[hit] = vehicle[row[hit]]
+    return numbers
+
+
+def _first_cells(scenes: Scenes) -> tuple[npt.NDArray[np.int64], int]:
+    """Return the leftmost lane's cell at the start of each simulation, and how many lanes to look at.
+
+    All lanes of the road, not the neighbouring ones only: a slanting truck reaches far, and
+    a car without perception drifts anywhere.
+    """
+    if scenes.leader_source == LEADER_FROM_LANE:
+        return scenes.traffic.cell(1, scenes.first_frame + scenes.start), road.MAIN_LANES
+    return scenes.cell + scenes.start, 1
+
+
+@njit(cache=True)
+def rectangle(front_x: float, front_y: float, heading: float, length: float, width: float):  # type: ignore[no-untyped-def]
+    """Return middle (m), direction and half sizes (m) of a car: ``x, y, cos, sin, half_length, half_width``."""
+    x, y = center_of_front(front_x, front_y, heading, length)
+    return x, y, cos(heading), sin(heading), 0.5 * length, 0.5 * width
+
+
+@njit(cache=True)
+def separation(one, other, axis_x, axis_y):  # type: ignore[no-untyped-def]
+    """Return the distance (m) of two rectangles' shadows on a unit axis, negative where they overlap."""
+    between = abs((other[0] - one[0]) * axis_x + (other[1] - one[1]) * axis_y)
+    return between - _half_shadow(one, axis_x, axis_y) - _half_shadow(other, axis_x, axis_y)
+
+
+@njit(cache=True)
+def _half_shadow(rect, axis_x, axis_y):  # type: ignore[no-untyped-def]
+    along = abs(rect[2] * axis_x + rect[3] * axis_y)
+    across = abs(rect[2] * axis_y - rect[3] * axis_x)
+    return rect[4] * along + rect[5] * across
+
+
+@njit(cache=True)
+def overlap(one, other) -> bool:  # type: ignore[no-untyped-def]
+    """Return whether two rectangles share area: no edge of either separates them (separating axis theorem)."""
+    for rect in (one, other):
+        along, across = separation(one, other, rect[2], rect[3]), separation(one, other, -rect[3], rect[2])
+        if along >= 0.0 or across >= 0.0:
+            return False
+    return True
+
+
+@njit(cache=True)
+def touched_edge(before, now, other_before, other_now) -> int:  # type: ignore[no-untyped-def]
+    """Return the edge of the modelled car that was hit: ``FRONT``, ``REAR`` or ``SIDE``.
+
+    ``before`` and ``now`` are the rectangles a step before and at the contact. The direction
+    along which they came to overlap last is the direction of the blow; of a pair that was
+    not apart along either, the one along which they overlap less.
+    """
+    along = separation(now, other_now, now[2], now[3])
+    across = separation(now, other_now, -now[3], now[2])
+    along_closed = _closing_time(separation(before, other_before, before[2], before[3]), along)
+    across_closed = _closing_time(separation(before, other_before, -before[3], before[2]), across)
+    if across_closed > along_closed or (across_closed == along_closed and across > along):
+        return SIDE
+    ahead = (other_now[0] - now[0]) * now[2] + (other_now[1] - now[1]) * now[3]
+    return FRONT if ahead > 0.0 else REAR
+
+
+@njit(cache=True)
+def _closing_time(before: float, now: float) -> float:
+    """Return when between two steps (0 to 1) a distance became negative; 0 if it was before."""
+    return before / (before - now) if before > 0.0 else 0.0
+
+
+@njit(cache=True)
+def is_at_fault(edge: int, sideways: float, other_sideways: float, to_the_left: bool, was_in_the_way: bool) -> bool:
+    """Apply the rule of this module.
+
+    Parameters
+    ----------
+    edge : int
+    sideways, other_sideways : float
+        Velocities (m/s) across the road, positive to the left.
+    to_the_left : bool
+        Whether the other's middle lies to the left of ours.
+    was_in_the_way : bool
+        Whether we were in the other's path ``REACTION_TIME`` before.
+    """
+    if edge == REAR:
+        return not was_in_the_way
+    if edge == FRONT:
+        return True
+    side = 1.0 if to_the_left else -1.0
+    return side * sideways >= -side * other_sideways
+
+
+@njit(cache=True)
+def _judge(x, y, heading, k, length, width, other, other_velocity):  # type: ignore[no-untyped-def]
+    """Return edge and fault of a contact at step ``k`` with a rectangle that moves at ``other_velocity``."""
+    dt = road.FRAME_STEP
+    now = rectangle(x[k], y[k], heading[k], length, width)
+    before = rectangle(x[k - 1], y[k - 1], heading[k - 1], length, width)
+    other_before = (
+        other[0] - other_velocity[0] * dt, other[1] - other_velocity[1] * dt, other[2], other[3], other[4], other[5]
+    )  # fmt: skip
+    edge = touched_edge(before, now, other_before, other)
+    then = max(0, k - REACTION_STEPS)
+    earlier = rectangle(x[then], y[then], heading[then], length, width)
+    in_the_way = separation(earlier, other, 0.0, 1.0) < 0.0
+    return edge, is_at_fault(edge, (now[1] - before[1]) / dt, other_velocity[1], other[1] > now[1], in_the_way)
+
+
+@njit(cache=True)
+def _row_after(x, low, high, least):  # type: ignore[no-untyped-def]
+    """Return the first of the sorted rows ``low:high`` with ``x >= least``."""
+    while low < high:
+        middle = (low + high) >> 1
+        if x[middle] < least:
+            low = middle + 1
+        else:
+            high = middle
+    return low
+
+
+@njit(cache=True)
+def _first_contacts(  # type: ignore[no-untyped-def]
+    x, y, heading, length, width, own, first_cell, lanes, frames,
+    offsets, other_x, other_y, other_heading, other_speed, other_length, other_width, other_code, others, reach,
+    step, row, edge, fault,
+):  # fmt: skip
+    for i in range(x.shape[0]):
+        since_start = np.full(others, -1)  # last step of an overlap that was there at the start, step 0
+        mine = hypot(length[i], 0.5 * width[i]) + reach
+        for k in range(x.shape[1]):
+            ego = rectangle(x[i, k], y[i, k], heading[i, k], length[i], width[i])
+            for lane in range(lanes):
+                cell = first_cell[i] + lane * frames + k
+                j = _row_after(other_x, offsets[cell], offsets[cell + 1], x[i, k] - mine)
+                while j < offsets[cell + 1] and other_x[j] <= x[i, k] + mine:
+                    other = rectangle(other_x[j], other_y[j], other_heading[j], other_length[j], other_width[j])
+                    if other_code[j] != own[i] and overlap(ego, other):
+                        if since_start[other_code[j]] == k - 1:
+                            since_start[other_code[j]] = k
+                        elif not fault[i]:
+                            velocity = (other_speed[j] * other[2], other_speed[j] * other[3])
+                            found, guilty = _judge(x[i], y[i], heading[i], k, length[i], width[i], other, velocity)
+                            if edge[i] == NONE or guilty:
+                                step[i], row[i], edge[i], fault[i] = k, j, found, guilty
+                    j += 1
+            if edge[i] != NONE:
+                break

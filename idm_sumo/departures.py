@@ -1,0 +1,64 @@
+"""When, where and as what a driver enters: what an exported vehicle needs beside its parameters."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+import pandas as pd
+
+from idm_sumo import columns as c
+from idm_sumo import driver_table as d
+from idm_sumo import road
+from idm_sumo.recording import Recording
+from idm_sumo.scenes import Scenes
+
+DESTINATION = "destination"  # edge: "downstream" or "off_ramp"
+THROUGH, LEAVING = "downstream", "off_ramp"
+
+
+def departures(source: Scenes | Recording | Sequence[Scenes]) -> pd.DataFrame:
+    """Return the departures of drivers, keyed by period, vehicle and first frame.
+
+    Parameters
+    ----------
+    source : Scenes, sequence of Scenes, or Recording
+        From scenes a driver departs where its simulation starts; from a recording, every
+        vehicle where it is first seen, and its way out is known.
+
+    Returns
+    -------
+    pandas.DataFrame
+        ``period, vehicle, first_frame, depart_s`` (frame number × 0.1 s, so on the period's own
+        clock), ``lane, x_m, y_m, speed_m_s, length_m, width_m, vehicle_class, destination``.
+    """
+    if isinstance(source, Recording):
+        return _of_recording(source)
+    parts = [source] if isinstance(source, Scenes) else list(source)
+    return pd.concat([_of_scenes(part) for part in parts], ignore_index=True)
+
+
+def _of_scenes(scenes: Scenes) -> pd.DataFrame:
+    first = scenes.start
+    table = pd.DataFrame({
+        c.PERIOD: scenes.period, c.VEHICLE: scenes.vehicle, d.FIRST_FRAME: scenes.first_frame,
+        d.DEPART: (scenes.first_frame + first) * road.FRAME_STEP, d.LANE: scenes.lane,
+        d.X: scenes.x[:, first], d.Y: scenes.y[:, first], d.SPEED: scenes.speed[:, first],
+        d.LENGTH: scenes.length, d.WIDTH: scenes.width, d.CLASS: scenes.vehicle_class,
+    })  # fmt: skip
+    # A modelled driver keeps its lane, a main lane, so it stays on the freeway.
+    return table.assign(**{DESTINATION: THROUGH})
+
+
+def _of_recording(recording: Recording) -> pd.DataFrame:
+    rows = recording.table.groupby([c.PERIOD, c.VEHICLE], observed=True, sort=True)
+    first, last = rows.head(1).reset_index(drop=True), rows.tail(1).reset_index(drop=True)
+    left = (last[c.LANE] == road.OFF_RAMP_LANE) | (
+        (last[c.LANE] == road.AUXILIARY_LANE) & (last[c.X] > road.OFF_RAMP_X - 20.0)
+    )
+    return pd.DataFrame({
+        c.PERIOD: first[c.PERIOD].astype(str), c.VEHICLE: first[c.VEHICLE], d.FIRST_FRAME: first[c.FRAME],
+        d.DEPART: first[c.FRAME] * road.FRAME_STEP, d.LANE: first[c.LANE].astype("int64"),
+        d.X: first[c.X], d.Y: first[c.Y], d.SPEED: first[c.SPEED],
+        d.LENGTH: first[c.LENGTH].fillna(road.CAR_LENGTH), d.WIDTH: first[c.WIDTH].fillna(road.CAR_WIDTH),
+        d.CLASS: first[c.CLASS].astype("int64"), DESTINATION: left.map({True: LEAVING, False: THROUGH}),
+    })  # fmt: skip

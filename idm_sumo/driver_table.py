@@ -1,0 +1,168 @@
+"""A table of calibrated drivers from a file, checked once at the border."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import numpy as np
+import numpy.typing as npt
+import pandas as pd
+
+from idm_sumo import columns as c
+from idm_sumo import idm
+from idm_sumo.errors import InputError
+
+FIRST_FRAME = "first_frame"  # of the calibration window; part of the key where it is given
+KEYS = (c.PERIOD, c.VEHICLE)
+PARAMETERS = idm.IDMParameters._fields
+STATUS, OK = "status", "ok"  # what became of the fit; absent in tables made by hand
+DESIRED_SPEED = "desired_speed_m_s"
+TOLERANCE = 1e-9  # relative, of a bound: a table may have been through text
+
+# Where, when and as what a driver enters, as `idm_sumo.departures.departures` writes it.
+DEPART, LANE, X, Y, SPEED = "depart_s", "lane", "x_m", "y_m", "speed_m_s"
+LENGTH, WIDTH, CLASS = "length_m", "width_m", "vehicle_class"
+DEPARTURE = (DEPART, LANE, X, Y, SPEED, LENGTH, WIDTH, CLASS)
+_RANGES = {
+    DEPART: (0.0, np.inf), LANE: (1, 8), X: (-np.inf, np.inf), Y: (-np.inf, np.inf), SPEED: (0.0, 70.0),
+    LENGTH: (0.5, 40.0), WIDTH: (0.3, 5.0), CLASS: (0, 3),
+}  # fmt: skip
+_WHOLE = (c.VEHICLE, FIRST_FRAME, LANE, CLASS)
+
+
+def read_drivers(path: Path | str) -> pd.DataFrame:
+    """Read ``drivers.parquet`` or ``.csv`` as ``idm-sumo calibrate`` writes it, and check it.
+
+    Returns
+    -------
+    pandas.DataFrame
+        See :func:`check_drivers`.
+
+    Raises
+    ------
+    InputError
+        If the file is missing or no table, or a value in it is impossible.
+    """
+    source = Path(path)
+    if not source.is_file():
+        raise InputError(f"{source}: no such file; `idm-sumo calibrate RECORDING -o {source.name}` writes one")
+    try:
+        if source.suffix.lower() == ".csv":
+            table = pd.read_csv(source, dtype={c.PERIOD: str})
+        else:
+            table = pd.read_parquet(source)
+    except (ValueError, OSError) as error:  # pyarrow's and pandas' own errors are ValueErrors
+        reason = str(error).strip().splitlines()[0]
+        raise InputError(
+            f"{source}: not a driver table ({reason}); use the Parquet or CSV of `idm-sumo calibrate`"
+        ) from None
+    return check_drivers(table, source=str(source))
+
+
+def check_drivers(table: pd.DataFrame, *, source: str = "drivers") -> pd.DataFrame:
+    """Return the table with whole numbers and floats as such, if every row can be driven.
+
+    Parameters
+    ----------
+    table : pandas.DataFrame
+        Columns ``period, vehicle, a, b, T, d0, d1`` (SI), any others beside.
+    source : str
+        How messages name the table.
+
+    Raises
+    ------
+    InputError
+        For a missing column, text in a number, a parameter that is NaN or outside
+        :data:`idm_sumo.idm.LOWER` and ``UPPER``, or a driver that is there twice. A driver
+        whose ``status`` says why it has no parameters may be without all five
+        (:func:`has_parameters`).
+    """
+    _need(table, (*KEYS, *PARAMETERS), source)
+    if table.empty:
+        raise InputError(f"{source}: has no drivers; see the status column that `idm-sumo calibrate` wrote")
+    table = table.reset_index(drop=True)
+    if (unnamed := table[c.PERIOD].isna()).any():
+        raise InputError(f"{source}: row {_first(unnamed)}: {c.PERIOD} is missing; give every driver its period")
+    table = table.assign(**{c.PERIOD: table[c.PERIOD].astype(str)})
+    bounds = {name: (getattr(idm.LOWER, name), getattr(idm.UPPER, name)) for name in PARAMETERS}
+    table = _checked(table, {c.VEHICLE: (-np.inf, np.inf)}, source)
+    table = _checked(table, bounds, source, exempt=_without_fit(table))
+    if FIRST_FRAME in table:
+        table = _checked(table, {FIRST_FRAME: (-np.inf, np.inf)}, source)
+    if (twice := table.duplicated(key_columns(table))).any():
+        raise InputError(f"{source}: {_where(table, _first(twice))} is there twice; keep one row a driver")
+    return table
+
+
+def check_departures(table: pd.DataFrame, *, source: str = "drivers") -> pd.DataFrame:
+    """Return the table with its departures as numbers, if every one of them is possible.
+
+    Parameters
+    ----------
+    table : pandas.DataFrame
+        Columns ``period, vehicle`` and those of :data:`DEPARTURE`: s, lane 1 to 8, m, m,
+        m/s, m, m, class 0 to 3 as in :mod:`idm_sumo.columns`.
+
+    Raises
+    ------
+    InputError
+        For a missing column, or a value that is NaN or impossible; names row and column.
+    """
+    _need(table, (*KEYS, *DEPARTURE), source)
+    return _checked(table.reset_index(drop=True), _RANGES, source)
+
+
+def has_parameters(table: pd.DataFrame) -> npt.NDArray[np.bool_]:
+    """Return which drivers of a checked table have parameters, shape ``(rows,)``."""
+    return np.asarray(table[PARAMETERS[0]].notna())
+
+
+def _without_fit(table: pd.DataFrame) -> pd.Series:
+    """Return which rows say that nothing could be fitted, and hold nothing."""
+    if STATUS not in table:
+        return pd.Series(False, index=table.index)
+    return (table[STATUS] != OK) & table[list(PARAMETERS)].isna().all(axis=1)
+
+
+def key_columns(table: pd.DataFrame) -> list[str]:
+    """Return the columns that tell drivers apart: period, vehicle and, if given, the window's first frame."""
+    return [*KEYS, *([FIRST_FRAME] if FIRST_FRAME in table else [])]
+
+
+def _need(table: pd.DataFrame, names: tuple[str, ...], source: str) -> None:
+    if missing := [name for name in names if name not in table.columns]:
+        raise InputError(f"{source}: column {missing[0]!r} is missing; needed are {', '.join(names)}")
+
+
+def _checked(
+    table: pd.DataFrame, ranges: dict[str, tuple[float, float]], source: str, exempt: pd.Series | None = None
+) -> pd.DataFrame:
+    """Return the table with the columns of ``ranges`` as numbers inside them, bounds included, but for exempt rows."""
+    numbers = {}
+    for name, (low, high) in ranges.items():
+        values = pd.to_numeric(table[name], errors="coerce").astype("float64")
+        slack = TOLERANCE * max(abs(low) if np.isfinite(low) else 0.0, abs(high) if np.isfinite(high) else 0.0)
+        bad = ~np.isfinite(values) | (values < low - slack) | (values > high + slack)
+        if name in _WHOLE:
+            bad |= values != values.round()
+        if exempt is not None:
+            bad &= ~exempt
+        if bad.any():
+            row = _first(bad)
+            span = f"a number from {low:g} to {high:g}" if np.isfinite([low, high]).any() else "a finite number"
+            whole = "whole number" if name in _WHOLE else "number"
+            raise InputError(
+                f"{source}: {_where(table, row)}: {name} = {table[name].iloc[row]} is impossible; "
+                f"give {span.replace('number', whole)}"
+            )
+        numbers[name] = values.astype("int64") if name in _WHOLE else values.clip(low, high)
+    return table.assign(**numbers)
+
+
+def _first(marked: pd.Series) -> int:
+    return int(np.flatnonzero(marked.to_numpy())[0])
+
+
+def _where(table: pd.DataFrame, row: int) -> str:
+    """Name a row: its number, counted from 0, and its driver."""
+    return f"row {row} (period {table[c.PERIOD].iloc[row]}, vehicle {table[c.VEHICLE].iloc[row]})"

@@ -1,0 +1,271 @@
+r"""SUMO's IDM has no :math:`d_1\sqrt{v/v_0}`: three ways to do without it, and what each costs.
+
+``refit``
+    Four parameters calibrated with :math:`d_1 = 0`, under the integration that will drive them.
+``linearised``
+    :math:`\sqrt v` replaced by its tangent at the driver's mean speed; see :func:`linearise`.
+``exact``
+    The jam distance set anew every step from outside (:func:`idm_sumo.sumo.parity.drive_natively`
+    with ``d1``): no vehicle type can hold it.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+import numpy as np
+import numpy.typing as npt
+import pandas as pd
+from numba import njit, prange
+from scipy.stats import qmc
+
+from idm_sumo import columns as c
+from idm_sumo import idm, integrators, road
+from idm_sumo.calibration.problem import Problem, prepare
+from idm_sumo.driver_table import FIRST_FRAME, PARAMETERS, key_columns
+from idm_sumo.errors import InputError
+from idm_sumo.scenes import Scenes
+
+Floats = npt.NDArray[np.float64]
+
+REFIT = ("a_refit", "b_refit", "T_refit", "d0_refit")
+REFIT_ADE, REFIT_INTEGRATION = "ade_refit_m", "refit_integration"
+MEAN_SPEED = "mean_speed_m_s"
+SLOWEST = 1.0  # m/s: the tangent at standstill would be vertical
+DESIGN, STARTS = 128, 6  # starts screened, and refined
+# Search coordinates: accelerations act by proportion, so their logarithms; the gap is linear
+# in T and d0, so these themselves, in units that make a step weigh about the same.
+T_UNIT, D_UNIT = 1.0, 2.5  # s, m
+FIRST_STEP, LAST_STEP = 0.4, 2e-3  # of the search, in those coordinates
+SMALLEST_DROP = 1e-3  # relative: a sweep that gains less halves the step
+
+
+def linearise(
+    parameters: npt.ArrayLike, mean_speed: npt.ArrayLike, desired_speed: npt.ArrayLike = road.SPEED_LIMIT
+) -> Floats:
+    r"""Return parameters without ``d1`` that want the same gap at, and about, the mean speed.
+
+    .. math:: d_0' = d_0 + \tfrac12 d_1\sqrt{\bar v/v_0},\qquad T' = T + \frac{d_1}{2\sqrt{\bar v v_0}}
+
+    Parameters
+    ----------
+    parameters : array_like, shape (n, 5)
+        ``a, b, T, d0, d1``.
+    mean_speed, desired_speed : array_like, shape (n,) or ()
+        m/s; a mean speed below 1 m/s counts as that.
+    """
+    theta = np.array(parameters, dtype=np.float64)
+    v, v0 = np.maximum(np.asarray(mean_speed, dtype=np.float64), SLOWEST), np.asarray(desired_speed, dtype=np.float64)
+    theta[:, 3] += 0.5 * theta[:, 4] * np.sqrt(v / v0)
+    theta[:, 2] += 0.5 * theta[:, 4] / np.sqrt(v * v0)
+    theta[:, 4] = 0.0
+    return theta
+
+
+def mean_speeds(scenes: Scenes) -> Floats:
+    """Return every driver's recorded mean speed (m/s) over its simulated window, shape ``(vehicles,)``."""
+    speed = scenes.speed[:, scenes.start : scenes.start + scenes.window.horizon + 1]
+    known = np.isfinite(speed)
+    with np.errstate(invalid="ignore"):
+        return np.asarray(np.where(known, speed, 0.0).sum(axis=1) / known.sum(axis=1))
+
+
+def refit(
+    problem: Problem, parameters: npt.ArrayLike, mean_speed: npt.ArrayLike, *, integration: str = "euler"
+) -> tuple[Floats, Floats]:
+    """Calibrate ``a, b, T, d0`` with ``d1 = 0`` under one of SUMO's integrations.
+
+    Starts are the given drivers without their ``d1``, linearised, and the best of a fixed
+    design; each is refined by a compass search on the ADE itself.
+
+    Parameters
+    ----------
+    problem : Problem
+        With the objective ``"ade"``.
+    parameters : array_like, shape (n, 5)
+        The drivers as calibrated.
+    mean_speed : array_like, shape (n,)
+        m/s.
+    integration : {"euler", "ballistic", "paper"}
+
+    Returns
+    -------
+    parameters : float64, shape (n, 5)
+        The last column is 0.
+    ade : float64, shape (n,)
+        m, NaN where no frame counts.
+    """
+    theta = integrators.as_parameters(problem, parameters)
+    linear = linearise(theta, mean_speed, problem.desired_speed)
+    own = np.stack([_to_search(theta), _to_search(np.clip(linear, idm.LOWER, idm.UPPER))], axis=1)
+    design = LOWER + qmc.Sobol(4, scramble=True, rng=20050615).random(DESIGN) * (UPPER - LOWER)
+    found = np.clip(_refit_all(problem, own, design, integrators.code(integration)), idm.LOWER, idm.UPPER)
+    return found, integrators.ades(problem, found, integration)
+
+
+def _to_search(parameters: npt.ArrayLike) -> Floats:
+    """Return the search coordinates, shape ``(..., 4)``, of parameters of shape ``(..., 5)``, whose ``d1`` they lack."""
+    values = np.asarray(parameters, dtype=np.float64)
+    return np.concatenate([np.log(values[..., :2]), values[..., 2:3] / T_UNIT, values[..., 3:4] / D_UNIT], axis=-1)
+
+
+LOWER, UPPER = _to_search(idm.LOWER), _to_search(idm.UPPER)
+
+
+@njit(cache=True)
+def _from_search(z):  # type: ignore[no-untyped-def]
+    """Return ``a, b, T, d0, 0``."""
+    return np.array([np.exp(z[0]), np.exp(z[1]), z[2] * T_UNIT, z[3] * D_UNIT, 0.0])
+
+
+@njit(cache=True)
+def _ade(p, i, z, scheme):  # type: ignore[no-untyped-def]
+    """Return the ADE (m) of driver ``i`` at search coordinates ``z``."""
+    return integrators.ade_one(p, i, _from_search(z), scheme)
+
+
+@njit(cache=True)
+def _compass_search(p, i, z, scheme):  # type: ignore[no-untyped-def]
+    """Lower the ADE along the axes of the search coordinates, in place, in steps that halve when none leads down.
+
+    After a sweep that moved, the whole move is made once more (Hooke and Jeeves, 1961), which
+    follows narrow valleys that lie across the axes.
+    """
+    value, step = _ade(p, i, z, scheme), FIRST_STEP
+    while step > LAST_STEP:
+        before, was, trial = z.copy(), value, z.copy()
+        for axis in range(4):
+            for sign in (1.0, -1.0):
+                trial[axis] = min(max(z[axis] + sign * step, LOWER[axis]), UPPER[axis])
+                new = _ade(p, i, trial, scheme)
+                if new < value:
+                    value, z[axis] = new, trial[axis]
+                    break
+            trial[axis] = z[axis]
+        trial[:] = np.minimum(np.maximum(2.0 * z - before, LOWER), UPPER)
+        new = _ade(p, i, trial, scheme)
+        if new < value:
+            value, z[:] = new, trial
+        if not value < (1.0 - SMALLEST_DROP) * was:
+            step *= 0.5
+    return value
+
+
+@njit(cache=True, parallel=True)
+def _refit_all(p, own, design, scheme):  # type: ignore[no-untyped-def]
+    """Return the best parameters of every driver, shape (n, 5).
+
+    Starts are its own, shape (n, s, 4), and the best ``STARTS`` of the design, shape (points, 4).
+    """
+    found = np.empty((own.shape[0], 5))
+    for i in prange(own.shape[0]):
+        screened = np.empty(design.shape[0])
+        for k in range(design.shape[0]):
+            screened[k] = _ade(p, i, design[k], scheme)
+        order = np.argsort(screened)
+        best, own_starts = np.inf, own.shape[1]
+        found[i] = _from_search(own[i, 0])
+        for k in range(own_starts + STARTS):
+            z = own[i, k].copy() if k < own_starts else design[order[k - own_starts]].copy()
+            value = _compass_search(p, i, z, scheme)
+            if value < best:
+                best, found[i] = value, _from_search(z)
+    return found
+
+
+def refit_table(drivers: pd.DataFrame, scenes: Scenes | Sequence[Scenes], *, integration: str = "euler",
+                desired_speed: float = road.SPEED_LIMIT) -> pd.DataFrame:  # fmt: skip
+    """Return the columns that let a driver table be exported: the refit, its ADE, the mean speed.
+
+    Returns
+    -------
+    pandas.DataFrame
+        ``period, vehicle, first_frame, a_refit, b_refit, T_refit, d0_refit, ade_refit_m,
+        refit_integration, mean_speed_m_s``, one row a window of the scenes.
+
+    Raises
+    ------
+    InputError
+        If a window has no driver in the table.
+    """
+    tables = []
+    for part in as_list(scenes):
+        theta, speed = parameters_of(drivers, part), mean_speeds(part)
+        start = np.where(np.isnan(theta), idm.TEXTBOOK, theta)
+        fitted, ade = refit(prepare(part, desired_speed=desired_speed), start, speed, integration=integration)
+        lost = np.isnan(theta).any(axis=1)  # what could not be calibrated cannot be refitted
+        fitted[lost], ade[lost] = np.nan, np.nan
+        table = keys_of(part).assign(**{name: fitted[:, i] for i, name in enumerate(REFIT)})
+        tables.append(table.assign(**{REFIT_ADE: ade, REFIT_INTEGRATION: integration, MEAN_SPEED: speed}))
+    return pd.concat(tables, ignore_index=True)
+
+
+def jam_distance_costs(drivers: pd.DataFrame, scenes: Scenes | Sequence[Scenes], *, integration: str = "euler",
+                       desired_speed: float = road.SPEED_LIMIT) -> pd.DataFrame:  # fmt: skip
+    """Say what each way to do without ``d1`` costs every driver over its calibration window.
+
+    Returns
+    -------
+    pandas.DataFrame
+        ``period, vehicle, first_frame``; ``ade_m`` (five parameters, the paper's
+        integration), ``ade_exact_m`` (five parameters, SUMO's), ``ade_refit_m``,
+        ``ade_linearised_m`` and ``ade_dropped_m`` (``d1`` left out without a replacement), in
+        metres, by the compiled kernel; :mod:`idm_sumo.sumo.parity` proves that SUMO drives the same.
+    """
+    fitted = refit_table(drivers, scenes, integration=integration, desired_speed=desired_speed)
+    tables, first = [], 0
+    for part in as_list(scenes):
+        theta, problem = parameters_of(drivers, part), prepare(part, desired_speed=desired_speed)
+        lost = np.isnan(theta).any(axis=1)
+        ways = {
+            "ade_m": (theta, "paper"), "ade_exact_m": (theta, integration),
+            "ade_linearised_m": (linearise(theta, mean_speeds(part), desired_speed), integration),
+            "ade_dropped_m": (theta * [1.0, 1.0, 1.0, 1.0, 0.0], integration),
+        }  # fmt: skip
+        ade = {name: np.where(lost, np.nan, integrators.ades(problem, *way)) for name, way in ways.items()}
+        ade[REFIT_ADE] = fitted[REFIT_ADE].to_numpy()[first : first + len(part)]
+        tables.append(keys_of(part).assign(**ade))
+        first += len(part)
+    return pd.concat(tables, ignore_index=True)
+
+
+def cost_summary(costs: pd.DataFrame) -> pd.DataFrame:
+    """Return one row a choice: mean and median ADE (m), the mean difference from five parameters, and its 90th percentile."""
+    names = [name for name in costs.columns if name.startswith("ade_")]
+    extra = costs[names].sub(costs["ade_m"], axis=0)
+    return pd.DataFrame({
+        "choice": [name.removeprefix("ade_").removesuffix("m").removesuffix("_") or "calibrated" for name in names],
+        "ade_m": costs[names].mean().to_numpy(), "ade_median_m": costs[names].median().to_numpy(),
+        "cost_m": extra.mean().to_numpy(), "cost_p90_m": extra.quantile(0.9).to_numpy(), "drivers": int(costs["ade_m"].notna().sum()),
+    })  # fmt: skip
+
+
+def as_list(scenes: Scenes | Sequence[Scenes]) -> list[Scenes]:
+    """Return one or several periods' scenes as a list."""
+    return [scenes] if isinstance(scenes, Scenes) else list(scenes)
+
+
+def keys_of(scenes: Scenes) -> pd.DataFrame:
+    """Return period, vehicle and first frame of every window."""
+    return pd.DataFrame({c.PERIOD: scenes.period, c.VEHICLE: scenes.vehicle, FIRST_FRAME: scenes.first_frame})
+
+
+def parameters_of(drivers: pd.DataFrame, scenes: Scenes) -> Floats:
+    """Return ``a, b, T, d0, d1`` of every window's driver, shape ``(vehicles, 5)``, NaN where nothing could be fitted.
+
+    Raises
+    ------
+    InputError
+        If a window has no driver in the table.
+    """
+    on = key_columns(drivers)
+    keys = keys_of(scenes)[on]
+    named = drivers.assign(**{c.PERIOD: drivers[c.PERIOD].astype(str)})[[*on, *PARAMETERS]]
+    merged = keys.merge(named, on=on, how="left", validate="m:1", indicator=True)
+    if (absent := merged["_merge"] != "both").any():
+        row = keys[absent].iloc[0]
+        raise InputError(
+            f"drivers: vehicle {row[c.VEHICLE]} of period {row[c.PERIOD]} is missing; "
+            "calibrate it, or leave it out of the scenes"
+        )
+    return np.asarray(merged[list(PARAMETERS)].to_numpy(dtype=np.float64))

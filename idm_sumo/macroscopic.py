@@ -1,0 +1,191 @@
+r"""Flow, density and speed of recorded or simulated traffic, and what else a comparison counts.
+
+Edie's generalised definitions hold for any region of space and time, here a stretch of one
+lane of length :math:`L` over a time :math:`\Delta t`: the vehicles' distances :math:`x_i` and times
+:math:`t_i` spent in it give
+
+.. math:: q = \frac{\sum x_i}{L\,\Delta t},\qquad k = \frac{\sum t_i}{L\,\Delta t},\qquad
+    v = \frac{\sum x_i}{\sum t_i} = \frac qk.
+
+Source: Edie (1963), Discussion of traffic stream measurements and definitions; Treiber and
+Kesting (2013), Traffic Flow Dynamics, section 3.3. A row of a recording is 0.1 s of presence, over which
+the vehicle travels its speed times 0.1 s.
+
+A *thin* recording (``has_leader_rows`` is false) holds a few of the vehicles only. Its
+speeds are means over those; flows, densities and counts cannot be had from it and are NaN.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+import numpy.typing as npt
+import pandas as pd
+
+from idm_sumo import columns as c
+from idm_sumo import road
+from idm_sumo.recording import Recording
+from idm_sumo.smoothing import runs
+
+Floats = npt.NDArray[np.float64]
+
+SEGMENTS = 8  # of the section
+MEASURED_LANES = road.AUXILIARY_LANE  # lanes 1 to 6; the ramps lie mostly outside the section
+STATIONS = (25.0, 600.0)  # m, between which travel times are taken: real vehicles are first seen at 12 m, last at 631 m
+HELD = 10  # frames a vehicle must stay in a lane for its change to count: positions near a marking flicker
+PER_HOUR, PER_KM = 3600.0, 1000.0
+
+MINUTE, SEGMENT, FLOW, DENSITY = "minute", "segment", "flow_veh_h", "density_veh_km"
+MEAN_SPEED, SAMPLES = "speed_m_s", "vehicle_seconds"
+
+
+def edie(recording: Recording, *, segments: int = SEGMENTS, minutes: float = 1.0) -> pd.DataFrame:
+    """Return flow, density and speed by period, minute, lane and segment.
+
+    Parameters
+    ----------
+    recording : Recording
+    segments : int
+        Equal parts of the section, 0 upstream.
+    minutes : float
+        Length of the time intervals, counted from each period's first frame.
+
+    Returns
+    -------
+    pandas.DataFrame
+        ``period, minute`` (number of the interval), ``lane`` (1 to 6), ``segment``, ``x_m`` (its middle),
+        ``flow_veh_h``, ``density_veh_km``, ``speed_m_s``, ``vehicle_seconds``; regions that no vehicle was seen
+        in are not there. Flow and density of a thin recording are NaN.
+    """
+    table, edges = _in_section(recording.table), np.linspace(0.0, road.SECTION_LENGTH, segments + 1)
+    table = table.assign(**{
+        SEGMENT: np.minimum(np.searchsorted(edges, table[c.X], side="right") - 1, segments - 1),
+        MINUTE: (_seconds(recording.table)[table.index] // (60.0 * minutes)).astype(np.int64),
+    })  # fmt: skip
+    regions = table.groupby([c.PERIOD, MINUTE, c.LANE, SEGMENT], observed=True)[c.SPEED]
+    sums = regions.agg(["sum", "size"]).reset_index()
+    distance, time = sums["sum"].to_numpy() * road.FRAME_STEP, sums["size"].to_numpy() * road.FRAME_STEP
+    area = _lengths(edges)[sums[c.LANE].to_numpy() - 1, sums[SEGMENT].to_numpy()] * _durations(recording, sums, minutes)
+    if not recording.has_leader_rows:
+        area = np.full(len(sums), np.nan)
+    return sums[[c.PERIOD, MINUTE, c.LANE, SEGMENT]].assign(**{
+        "x_m": (0.5 * (edges[1:] + edges[:-1]))[sums[SEGMENT].to_numpy()],
+        FLOW: distance / area * PER_HOUR, DENSITY: time / area * PER_KM, MEAN_SPEED: distance / time, SAMPLES: time,
+    })  # fmt: skip
+
+
+def _in_section(table: pd.DataFrame) -> pd.DataFrame:
+    """Return the rows inside the section on lanes 1 to 6."""
+    inside = table[c.X].between(0.0, road.SECTION_LENGTH) & (table[c.LANE] <= MEASURED_LANES)
+    inside &= (table[c.LANE] < road.AUXILIARY_LANE) | table[c.X].between(road.ON_RAMP_X, road.OFF_RAMP_X)
+    return table[inside]
+
+
+def _seconds(table: pd.DataFrame) -> Floats:
+    """Return the time (s) of each row since its period's first frame."""
+    first = table.groupby(c.PERIOD, observed=True)[c.FRAME].transform("min")
+    return np.asarray((table[c.FRAME] - first) * road.FRAME_STEP, dtype=np.float64)
+
+
+def _lengths(edges: Floats) -> Floats:
+    """Return how much (m) of each lane lies in each segment, shape ``(6, segments)``."""
+    whole = np.tile(np.diff(edges), (MEASURED_LANES, 1))
+    inside = np.clip(edges, road.ON_RAMP_X, road.OFF_RAMP_X)
+    whole[road.AUXILIARY_LANE - 1] = np.diff(inside)
+    return whole
+
+
+def _durations(recording: Recording, sums: pd.DataFrame, minutes: float) -> Floats:
+    """Return how long (s) each region's interval was recorded; the last of a period may be short."""
+    frames = recording.table.groupby(c.PERIOD, observed=True)[c.FRAME].agg(["min", "max"])
+    whole = ((frames["max"] - frames["min"] + 1) * road.FRAME_STEP).reindex(sums[c.PERIOD].astype(str)).to_numpy()
+    begin = sums[MINUTE].to_numpy() * 60.0 * minutes
+    return np.asarray(np.minimum(60.0 * minutes, whole - begin))
+
+
+def speed_by_position(recording: Recording, *, bins: int = SEGMENTS) -> pd.DataFrame:
+    """Return Edie's mean speed on the main lanes by period and position.
+
+    Returns
+    -------
+    pandas.DataFrame
+        ``period, segment, x_m, speed_m_s, speed_se_m_s`` and ``vehicles``. The standard error is over the
+        vehicles' own mean speeds there, whose frames are not independent.
+    """
+    table = _in_section(recording.table)
+    table = table[table[c.LANE] <= road.MAIN_LANES]
+    segment = np.minimum((table[c.X] / road.SECTION_LENGTH * bins).astype(np.int64), bins - 1)
+    table = table.assign(**{SEGMENT: segment})
+    own = table.groupby([c.PERIOD, SEGMENT, c.VEHICLE], observed=True)[c.SPEED].mean()
+    by_vehicle = own.groupby([c.PERIOD, SEGMENT], observed=True).agg(["sem", "size"])
+    speed = table.groupby([c.PERIOD, SEGMENT], observed=True)[c.SPEED].mean()
+    out = pd.DataFrame({MEAN_SPEED: speed, "speed_se_m_s": by_vehicle["sem"], "vehicles": by_vehicle["size"]})
+    out = out.reset_index()
+    out.insert(2, "x_m", (out[SEGMENT] + 0.5) * road.SECTION_LENGTH / bins)
+    return out
+
+
+def travel_times(recording: Recording, *, stations: tuple[float, float] = STATIONS) -> pd.DataFrame:
+    """Return how long each vehicle took from one station to the other.
+
+    Returns
+    -------
+    pandas.DataFrame
+        ``period, vehicle, entered_s`` (since the period's first frame), ``travel_time_s``; vehicles that were not seen
+        passing both stations are not there. The moments are interpolated between frames.
+    """
+    passed = [_passing(recording.table, station) for station in stations]
+    both = passed[0].merge(passed[1], on=[c.PERIOD, c.VEHICLE], suffixes=("", "_end"))
+    both["travel_time_s"] = both["seconds_end"] - both["seconds"]
+    kept = both.rename(columns={"seconds": "entered_s"})[[c.PERIOD, c.VEHICLE, "entered_s", "travel_time_s"]]
+    return kept[kept["travel_time_s"] > 0].reset_index(drop=True)
+
+
+def _passing(table: pd.DataFrame, station: float) -> pd.DataFrame:
+    """Return when (s) each vehicle's front first passed a station (m)."""
+    starts, _ = runs(table)
+    x, seconds = table[c.X].to_numpy(), _seconds(table)
+    crossing = np.zeros(len(table), dtype=bool)
+    crossing[1:] = (x[:-1] < station) & (x[1:] >= station)
+    crossing[starts] = False
+    rows = np.flatnonzero(crossing)
+    share = (station - x[rows - 1]) / (x[rows] - x[rows - 1])
+    moment = seconds[rows - 1] + share * (seconds[rows] - seconds[rows - 1])
+    found = pd.DataFrame({c.PERIOD: table[c.PERIOD].iloc[rows].astype(str).to_numpy(), c.VEHICLE: table[c.VEHICLE].to_numpy()[rows], "seconds": moment})  # fmt: skip
+    return found.drop_duplicates([c.PERIOD, c.VEHICLE])
+
+
+def lane_changes(recording: Recording, *, held: int = HELD) -> pd.DataFrame:
+    """Return every vehicle's distance and its lane changes.
+
+    A change counts if the vehicle stayed at least ``held`` frames in the lane it left and in the
+    one it came to: measured positions near a marking flicker.
+
+    Returns
+    -------
+    pandas.DataFrame
+        ``period, vehicle, km``, ``changes`` between main lanes, ``merges`` from the auxiliary lane or the ramp,
+        ``exits`` to them.
+    """
+    table = recording.table
+    lane = np.minimum(table[c.LANE].to_numpy(np.int64), road.AUXILIARY_LANE)  # ramps continue the auxiliary lane
+    starts, lengths = runs(table)
+    stretch = np.repeat(np.arange(len(starts)), lengths)
+    breaks = np.flatnonzero((np.diff(lane) != 0) | (np.diff(stretch) != 0)) + 1
+    first = np.concatenate([[0], breaks])
+    long = np.diff(np.concatenate([first, [len(lane)]])) >= held
+    first = first[long]
+    before, after = lane[first[:-1]], lane[first[1:]]
+    changed = (stretch[first[1:]] == stretch[first[:-1]]) & (before != after)
+    main = road.MAIN_LANES
+    kinds = {"changes": (before <= main) & (after <= main), "merges": before > main, "exits": after > main}
+    counts = pd.DataFrame({c.PERIOD: table[c.PERIOD], c.VEHICLE: table[c.VEHICLE], "km": table[c.SPEED] * road.FRAME_STEP / PER_KM})  # fmt: skip
+    for name, kind in kinds.items():
+        counts[name] = 0
+        counts.loc[first[1:][changed & kind], name] = 1
+    return counts.groupby([c.PERIOD, c.VEHICLE], observed=True).sum().reset_index()
+
+
+def vehicle_counts(recording: Recording) -> pd.Series:
+    """Return the number of vehicles by period, for any recording; of a thin one it says nothing of the traffic."""
+    table = recording.table.drop_duplicates([c.PERIOD, c.VEHICLE])
+    return table.groupby(c.PERIOD, observed=True).size().reindex(recording.periods)

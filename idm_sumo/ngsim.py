@@ -1,0 +1,270 @@
+"""Tables with NGSIM's names, in feet, to a :class:`~idm_sumo.recording.Recording`: the only place that knows feet."""
+
+from __future__ import annotations
+
+import numpy as np
+import numpy.typing as npt
+import pandas as pd
+
+from idm_sumo import columns as c
+from idm_sumo import leaders
+from idm_sumo.accounting import Accounting, Ledger
+from idm_sumo.errors import InputError
+from idm_sumo.periods import FRAME_MS, split_periods
+from idm_sumo.recording import Recording
+from idm_sumo.road import (
+    AUXILIARY_LANE,
+    FOOT,
+    FRAME_STEP,
+    LANE_WIDTH,
+    OFF_RAMP_LANE,
+    OFF_RAMP_X,
+    ON_RAMP_LANE,
+    ON_RAMP_X,
+)
+
+HIGHEST_SPEED = 70.0  # m/s; nothing recorded on a motorway is faster
+FINITE = ("Vehicle_ID", "Frame_ID", "Global_Time", "Local_X", "Local_Y", "v_Vel", "v_Acc", "Lane_ID")
+IMPOSSIBLE_SHARE = 0.01  # more impossible values than this are a wrong unit or column, not noise
+DENSE_SHARE = 0.5  # share of leaders found in the table from which it counts as complete
+
+
+def to_recording(raw: pd.DataFrame, ledger: Ledger, *, source: str) -> tuple[Recording, Accounting]:
+    """Turn a table of official names into a recording, booking every row that is left out.
+
+    Parameters
+    ----------
+    raw : pandas.DataFrame
+        Columns by their official names, numbers in feet; incomplete columns are worked
+        around where that is honest, and noted.
+    ledger : Ledger
+        The rows read so far.
+    source : str
+        Name for messages.
+
+    Raises
+    ------
+    InputError
+        If a column that cannot be done without is missing, or the numbers are not in feet.
+    """
+    need(list(raw.columns), source)
+    if raw.empty:
+        raise InputError(f"{source}: no rows; give a recording with at least one vehicle")
+    before = set(raw["Vehicle_ID"].dropna().unique())
+    notes: list[str] = []
+    raw = _drop_unfinished(raw, ledger)
+    _check_not_empty(raw, ledger, source)
+    check_feet(raw, source)
+    raw = _with_period(raw, notes)
+    raw = _drop_repeated(raw, ledger)
+    table = _in_si(raw, notes)
+    table = _drop_impossible(table, ledger, source)
+    table = table.sort_values(list(c.KEYS), kind="stable", ignore_index=True)
+    table, known = _with_leaders(table, "Preceding" in raw, notes)
+    recording = Recording.from_table(table, source=source, notes=tuple(notes), has_leader_rows=known)
+    lost = len(before - set(recording.table[c.VEHICLE].unique().astype(float)))
+    gone = {"no row left": lost} if lost else {}
+    return recording, ledger.close(len(recording.table), vehicles=recording.vehicle_count, vehicles_dropped=gone)
+
+
+def need(names: list[str], source: str) -> None:
+    """Raise if the columns cannot make a recording.
+
+    Raises
+    ------
+    InputError
+        Names what is missing and what was found.
+    """
+    missing = [name for name in ("Vehicle_ID", "Local_X", "Local_Y") if name not in names]
+    if not {"Frame_ID", "step", "Global_Time"} & set(names):
+        missing.append("Frame_ID")
+    if missing:
+        found = ", ".join(names[:12]) + (", ..." if len(names) > 12 else "")
+        raise InputError(
+            f"{source}: unknown layout: column {', '.join(missing)} missing, found {found}; needed are at least "
+            "Vehicle_ID, Frame_ID, Local_X, Local_Y (NGSIM), or a SUMO FCD file"
+        )
+
+
+def _drop_unfinished(raw: pd.DataFrame, ledger: Ledger) -> pd.DataFrame:
+    """Drop rows without a number where one is needed. No leader, size or class is not a defect of a row."""
+    frame = raw["Frame_ID"] if "Frame_ID" in raw else pd.Series(np.nan, raw.index)
+    if "step" in raw:
+        frame = frame.fillna(raw["step"])
+    if "Global_Time" in raw and "Frame_ID" not in raw and "step" not in raw:
+        frame = ((raw["Global_Time"] - raw["Global_Time"].min()) / FRAME_MS).round()
+    raw = raw.assign(Frame_ID=frame)
+    values = raw[[name for name in FINITE if name in raw]].to_numpy(dtype="float64")
+    return ledger.drop(raw, ~np.isfinite(values).all(axis=1), "non-finite value")
+
+
+def _check_not_empty(raw: pd.DataFrame, ledger: Ledger, source: str) -> None:
+    if raw.empty:
+        reasons = ", ".join(f"{rows} {reason}" for reason, rows in ledger.dropped.items())
+        raise InputError(f"{source}: no rows left of {ledger.total} read ({reasons})")
+
+
+def check_feet(raw: pd.DataFrame, source: str) -> None:
+    """Raise if the table looks like metres, or has positions and speeds in different units.
+
+    Raises
+    ------
+    InputError
+        Says which numbers give it away.
+    """
+    advice = "NGSIM layout is in feet; convert, or give a Parquet of our own columns"
+    if "Lane_ID" in raw:
+        main = raw[raw["Lane_ID"].between(1, 5)]
+        width = float((main["Local_X"] / (main["Lane_ID"] - 0.5)).median()) if len(main) else 12.0
+        if width < 6.0:
+            raise InputError(f"{source}: looks like metres: lanes are {width:.1f} wide by Local_X; {advice}")
+    elif raw["Local_X"].max() < 25 and raw["Local_Y"].max() < 700 and _slow(raw):
+        raise InputError(
+            f"{source}: looks like metres: Local_X ends at {raw['Local_X'].max():.1f}, "
+            f"Local_Y at {raw['Local_Y'].max():.0f}; {advice}"
+        )
+    _check_speed(raw, source)
+
+
+def _slow(raw: pd.DataFrame) -> bool:
+    """Whether no vehicle is faster than 35, which any free vehicle is in ft/s and none was in m/s."""
+    return "v_Vel" not in raw or float(raw["v_Vel"].quantile(0.99)) < 35
+
+
+def _check_speed(raw: pd.DataFrame, source: str) -> None:
+    """Compare the recorded speed with the progress of the positions."""
+    if "v_Vel" not in raw:
+        return
+    same = (raw["Vehicle_ID"].diff() == 0) & (raw["Frame_ID"].diff() == 1) & (raw["v_Vel"] > 10)
+    if same.sum() < 20:
+        return
+    ratio = float((raw["Local_Y"].diff() / FRAME_STEP / raw["v_Vel"])[same].median())
+    if not 0.5 < ratio < 2:
+        raise InputError(
+            f"{source}: Local_Y advances {ratio:.2f} times as fast as v_Vel says; both must be in feet, 0.1 s a frame"
+        )
+
+
+def _with_period(raw: pd.DataFrame, notes: list[str]) -> pd.DataFrame:
+    """Add the period of each row: the file's own scene or period, or else from the clock."""
+    for name in ("scene", "period"):
+        if name in raw:
+            notes.append(f"period is the file's {name}")
+            return raw.assign(**{c.PERIOD: pd.Categorical(raw[name].fillna("(none)").astype(str))})
+    if "Global_Time" not in raw:
+        notes.append("one period is assumed, because there is no Global_Time")
+        return raw.assign(**{c.PERIOD: pd.Categorical(np.full(len(raw), "recording"))})
+    whole = {name: raw[name].to_numpy().round().astype(np.int64) for name in ("Vehicle_ID", "Frame_ID", "Global_Time")}
+    labels, note = split_periods(*whole.values())
+    if note:
+        notes.append(note)
+    return raw.assign(**{c.PERIOD: labels})
+
+
+def _drop_repeated(raw: pd.DataFrame, ledger: Ledger) -> pd.DataFrame:
+    """Drop rows that are there twice, and second rows of a vehicle in one frame."""
+    key = [c.PERIOD, "Vehicle_ID", "Frame_ID"]
+    twice = raw.duplicated(key, keep=False)
+    if not twice.any():
+        return raw
+    exact = pd.Series(False, raw.index)
+    exact[twice] = raw[twice].duplicated()
+    raw = ledger.drop(raw, exact, "exact duplicate row")
+    return ledger.drop(raw, raw.duplicated(key), "duplicate frame of a vehicle")
+
+
+def _in_si(raw: pd.DataFrame, notes: list[str]) -> pd.DataFrame:
+    """Return the table in metres and seconds, with every column but leaders found from headways."""
+    frame = raw["Frame_ID"].to_numpy().round().astype(np.int64)
+    table = pd.DataFrame({
+        c.PERIOD: raw[c.PERIOD], c.VEHICLE: raw["Vehicle_ID"].astype("int64"), c.FRAME: frame,
+        c.X: raw["Local_Y"] * FOOT, c.Y: -raw["Local_X"] * FOOT, c.HEADING: 0.0,
+    })  # fmt: skip
+    if "Global_Time" in raw:
+        table[c.TIME] = raw["Global_Time"] / 1000
+    else:
+        table[c.TIME] = frame * FRAME_STEP
+        notes.append("time is counted from frame 0, because there is no Global_Time")
+    _add_motion(table, raw, notes)
+    _add_sizes(table, raw, notes)
+    if "Lane_ID" in raw:
+        table[c.LANE] = raw["Lane_ID"].round().clip(-1, 99).astype("int64")
+    else:
+        table[c.LANE] = lane_by_position(table[c.X].to_numpy(), table[c.Y].to_numpy())
+        notes.append("lane is taken from the lateral position, because there is no Lane_ID")
+    headway = raw["Space_Headway"] * FOOT if "Space_Headway" in raw else pd.Series(np.nan, raw.index)
+    table[c.HEADWAY] = headway.where(np.isfinite(headway) & (headway > 0))
+    preceding = raw["Preceding"] if "Preceding" in raw else pd.Series(0.0, raw.index)
+    table[c.LEADER] = preceding.where(np.isfinite(preceding) & (preceding > 0), 0).astype("int64")
+    return table
+
+
+def _add_motion(table: pd.DataFrame, raw: pd.DataFrame, notes: list[str]) -> None:
+    """Add speed and acceleration, from differences where they were not recorded; smoothing redoes both anyway."""
+    rows = table.assign(row=np.arange(len(table))).sort_values(list(c.KEYS), kind="stable")
+    for name, recorded, origin in ((c.SPEED, "v_Vel", c.X), (c.ACCELERATION, "v_Acc", c.SPEED)):
+        if recorded in raw:
+            table[name] = raw[recorded] * FOOT
+            continue
+        order = rows["row"].to_numpy()
+        ordered = table.iloc[order]
+        same = ordered[[c.PERIOD, c.VEHICLE]].astype({c.PERIOD: "str"}).eq(
+            ordered[[c.PERIOD, c.VEHICLE]].astype({c.PERIOD: "str"}).shift()
+        ).all(axis=1)  # fmt: skip
+        rate = (ordered[origin].diff() / (ordered[c.FRAME].diff() * FRAME_STEP)).where(same)
+        rate = rate.bfill(limit=1).fillna(0.0)
+        table[name] = pd.Series(rate.to_numpy(), index=ordered.index).clip(lower=0 if name == c.SPEED else None)
+        notes.append(f"{name} is a difference of {origin} until smoothed, because there is no {recorded}")
+
+
+def _add_sizes(table: pd.DataFrame, raw: pd.DataFrame, notes: list[str]) -> None:
+    for name, recorded in ((c.LENGTH, "v_Length"), (c.WIDTH, "v_Width")):
+        size = raw[recorded] * FOOT if recorded in raw else pd.Series(np.nan, raw.index)
+        table[name] = size.where(np.isfinite(size) & (size > 0))
+    kind = raw["v_Class"] if "v_Class" in raw else pd.Series(0.0, raw.index)
+    table[c.CLASS] = kind.where(kind.isin([1, 2, 3]), 0).astype("int8")
+    missing = [name for name in ("v_Length", "v_Width", "v_Class") if name not in raw]
+    if missing:
+        notes.append(f"{', '.join(missing)} not recorded")
+
+
+def lane_by_position(x: npt.NDArray[np.float64], y: npt.NDArray[np.float64]) -> npt.NDArray[np.int64]:
+    """Return the lane number at each place (m), shape ``(rows,)``: 12 ft lanes, beyond the fifth by ``x``.
+
+    Right of lane 5 lie the on-ramp up to 578 ft, then the auxiliary lane, then the
+    off-ramp from 1,276 ft.
+    """
+    lane = np.maximum(np.floor(-y / LANE_WIDTH).astype(np.int64) + 1, 1)
+    ramp = np.where(x < ON_RAMP_X, ON_RAMP_LANE, np.where(x > OFF_RAMP_X, OFF_RAMP_LANE, AUXILIARY_LANE))
+    return np.where(lane >= AUXILIARY_LANE, ramp, lane)
+
+
+def _drop_impossible(table: pd.DataFrame, ledger: Ledger, source: str) -> pd.DataFrame:
+    bad = ~table[c.SPEED].between(0, HIGHEST_SPEED) | ~table[c.LANE].between(1, OFF_RAMP_LANE)
+    if bad.mean() > IMPOSSIBLE_SHARE:
+        row = table[bad].iloc[0]
+        raise InputError(
+            f"{source}: {bad.sum()} of {len(table)} rows are impossible, first vehicle {row[c.VEHICLE]}, frame "
+            f"{row[c.FRAME]}: speed {row[c.SPEED]:.1f} m/s, lane {row[c.LANE]}; check units and columns"
+        )
+    return ledger.drop(table, bad, "impossible speed or lane")
+
+
+def _with_leaders(table: pd.DataFrame, recorded: bool, notes: list[str]) -> tuple[pd.DataFrame, bool]:
+    """Fill in leaders and say whether the vehicles ahead are in the table.
+
+    With ``Preceding`` or without any headway the table is taken as complete. With headways
+    alone it counts as complete if at least half of them point at a vehicle that is there;
+    otherwise it is a thin subset, of whose leaders only the headway is known.
+    """
+    if recorded or table[c.HEADWAY].isna().all():
+        return table, True
+    leader = leaders.leader_from_headway(table)
+    share = float((leader > 0).sum() / table[c.HEADWAY].notna().sum())
+    if share >= DENSE_SHARE:
+        notes.append(f"leader is found from Space_Headway ({share:.0%} of headways), because there is no Preceding")
+        return table.assign(**{c.LEADER: leader}), True
+    notes.append(
+        f"leader is known by its headway only: no Preceding, and only {share:.0%} of the vehicles ahead are in the file"
+    )
+    return table, False

@@ -1,0 +1,71 @@
+"""Who is ahead along any path, modelled or recorded: one definition for metrics and driving codes."""
+
+from __future__ import annotations
+
+from typing import NamedTuple
+
+import numpy as np
+import numpy.typing as npt
+from numba import njit
+
+from idm_sumo import road
+from idm_sumo.scenes import LEADER_FROM_LANE, Scenes
+from idm_sumo.traffic import NOBODY, leader_row
+
+Floats = npt.NDArray[np.float64]
+
+
+class LeadersAlong(NamedTuple):
+    """The leader at every step of a path: ``gap`` (m, infinite without one), ``speed`` (m/s, NaN without one)."""
+
+    gap: Floats
+    speed: Floats
+
+
+def leaders_along(scenes: Scenes, x: Floats, y: Floats, first: int) -> LeadersAlong:
+    """Return gap to and speed of the leader along one path a driver.
+
+    Parameters
+    ----------
+    scenes : Scenes
+    x, y : array, shape (vehicles, steps)
+        Front bumper (m), modelled or recorded.
+    first : int
+        Frame of the window that column 0 belongs to.
+
+    Returns
+    -------
+    LeadersAlong
+        Arrays of shape ``(vehicles, steps)``.
+
+    Notes
+    -----
+    The leader is the first recorded vehicle ahead in the lane that holds the front *at that
+    step*, the driver's own recorded twin excepted. Where only the twin's headway is known
+    (``leader_source == "twin"``), it is the twin's leader, whatever the lane.
+    """
+    cells = _cells_along(scenes, y, first)
+    gap, speed = np.empty(x.shape), np.empty(x.shape)
+    t = scenes.traffic
+    _look_ahead(
+        np.ascontiguousarray(x), cells, scenes.vehicle, t.offsets, t.x, t.speed, t.length, t.vehicle, gap, speed
+    )
+    return LeadersAlong(gap, speed)
+
+
+def _cells_along(scenes: Scenes, y: Floats, first: int) -> npt.NDArray[np.int64]:
+    """Return the cell of the traffic that holds each point of the paths."""
+    steps = first + np.arange(y.shape[1])
+    if scenes.leader_source == LEADER_FROM_LANE:
+        return scenes.traffic.cell(road.lane_at(y), scenes.first_frame[:, None] + steps)
+    return scenes.cell[:, None] + steps
+
+
+@njit(cache=True)
+def _look_ahead(x, cells, own, offsets, traffic_x, traffic_speed, traffic_length, traffic_vehicle, gap, speed):  # type: ignore[no-untyped-def]
+    for i in range(x.shape[0]):
+        for k in range(x.shape[1]):
+            row = leader_row(offsets, traffic_x, traffic_vehicle, cells[i, k], x[i, k], own[i])
+            gap[i, k], speed[i, k] = np.inf, np.nan
+            if row != NOBODY:
+                gap[i, k], speed[i, k] = traffic_x[row] - traffic_length[row] - x[i, k], traffic_speed[row]

@@ -1,0 +1,203 @@
+"""IDM parameters of a driver that was observed for a second: the paper's KNN and plain baselines."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from typing import Any
+
+import numpy as np
+import numpy.typing as npt
+import pandas as pd
+from sklearn.base import BaseEstimator, MultiOutputMixin, RegressorMixin
+from sklearn.impute import SimpleImputer
+from sklearn.neighbors import KNeighborsRegressor
+from sklearn.pipeline import Pipeline, make_pipeline
+from sklearn.preprocessing import StandardScaler
+from sklearn.utils.validation import check_is_fitted, validate_data
+
+from idm_sumo import columns as c
+from idm_sumo import road
+from idm_sumo.driving_code import FEATURES, driving_code
+from idm_sumo.errors import InputError
+from idm_sumo.idm import LOWER, UPPER, IDMParameters
+from idm_sumo.perception import leaders_along
+from idm_sumo.scenes import Scenes
+
+Floats = npt.NDArray[np.float64]
+
+LEFT_OUT_PARTS = 10  # a library driver is predicted by the nine tenths it is not in
+
+
+class KNNPredictor(RegressorMixin, MultiOutputMixin, BaseEstimator):  # type: ignore[misc]
+    """Average the parameters of the ``n_neighbors`` training drivers with the nearest driving codes.
+
+    Codes are standardised by the training drivers' means and deviations; a missing value
+    (no leader seen) takes the training mean, so that it neither attracts nor repels.
+
+    Parameters
+    ----------
+    n_neighbors : int
+        The paper's K, 8.
+    features : sequence of str or None
+        Columns of the driving code to use when codes come as a table; None takes all, and
+        an array is used whole.
+
+    Attributes
+    ----------
+    pipeline_ : sklearn.pipeline.Pipeline
+        Imputation, standardisation, neighbours.
+    imputed_ : int64, shape (features,)
+        Values of the training codes that were missing.
+    n_features_in_ : int
+    """
+
+    def __init__(self, n_neighbors: int = 8, features: Sequence[str] | None = tuple(FEATURES.values())) -> None:
+        self.n_neighbors = n_neighbors
+        self.features = features
+
+    def fit(self, X: pd.DataFrame | npt.ArrayLike, y: npt.ArrayLike) -> KNNPredictor:
+        """Remember the training drivers.
+
+        Parameters
+        ----------
+        X : pandas.DataFrame or array, shape (drivers, features)
+            Driving codes.
+        y : array, shape (drivers, 5)
+            Their IDM parameters ``a, b, T, d0, d1``.
+
+        Raises
+        ------
+        InputError
+            If a feature is missing or there are fewer drivers than neighbours.
+        """
+        codes, theta = validate_data(
+            self, self._chosen(X), y, ensure_all_finite="allow-nan", multi_output=True, y_numeric=True
+        )
+        if self.n_neighbors > len(codes):
+            raise InputError(
+                f"n_neighbors = {self.n_neighbors}: only n_samples = {len(codes)} training drivers; ask for fewer"
+            )
+        self.imputed_ = np.isnan(codes).sum(axis=0)
+        imputer = SimpleImputer(strategy="mean", keep_empty_features=True)
+        self.pipeline_: Pipeline = make_pipeline(imputer, StandardScaler(), KNeighborsRegressor(self.n_neighbors))
+        self.pipeline_.fit(codes, theta)
+        return self
+
+    def predict(self, X: pd.DataFrame | npt.ArrayLike) -> Floats:
+        """Return the predicted parameters, shape ``(drivers, 5)``, of drivers with these codes."""
+        codes = self._checked(X)
+        return np.asarray(self.pipeline_.predict(codes))
+
+    def missing(self, X: pd.DataFrame | npt.ArrayLike) -> npt.NDArray[np.int64]:
+        """Return how many values of each feature :meth:`predict` would fill in for these codes."""
+        return np.asarray(np.isnan(self._checked(X)).sum(axis=0))
+
+    def _checked(self, X: pd.DataFrame | npt.ArrayLike) -> Floats:
+        check_is_fitted(self)
+        return np.asarray(validate_data(self, self._chosen(X), reset=False, ensure_all_finite="allow-nan"))
+
+    def _chosen(self, X: Any) -> Any:
+        """Pick the features out of a table of codes."""
+        if self.features is None or not isinstance(X, pd.DataFrame):
+            return X
+        if absent := [name for name in self.features if name not in X.columns]:
+            raise InputError(f"driving code has no column {absent[0]!r}; it has {', '.join(map(str, X.columns))}")
+        return X[list(self.features)]
+
+    def __sklearn_tags__(self) -> Any:
+        """Tell scikit-learn that missing values are allowed."""
+        tags = super().__sklearn_tags__()
+        tags.input_tags.allow_nan = True
+        return tags
+
+
+def average_parameters(theta: npt.ArrayLike) -> IDMParameters:
+    """Return the plain average of many drivers' parameters, shape ``(drivers, 5)``: the paper's "IDM Ave."."""
+    return IDMParameters(*np.asarray(theta, dtype=np.float64).mean(axis=0).tolist())
+
+
+def first_gap_parameters(scenes: Scenes, pooled: IDMParameters, *, desired_speed: float = road.SPEED_LIMIT) -> Floats:
+    r"""Return pooled parameters in which every driver keeps the gap it starts with.
+
+    The baseline without any learning about drivers. Only ``T`` differs: it makes the gap at
+    the start of the simulation the equilibrium gap at the speed of the start,
+
+    .. math:: T = \frac{d\sqrt{1 - (v/v_0)^4} - d_0 - d_1\sqrt{v/v_0}}{v},
+
+    :func:`idm_sumo.idm.equilibrium_gap` solved for ``T``, within the bounds of calibration.
+    Where no ``T`` does it (no leader, at standstill, at or above the desired speed) the
+    pooled one stays.
+
+    Returns
+    -------
+    array, shape (vehicles, 5)
+    """
+    start = slice(scenes.start, scenes.start + 1)
+    gap = leaders_along(scenes, scenes.x[:, start], scenes.y[:, start], scenes.start).gap[:, 0]
+    speed = scenes.speed[:, scenes.start]
+    solvable = np.isfinite(gap) & (speed > 0.0) & (speed < desired_speed)
+    v, d = speed[solvable], gap[solvable]
+    share = v / desired_speed
+    headway = (d * np.sqrt(1.0 - share**4) - pooled.d0 - pooled.d1 * np.sqrt(share)) / v
+    theta = np.tile(np.asarray(pooled, dtype=np.float64), (len(scenes), 1))
+    theta[solvable, IDMParameters._fields.index("T")] = np.clip(headway, LOWER.T, UPPER.T)
+    return theta
+
+
+def predict_drivers(scenes: Scenes, library: pd.DataFrame, *, observed: int, neighbours: int) -> pd.DataFrame:
+    """Predict the drivers of ``scenes`` from their first frames and a table of calibrated drivers.
+
+    A driver that is in the library itself (same period and vehicle) is predicted without its
+    own row: the library is left out in ten parts, as in cross-validation.
+
+    Parameters
+    ----------
+    scenes : Scenes
+    library : pandas.DataFrame
+        Calibrated drivers with their driving codes, as ``idm-sumo calibrate`` writes them.
+    observed, neighbours : int, keyword-only
+        Frames that are seen of each driver, and how many similar drivers are averaged.
+
+    Returns
+    -------
+    pandas.DataFrame
+        ``period, vehicle, first_frame, a, b, T, d0, d1, status, based_on`` and the code.
+
+    Raises
+    ------
+    InputError
+        If the library holds no usable driver or no driving codes.
+    """
+    known = _usable(library)
+    codes = driving_code(scenes, observed)
+    own = pd.MultiIndex.from_arrays([np.full(len(scenes), scenes.period), scenes.vehicle])
+    part_of_known = pd.factorize(known.set_index([c.PERIOD, c.VEHICLE]).index)[0] % LEFT_OUT_PARTS
+    part_of = pd.Series(
+        part_of_known, index=pd.MultiIndex.from_frame(known[[c.PERIOD, c.VEHICLE]].astype({c.PERIOD: str}))
+    )
+    part = part_of[~part_of.index.duplicated()].reindex(own).fillna(-1).to_numpy(dtype=np.int64)
+    theta = np.empty((len(scenes), len(IDMParameters._fields)))
+    for number in np.unique(part):
+        rest = known[part_of_known != number]
+        if rest.empty:
+            raise InputError("the driver table holds no drivers but the ones to be predicted; calibrate more drivers")
+        predictor = KNNPredictor(min(neighbours, len(rest))).fit(
+            rest[list(FEATURES.values())], rest[list(IDMParameters._fields)]
+        )
+        theta[part == number] = predictor.predict(codes[part == number])
+    blind = codes["leader_frames"] == 0
+    table = pd.DataFrame({c.PERIOD: scenes.period, c.VEHICLE: scenes.vehicle, "first_frame": scenes.first_frame})
+    table[list(IDMParameters._fields)] = theta
+    table["status"] = np.where(blind, "no leader seen: time headway filled in by the library's mean", "ok")
+    table["based_on"] = f"{observed} frames, {neighbours} neighbours of {len(known)} drivers"
+    return table.join(codes)
+
+
+def _usable(library: pd.DataFrame) -> pd.DataFrame:
+    """Return the library's drivers with finite parameters and a driving code."""
+    if absent := [name for name in FEATURES.values() if name not in library.columns]:
+        raise InputError(f"driver table has no column {absent[0]!r}; write it with `idm-sumo calibrate`")
+    finite = np.isfinite(library[list(IDMParameters._fields)].to_numpy(np.float64)).all(axis=1)
+    if not finite.any():
+        raise InputError("the driver table holds no driver with finite parameters; see its column `status`")
+    return library[finite].reset_index(drop=True)

@@ -1,0 +1,230 @@
+"""Modelled vehicles whose followers react, to see what replayed followers cost.
+
+A replayed vehicle cannot answer a modelled car that behaves otherwise than its recorded twin. Here
+the first recorded vehicles that come to be behind the modelled car in its lane are
+modelled too, from then on: they keep the lane and follow by IDM whoever is next ahead of them, the
+modelled car or another. All others are replayed.
+
+The modelled car looks ahead only, so its path is the same in both cases - save where a replayed follower
+drives through it and is then, absurdly, its leader.
+"""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from typing import NamedTuple
+
+import numpy as np
+import numpy.typing as npt
+import pandas as pd
+from numba import njit
+
+from idm_sumo import bicycle, road
+from idm_sumo import columns as c
+from idm_sumo.errors import InputError
+from idm_sumo.metrics import score
+from idm_sumo.rollout import Trajectories, control, drive_idm, perceive
+from idm_sumo.scenes import LEADER_FROM_LANE, Scenes
+from idm_sumo.traffic import NOBODY, Traffic, sort_into_cells
+
+Floats = npt.NDArray[np.float64]
+Integers = npt.NDArray[np.int64]
+
+STATE = (c.X, c.Y, c.HEADING, c.SPEED)
+
+
+def score_with_reacting(
+    scenes: Scenes, parameters: npt.ArrayLike, followers: pd.DataFrame | npt.ArrayLike, *, reacting: int = 3,
+    desired_speed: float = road.SPEED_LIMIT,
+) -> pd.DataFrame:  # fmt: skip
+    """Drive every vehicle by IDM, its followers too, and score it as a replay is scored.
+
+    Parameters
+    ----------
+    scenes : Scenes
+        With the vehicles around (``leader_source == "lane"``).
+    parameters : array_like, shape (vehicles, 5) or (5,)
+        ``a, b, T, d0, d1`` of the modelled vehicles.
+    followers : pandas.DataFrame or array_like, shape (5,)
+        Parameters of the vehicles behind: a table with ``vehicle, a, b, T, d0, d1``, one row each and, for
+        everybody not in it, a row with vehicle 0; or one set for all.
+    reacting : int
+        How many of the vehicles behind react, the first ones; windows begin at entry, so many of them come later.
+    desired_speed : float
+        m/s, of all.
+
+    Returns
+    -------
+    pandas.DataFrame
+        :func:`idm_sumo.metrics.score`, and ``followers``: how many vehicles reacted.
+
+    Raises
+    ------
+    InputError
+        If the recording does not hold the vehicles around.
+    """
+    if scenes.leader_source != LEADER_FROM_LANE:
+        raise InputError(
+            f"period {scenes.period}: the recording does not hold the vehicles behind, so they cannot react"
+        )
+    theta = np.broadcast_to(np.asarray(parameters, dtype=np.float64), (len(scenes), 5))
+    replayed = drive_idm(scenes, theta, desired_speed=desired_speed)
+    rows = []
+    for index in range(len(scenes)):
+        one = scenes.subset(np.array([index]))
+        behind = vehicles_behind(one, replayed.x[index], reacting)
+        own = np.vstack([theta[index], parameters_of_followers(followers, one.traffic.vehicle[behind.row])])
+        driven, traffic = _drive_chain(one, behind, own, desired_speed)
+        rows.append(score(replace(one, traffic=traffic), driven).assign(followers=len(behind.row)))
+    return pd.concat(rows, ignore_index=True)
+
+
+class Behind(NamedTuple):
+    """Vehicles behind a driver: the row of the traffic in which each begins to react, and the step of the simulation."""
+
+    row: Integers
+    step: Integers
+
+
+def vehicles_behind(scenes: Scenes, x: Floats, most: int) -> Behind:
+    """Return the first vehicles that come to be behind one driver in its lane.
+
+    Parameters
+    ----------
+    scenes : Scenes
+        Of one driver.
+    x : array, shape (steps + 1,)
+        Its simulated path, m.
+    most : int
+        How many, at most.
+    """
+    t, found = scenes.traffic, dict[int, tuple[int, int]]()
+    for step in range(len(x) - 1):
+        cell = int(scenes.cell[0]) + scenes.start + step
+        end = t.offsets[cell] + np.searchsorted(t.x[t.offsets[cell] : t.offsets[cell + 1]], x[step])
+        for row in range(int(end) - 1, int(t.offsets[cell]) - 1, -1):
+            number = int(t.vehicle[row])
+            if len(found) < most and number != scenes.vehicle[0] and number not in found:
+                found[number] = (row, step)
+        if len(found) >= most:
+            break
+    rows = np.array(list(found.values()), dtype=np.int64).reshape(-1, 2)
+    return Behind(rows[:, 0], rows[:, 1])
+
+
+def parameters_of_followers(followers: pd.DataFrame | npt.ArrayLike, number: Integers) -> Floats:
+    """Return the parameters of the vehicles with these numbers, shape ``(followers, 5)``."""
+    if not isinstance(followers, pd.DataFrame):
+        return np.array(np.broadcast_to(np.asarray(followers, dtype=np.float64), (len(number), 5)))
+    by_vehicle = followers.set_index(c.VEHICLE)[["a", "b", "T", "d0", "d1"]]
+    return np.asarray(by_vehicle.loc[np.where(np.isin(number, by_vehicle.index), number, 0)], dtype=np.float64)
+
+
+def _drive_chain(scenes: Scenes, behind: Behind, theta: Floats, desired_speed: float) -> tuple[Trajectories, Traffic]:
+    """Drive one vehicle and those behind it; return the former's path and the traffic around it with the latter's."""
+    t, lane = scenes.traffic, int(scenes.lane[0])
+    own = [getattr(scenes, name)[0, scenes.start] for name in STATE]
+    start = np.array([own, *np.column_stack([getattr(t, name)[behind.row] for name in STATE])])
+    length = np.array([scenes.length[0], *t.length[behind.row]])
+    begin = np.array([0, *behind.step])
+    others = _others(scenes, behind)
+    out = Trajectories.empty(len(begin), scenes.window.horizon)
+    _chain(
+        theta, desired_speed, start, begin, length, float(road.lane_center(lane)), (lane - 1) * others.frames + scenes.start,
+        others.offsets, others.x, others.speed, others.length, others.vehicle,
+        out.x, out.y, out.heading, out.speed, out.acceleration, out.steering, out.gap,
+    )  # fmt: skip
+    out.leader[:] = NOBODY
+    ego = Trajectories(*(np.ascontiguousarray(getattr(out, name)[:1]) for name in Trajectories.__dataclass_fields__))
+    return ego, _with_reacting(scenes, others, out, behind)
+
+
+def _rows_of_window(scenes: Scenes) -> tuple[Integers, Integers]:
+    """Return the rows of the traffic in a window, and their cells counted from the window's first frame."""
+    t, first, frames = scenes.traffic, int(scenes.first_frame[0]), scenes.window.frames
+    rows, cells = [], []
+    for lane in range(1, road.MAIN_LANES + 1):
+        begin = int(t.cell(lane, first))
+        span = t.offsets[begin : begin + frames + 1]
+        rows.append(np.arange(span[0], span[-1]))
+        cells.append((lane - 1) * frames + np.repeat(np.arange(frames), np.diff(span)))
+    return np.concatenate(rows), np.concatenate(cells)
+
+
+def _others(scenes: Scenes, behind: Behind) -> Traffic:
+    """Return a window's traffic without the recorded twin, and without those that react from when they do."""
+    rows, cells = _rows_of_window(scenes)
+    number, step = scenes.traffic.vehicle[rows], cells % scenes.window.frames - scenes.start
+    kept = number != scenes.vehicle[0]
+    for row, begin in zip(behind.row, behind.step, strict=True):
+        kept &= (number != scenes.traffic.vehicle[row]) | (step < begin)
+    columns = {name: getattr(scenes.traffic, name)[rows[kept]] for name in (*STATE, c.LENGTH, c.WIDTH, c.VEHICLE)}
+    return _sorted(scenes, cells[kept], columns)
+
+
+def _sorted(scenes: Scenes, cells: Integers, columns: dict[str, npt.NDArray[np.generic]]) -> Traffic:
+    frames = scenes.window.frames
+    numbers = {name: np.asarray(values, dtype=np.float64) for name, values in columns.items() if name != c.VEHICLE}
+    vehicle = np.asarray(columns[c.VEHICLE], dtype=np.int64)
+    return sort_into_cells(cells, road.MAIN_LANES * frames, numbers, vehicle, int(scenes.first_frame[0]), frames)
+
+
+def _with_reacting(scenes: Scenes, others: Traffic, out: Trajectories, behind: Behind) -> Traffic:
+    """Return the others and the reacting vehicles as one traffic."""
+    steps = out.x.shape[1]
+    there = np.arange(steps) >= behind.step[:, None]
+    cell = np.repeat(np.arange(len(others.offsets) - 1), np.diff(others.offsets))
+    lane = road.lane_at(out.y[1:][there])
+    added_cell = (lane - 1) * others.frames + scenes.start + np.nonzero(there)[1]
+    size = {
+        name: np.repeat(getattr(scenes.traffic, name)[behind.row], there.sum(axis=1))
+        for name in (c.LENGTH, c.WIDTH, c.VEHICLE)
+    }
+    added = {name: getattr(out, name)[1:][there] for name in STATE} | size
+    columns = {name: np.concatenate([getattr(others, name), values]) for name, values in added.items()}
+    return _sorted(scenes, np.concatenate([cell, added_cell]), columns)
+
+
+@njit(cache=True)
+def _chain(  # type: ignore[no-untyped-def]
+    theta, desired_speed, start, begin, length, lane_y, first_cell,
+    offsets, traffic_x, traffic_speed, traffic_length, traffic_vehicle,
+    x, y, heading, speed, acceleration, steering, gap,
+):  # fmt: skip
+    """Fill the paths of a vehicle (row 0) and of those behind it, each from step ``begin``; all look before any moves."""
+    n, steps = acceleration.shape
+    center = np.empty((n, 2))
+    for k in range(steps + 1):
+        for j in range(n):
+            if k == begin[j]:
+                x[j, k], y[j, k], heading[j, k], speed[j, k] = start[j]
+                center[j] = bicycle.center_of_front(x[j, k], y[j, k], heading[j, k], length[j])
+        for j in range(n):
+            if k < begin[j]:
+                continue
+            row, d = perceive(first_cell + k, x[j, k], NOBODY, offsets, traffic_x, traffic_length, traffic_vehicle)
+            leader_speed = traffic_speed[row] if row != NOBODY else speed[j, k]
+            for other in range(n):  # of the chain, whoever is ahead and nearer than the recorded one
+                if k < begin[other] or x[other, k] <= x[j, k]:
+                    continue
+                rear = x[other, k] - length[other] - x[j, k]
+                if rear < d:
+                    d, leader_speed = rear, speed[other, k]
+            gap[j, k] = d
+            if k < steps:
+                acceleration[j, k], steering[j, k] = control(
+                    center[j, 0], center[j, 1], heading[j, k], speed[j, k], d, leader_speed, theta[j], desired_speed,
+                    length[j], lane_y,
+                )  # fmt: skip
+        if k == steps:
+            break
+        for j in range(n):
+            if k < begin[j]:
+                continue
+            cx, cy, psi, v = bicycle.step(
+                center[j, 0], center[j, 1], heading[j, k], speed[j, k], acceleration[j, k], steering[j, k],
+                bicycle.wheelbase(length[j]), road.FRAME_STEP,
+            )  # fmt: skip
+            center[j, 0], center[j, 1] = cx, cy
+            x[j, k + 1], y[j, k + 1] = bicycle.front_of_center(cx, cy, psi, length[j])
+            heading[j, k + 1], speed[j, k + 1] = psi, v

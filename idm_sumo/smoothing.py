@@ -1,0 +1,124 @@
+"""Noisy positions to position, speed, acceleration and heading that belong together."""
+
+from __future__ import annotations
+
+import numpy as np
+import numpy.typing as npt
+import pandas as pd
+from scipy.signal import savgol_filter
+
+from idm_sumo import columns as c
+from idm_sumo.recording import Recording
+from idm_sumo.road import FRAME_STEP
+
+WINDOW = 21  # frames
+ORDER = 3  # of the local polynomial
+SHORTEST = 5  # frames; below, a cubic has nothing to smooth
+STEERING_SPEED = 2.0  # m/s; a car slower than this is not turned by lateral noise
+
+Floats = npt.NDArray[np.float64]
+Integers = npt.NDArray[np.int64]
+
+
+def smooth(recording: Recording, *, already_smooth: bool = False) -> Recording:
+    """Return the recording with positions smoothed and speed, acceleration, heading derived from them.
+
+    A Savitzky-Golay filter (21 frames, third order: a least-squares cubic through the
+    frames around each frame) over each unbroken run of frames of a vehicle; its first and
+    second derivative at the same frame are speed and acceleration, so the three agree.
+    Runs shorter than 21 frames use the longest odd window they hold, runs shorter than 5
+    plain differences. Speed is cut off below at 0. Heading is the direction of motion, with
+    a longitudinal speed of at least 2 m/s so that noise at standstill does not turn a car.
+
+    ``headway`` stays as recorded.
+
+    Parameters
+    ----------
+    recording : Recording
+        As read or cleaned.
+    already_smooth : bool, keyword-only
+        Return the recording unchanged (simulated trajectories, whose speed is exact).
+
+    References
+    ----------
+    A. Savitzky, M. J. E. Golay: Smoothing and differentiation of data by simplified least
+    squares procedures. Analytical Chemistry 36(8), 1964.
+    """
+    if already_smooth:
+        return recording
+    table = recording.table
+    starts, lengths = runs(table)
+    x, speed, acceleration = _filtered(table[c.X].to_numpy(), starts, lengths)
+    y, lateral, _ = _filtered(table[c.Y].to_numpy(), starts, lengths)
+    motion = {
+        c.X: x,
+        c.Y: y,
+        c.SPEED: np.maximum(speed, 0.0),
+        c.ACCELERATION: acceleration,
+        c.HEADING: np.arctan2(lateral, np.maximum(speed, STEERING_SPEED)),
+    }
+    return recording.with_table(table.assign(**motion), "positions smoothed (Savitzky-Golay, 21 frames, order 3)")
+
+
+def runs(table: pd.DataFrame) -> tuple[Integers, Integers]:
+    """Return the first row and the number of rows of each unbroken run of frames of one vehicle.
+
+    Parameters
+    ----------
+    table : pandas.DataFrame
+        Sorted by period, vehicle and frame.
+
+    Returns
+    -------
+    starts, lengths : numpy.ndarray, shape (runs,)
+    """
+    broken = np.ones(len(table), dtype=bool)
+    broken[1:] = np.diff(table[c.FRAME].to_numpy()) != 1
+    broken[1:] |= np.diff(table[c.VEHICLE].to_numpy()) != 0
+    broken[1:] |= np.diff(table[c.PERIOD].cat.codes.to_numpy()) != 0
+    starts = np.flatnonzero(broken)
+    return starts, np.diff(np.append(starts, len(table)))
+
+
+def _filtered(position: Floats, starts: Integers, lengths: Integers) -> tuple[Floats, Floats, Floats]:
+    """Return position, its rate and its second rate, each of shape ``(rows,)``, run by run.
+
+    All rows are filtered at once, as if they were one run, which is right except within half
+    a window of the ends; these are then redone from the first and last windows of the runs.
+    """
+    value, rate, second = (_savgol(position, WINDOW, deriv) for deriv in range(3))
+    out = (value, rate, second)
+    long = lengths >= WINDOW
+    half = WINDOW // 2
+    _fill(out, position, starts[long], WINDOW, slice(None, half))
+    _fill(out, position, starts[long] + lengths[long] - WINDOW, WINDOW, slice(half + 1, None))
+    for length in np.unique(lengths[~long]):
+        _fill(out, position, starts[lengths == length], int(length), slice(None))
+    return out
+
+
+def _fill(out: tuple[Floats, Floats, Floats], position: Floats, starts: Integers, length: int, part: slice) -> None:
+    """Filter equally long stretches together and put the chosen part of each in place."""
+    if not len(starts):
+        return
+    rows = starts[:, None] + np.arange(length)
+    stretches = position[rows]
+    for deriv, values in enumerate(out):
+        filtered = _savgol(stretches, length, deriv) if length >= SHORTEST else _differences(stretches, deriv)
+        values[rows[:, part]] = filtered[:, part]
+
+
+def _savgol(values: Floats, length: int, deriv: int) -> Floats:
+    window = min(WINDOW, length - 1 + length % 2, values.shape[-1] - 1 + values.shape[-1] % 2)
+    if window < SHORTEST:
+        return np.zeros_like(values)  # redone by differences
+    filtered: Floats = savgol_filter(values, window, ORDER, deriv=deriv, delta=FRAME_STEP, mode="interp")
+    return filtered
+
+
+def _differences(stretches: Floats, deriv: int) -> Floats:
+    """Return the ``deriv``-th central difference along the last axis; zero for a single frame."""
+    values = stretches
+    for _ in range(deriv):
+        values = np.gradient(values, FRAME_STEP, axis=-1) if values.shape[-1] > 1 else np.zeros_like(values)
+    return values

@@ -1,0 +1,285 @@
+"""The recorded demand on our network, as vehicles that react: SUMO drives them all, save perhaps one."""
+
+from __future__ import annotations
+
+import shutil
+from collections.abc import Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+from xml.etree.ElementTree import Element, SubElement
+
+import numpy as np
+import pandas as pd
+
+from idm_sumo import columns as c
+from idm_sumo import driver_table as d
+from idm_sumo import road
+from idm_sumo.comparison import Portrait, portray
+from idm_sumo.errors import InputError
+from idm_sumo.progress import Progress, silent
+from idm_sumo.reading import read_recording
+from idm_sumo.recording import Recording
+from idm_sumo.sumo import network, run_recipe
+from idm_sumo.sumo.demand import write_boundary, write_routes
+from idm_sumo.sumo.ego import Ego
+from idm_sumo.sumo.gui import gui_simulation
+from idm_sumo.sumo.session import ALWAYS, simulation
+from idm_sumo.sumo.translation import save
+
+ON_TIME = 0.05  # s, half a step
+LANES_BY_PLACE = "lane is taken from the lateral position"
+SHOWN_EVERY = 5  # frames, of what is kept for pictures
+# A vehicle that finds no room must not keep those waiting that enter by another lane of the edge.
+INSERTION = ("--eager-insert", "true")
+FCD = (
+    "--fcd-output.attributes", "x,y,angle,speed,acceleration",
+    "--fcd-output.acceleration", "true",
+    "--precision", "4",
+)  # fmt: skip
+
+
+@dataclass(frozen=True)
+class RunFiles:
+    """A population's inputs for SUMO, named relative to each other.
+
+    Attributes
+    ----------
+    net, routes, config : Path
+    additional : Path or None
+        The speeds imposed behind the section.
+    duration : float
+        s, as long as was recorded.
+    demand : pandas.DataFrame
+    options : tuple of str
+        Further options of ``sumo``.
+    """
+
+    net: Path
+    routes: Path
+    config: Path
+    additional: Path | None
+    duration: float
+    demand: pd.DataFrame
+    options: tuple[str, ...]
+
+
+@dataclass(frozen=True)
+class Outcome:
+    """What became of a run.
+
+    Attributes
+    ----------
+    fcd : Path
+    departures : pandas.DataFrame
+        ``vehicle, planned_s, departed_s, delay_s``, one row a vehicle of the demand: ``departed_s`` is NaN for one
+        that found no room until the end, and its delay is what it had waited by then.
+    collisions : int
+        Pairs of vehicles that overlapped lengthwise in a lane, by SUMO's own check.
+    arrived : int
+        Vehicles that left the network.
+    ego : pandas.DataFrame or None
+        The Python-driven vehicle frame by frame.
+    """
+
+    fcd: Path
+    departures: pd.DataFrame
+    collisions: int
+    arrived: int
+    ego: pd.DataFrame | None
+
+    @property
+    def late(self) -> pd.DataFrame:
+        """Vehicles that departed late or not at all."""
+        return self.departures[self.departures["delay_s"] > ON_TIME]
+
+
+def write_run(
+    folder: Path, name: str, recording: Recording, demand: pd.DataFrame, types: Sequence[Element], *,
+    downstream: np.ndarray[Any, np.dtype[np.float64]] | None, options: Sequence[str] = (),
+) -> RunFiles:  # fmt: skip
+    """Write what SUMO needs to run one population.
+
+    Parameters
+    ----------
+    folder : Path
+    name : str
+        ``NAME.rou.xml`` and ``NAME.sumocfg`` are written; network and speed signs are shared.
+    recording : Recording
+        One period; it says how long to run.
+    demand, types
+        Of :mod:`idm_sumo.sumo.demand` and :mod:`idm_sumo.sumo.populations`.
+    downstream : array, shape (seconds, 5), or None
+        Speeds (m/s) to impose behind the section. Recorded traffic is held up by what lies downstream of it;
+        without that a closed loop runs free.
+    options : sequence of str
+        Further options of ``sumo``, ``--name value`` in turn.
+    """
+    folder.mkdir(parents=True, exist_ok=True)
+    net, routes, config = folder / "us101.net.xml", folder / f"{name}.rou.xml", folder / f"{name}.sumocfg"
+    if not net.is_file():
+        shutil.copyfile(network.net_file(), net)
+    write_routes(demand, types, routes)
+    additional = None
+    if downstream is not None:
+        additional = folder / "downstream.add.xml"
+        write_boundary(downstream, additional)
+    frames = recording.table[c.FRAME]
+    duration = float((frames.max() - frames.min() + 1) * road.FRAME_STEP)
+    root = run_recipe.configuration(net.name, routes.name, run_recipe.EULER)
+    _complete(root, additional, duration, (*INSERTION, *options))
+    save(root, config)
+    return RunFiles(net, routes, config, additional, duration, demand, tuple(options))
+
+
+def _complete(root: Element, additional: Path | None, duration: float, options: Sequence[str]) -> None:
+    """Add to a configuration what a closed loop has beside the recipe of exported types."""
+    if additional is not None and (inputs := root.find("input")) is not None:
+        SubElement(inputs, "additional-files", value=additional.name)
+    if (time := root.find("time")) is not None:
+        SubElement(time, "end", value=f"{duration:g}")
+    if (processing := root.find("processing")) is not None:
+        for name, value in zip(options[::2], options[1::2], strict=True):
+            SubElement(processing, name.removeprefix("--"), value=value)
+
+
+def run(
+    files: RunFiles, fcd: Path, *, seed: int = 1, ego: Ego | None = None, gui: bool = False, progress: Progress = silent
+) -> Outcome:
+    """Let SUMO run a population over the recorded time.
+
+    Parameters
+    ----------
+    files : RunFiles
+    fcd : Path
+        Parquet to write, every vehicle every 0.1 s.
+    seed : int
+        SUMO's.
+    ego : Ego, optional
+        A vehicle of the demand that we drive.
+    gui : bool
+        Show it in sumo-gui.
+
+    Raises
+    ------
+    InputError
+        If SUMO refuses the inputs; with ``gui``, if there is no sumo-gui or no display.
+    """
+    recipe = [(f"--{name}", value) for name, value in run_recipe.options(run_recipe.EULER).items()]
+    given = {"--step-length", *ALWAYS[::2]}
+    options = [part for pair in recipe if pair[0] not in given for part in pair]
+    options += [
+        "--route-files",
+        str(files.routes),
+        "--seed",
+        str(seed),
+        "--no-warnings",
+        "true",
+        *files.options,
+        *INSERTION,
+        *FCD,
+    ]
+    options += ["--fcd-output", str(fcd)]
+    if files.additional is not None:
+        options += ["--additional-files", str(files.additional)]
+    start = gui_simulation if gui else simulation
+    with start(options, net=files.net) as sumo:
+        departed, collisions, arrived = _loop(sumo, files, ego, progress)
+    table = _departures(files, departed)
+    return Outcome(fcd, table, len(collisions), arrived, None if ego is None else ego.table())
+
+
+def _loop(
+    sumo: Any, files: RunFiles, ego: Ego | None, progress: Progress
+) -> tuple[dict[str, float], set[tuple[str, str]], int]:
+    """Step through the run; return departures (s), colliding pairs, and how many arrived."""
+    departed: dict[str, float] = {}
+    collisions: set[tuple[str, str]] = set()
+    steps, arrived = round(files.duration / road.FRAME_STEP), 0
+    for step in range(steps):
+        sumo.simulationStep()
+        for name in sumo.simulation.getDepartedIDList():
+            departed[name] = step * road.FRAME_STEP
+        arrived += sumo.simulation.getArrivedNumber()
+        if sumo.simulation.getCollidingVehiclesNumber():
+            collisions |= {(hit.collider, hit.victim) for hit in sumo.simulation.getCollisions()}
+        if ego is not None:
+            ego.drive(sumo, step)
+        if step % 100 == 0:
+            progress("simulating", step, steps)
+    progress("simulating", steps, steps)
+    return departed, collisions, arrived
+
+
+def _departures(files: RunFiles, departed: dict[str, float]) -> pd.DataFrame:
+    """Return who departed when, and how late."""
+    vehicle, planned = files.demand[c.VEHICLE].to_numpy(), files.demand[d.DEPART].to_numpy()
+    actual = np.array([departed.get(str(number), np.nan) for number in vehicle])
+    waited = np.where(np.isnan(actual), files.duration, actual) - planned
+    return pd.DataFrame(
+        {
+            "vehicle": vehicle,
+            "planned_s": planned,
+            "departed_s": actual,
+            "delay_s": np.round(np.maximum(waited, 0.0), 1),
+        }
+    )
+
+
+def as_recording(outcome: Outcome, recorded: Recording, demand: pd.DataFrame, name: str) -> Recording:
+    """Return a run as a recording: inside the section, on the recorded clock, with the demand's sizes and classes.
+
+    Raises
+    ------
+    InputError
+        If no vehicle was inside the section.
+    """
+    read = read_recording(outcome.fcd).recording
+    table = read.table
+    table = table[table[c.X].between(0.0, road.SECTION_LENGTH)]
+    if table.empty:
+        raise InputError(f"{outcome.fcd.name}: no vehicle entered the section; see the delays of departures")
+    of = demand.set_index(c.VEHICLE)
+    number = table[c.VEHICLE].to_numpy()
+    first = int(recorded.table[c.FRAME].min())
+    columns: dict[str, Any] = {
+        c.PERIOD: pd.Categorical.from_codes(np.zeros(len(table), dtype=np.int64), categories=pd.Index(recorded.periods)),
+        c.FRAME: table[c.FRAME] + first, c.TIME: table[c.TIME] + float(recorded.table[c.TIME].min()),
+        c.LENGTH: of[d.LENGTH].reindex(number).to_numpy(), c.WIDTH: of[d.WIDTH].reindex(number).to_numpy(),
+        c.CLASS: of[d.CLASS].reindex(number).fillna(0).to_numpy().astype("int8"),
+    }  # fmt: skip
+    table = table.assign(**columns)
+    return Recording(table.reset_index(drop=True), name, (LANES_BY_PLACE,), True)
+
+
+@dataclass(frozen=True)
+class Measured:
+    """A run and what was measured of it.
+
+    Attributes
+    ----------
+    outcome : Outcome
+    portrait : Portrait
+    glimpse : Recording
+        Every fifth frame, for pictures.
+    """
+
+    outcome: Outcome
+    portrait: Portrait
+    glimpse: Recording
+
+
+def run_and_measure(
+    files: RunFiles, fcd: Path, recorded: Recording, *, name: str, seed: int, ego: Ego | None = None, gui: bool = False,
+    progress: Progress = silent,
+) -> Measured:  # fmt: skip
+    """Run a population and measure it; for a process of its own, since libsumo holds one simulation."""
+    outcome = run(files, fcd, seed=seed, ego=ego, gui=gui, progress=progress)
+    recording = as_recording(outcome, recorded, files.demand, name)
+    return Measured(outcome, portray(recording), glimpse_of(recording))
+
+
+def glimpse_of(recording: Recording) -> Recording:
+    """Return every fifth frame of a recording."""
+    table = recording.table
+    return recording.with_table(table[table[c.FRAME] % SHOWN_EVERY == 0].reset_index(drop=True))

@@ -1,0 +1,132 @@
+"""Where drivers are compared: our network, or many straight roads side by side, one lane a driver."""
+
+from __future__ import annotations
+
+from bisect import bisect_right
+from collections.abc import Sequence
+from dataclasses import dataclass, field
+from pathlib import Path
+from xml.etree.ElementTree import Element, ElementTree, SubElement
+
+import numpy as np
+
+from idm_sumo import road
+from idm_sumo.sumo import network
+
+ROADS_APART = 10.0  # m, beyond the width of their lanes
+GARAGE_POSITION = 500.0  # m
+AMID_WEAVE = 120.0  # m
+
+
+class StraightRoads:
+    """Straight roads of one or several lanes, each with a driver, and a garage lane at the right.
+
+    One simulation holds all drivers of a run: SUMO's step costs microseconds a vehicle, its
+    start milliseconds.
+
+    Parameters
+    ----------
+    drivers : int
+    span : (float, float)
+        The smallest and largest position (m) that a vehicle can have.
+    limit : float
+        Speed limit (m/s).
+    lanes : int
+        Driving lanes a road.
+    """
+
+    def __init__(self, drivers: int, span: tuple[float, float], limit: float, *, lanes: int = 1) -> None:
+        self.drivers, self.lanes, self.limit = drivers, lanes, limit
+        self.first_x = span[0] - 2.0 * GARAGE_POSITION
+        self.length = span[1] - span[0] + 4.0 * GARAGE_POSITION
+
+    def write_net(self, folder: Path) -> Path:
+        """Write the network and return its path; SUMO needs no netconvert for roads without junctions."""
+        net = Element("net", version="1.20")
+        roads = -(-self.drivers // self.lanes)
+        spacing = (self.lanes + 1) * road.LANE_WIDTH + ROADS_APART
+        box = f"0,0,{self.length:.2f},{roads * spacing:.2f}"
+        SubElement(net, "location", netOffset="0,0", convBoundary=box, origBoundary=box, projParameter="!")
+        for number in range(roads):
+            edge = SubElement(
+                net, "edge", {"id": f"road{number}", "from": f"a{number}", "to": f"b{number}", "priority": "1"}
+            )
+            for lane in range(self.lanes + 1):
+                y = number * spacing + lane * road.LANE_WIDTH
+                SubElement(edge, "lane", id=f"road{number}_{lane}", index=str(lane), speed=repr(self.limit),
+                           length=f"{self.length:.2f}", shape=f"0,{y:.4f} {self.length:.2f},{y:.4f}")  # fmt: skip
+        for number in range(roads):
+            lanes = " ".join(f"road{number}_{lane}" for lane in range(self.lanes + 1))
+            low, high = number * spacing, (number + 1) * spacing - ROADS_APART
+            for name, x, incoming in (("a", 0.0, ""), ("b", self.length, lanes)):
+                SubElement(net, "junction", id=f"{name}{number}", type="dead_end", x=f"{x:.2f}", y=f"{low:.2f}",
+                           incLanes=incoming, intLanes="", shape=f"{x:.2f},{low:.2f} {x:.2f},{high:.2f}")  # fmt: skip
+        path = folder / "roads.net.xml"
+        ElementTree(net).write(path, encoding="utf-8", xml_declaration=True)
+        return path
+
+    def route(self, driver: int) -> str:
+        """Return the edges that a driver and its leader may be on."""
+        return f"road{driver // self.lanes}"
+
+    def lane_at(self, driver: int, x: float) -> tuple[str, float]:
+        """Return lane and position on it of a front bumper at ``x`` (m)."""
+        return f"road{driver // self.lanes}_{driver % self.lanes + 1}", x - self.first_x
+
+    def garage(self, driver: int) -> tuple[str, float]:
+        """Return where a leader waits that is not there."""
+        return f"road{driver // self.lanes}_0", GARAGE_POSITION
+
+    def x_of(self, lane: str, position: float) -> float:
+        """Return ``x`` (m) of a position on a lane."""
+        return position + self.first_x
+
+
+@dataclass(frozen=True)
+class StudySection:
+    """Our network, for at most five drivers at a time, each in a main lane of its own.
+
+    Attributes
+    ----------
+    main_lanes : sequence of int
+        Recorded lane, 1 to 5, of each driver.
+    net : Path
+    """
+
+    main_lanes: Sequence[int]
+    net: Path
+    _starts: list[float] = field(init=False, repr=False)
+    _lanes: dict[int, list[str]] = field(init=False, repr=False)
+
+    def __post_init__(self) -> None:
+        """Note where the edges begin and how SUMO calls their lanes."""
+        lanes = range(1, road.MAIN_LANES + 1)
+        edges = np.array(network.MAINLINE)
+        beginnings = network.Place(edges, np.zeros(len(edges), dtype=np.int64), np.zeros(len(edges)))
+        starts = network.coordinates(beginnings)[0]
+        inside = starts + 1e-3  # m: clearly on the edge that begins there
+        names = {lane: network.place(inside, np.full(len(edges), lane)) for lane in lanes}
+        pairs = {lane: [f"{e}_{i}" for e, i in zip(p.edge, p.lane_index, strict=True)] for lane, p in names.items()}
+        object.__setattr__(self, "_starts", starts.tolist())
+        object.__setattr__(self, "_lanes", pairs)
+
+    def write_net(self, folder: Path) -> Path:
+        """Return the network."""
+        return self.net
+
+    def route(self, driver: int) -> str:
+        """Return the edges of the freeway."""
+        return " ".join(network.MAINLINE)
+
+    def lane_at(self, driver: int, x: float) -> tuple[str, float]:
+        """Return lane and position on it of a front bumper at ``x`` (m); the main lanes are straight."""
+        segment = max(bisect_right(self._starts, x) - 1, 0)
+        return self._lanes[self.main_lanes[driver]][segment], x - self._starts[segment]
+
+    def garage(self, driver: int) -> tuple[str, float]:
+        """Return where a leader waits that is not there: the auxiliary lane, where nobody is compared."""
+        return f"{network.MAINLINE[network.WEAVE]}_0", AMID_WEAVE
+
+    def x_of(self, lane: str, position: float) -> float:
+        """Return ``x`` (m) of a position on a lane."""
+        return position + self._starts[network.MAINLINE.index(lane.rpartition("_")[0])]

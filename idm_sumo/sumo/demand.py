@@ -1,0 +1,136 @@
+"""Recorded demand for a closed loop: who enters when, where, how fast, as what, and where to.
+
+Files are plain SUMO inputs, so that a run can be repeated with ``sumo`` or watched in ``sumo-gui``.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from pathlib import Path
+from xml.etree.ElementTree import Element, SubElement
+
+import numpy as np
+import numpy.typing as npt
+import pandas as pd
+from scipy.ndimage import uniform_filter1d
+
+from idm_sumo import columns as c
+from idm_sumo import driver_table as d
+from idm_sumo import road
+from idm_sumo.departures import DESTINATION, LEAVING, THROUGH, departures
+from idm_sumo.errors import InputError
+from idm_sumo.recording import Recording
+from idm_sumo.sumo import network
+from idm_sumo.sumo.translation import save
+from idm_sumo.sumo.vtypes import number
+
+Floats = npt.NDArray[np.float64]
+
+DOWNSTREAM = "downstream"  # the edge that begins where the section ends
+LAST_STRETCH = 40.0  # m, before the section's end, whose speeds are imposed behind it
+SIGN_INTERVAL = 1.0  # s between two settings of the speed
+SMOOTHED_OVER = 7.0  # s
+SLOWEST_SIGN = 0.5  # m/s: a limit of zero would close the road for good
+
+EDGE, LANE_INDEX, POSITION = "edge", "lane_index", "position"
+
+
+def demand_of(recording: Recording) -> pd.DataFrame:
+    """Return the demand of one period, in the order of departure.
+
+    Returns
+    -------
+    pandas.DataFrame
+        Columns of :func:`idm_sumo.departures.departures`, with ``depart_s`` counted from the recording's first
+        frame, and SUMO's ``edge, lane_index, position`` (m). Vehicles that are on the road in the first frame depart
+        where they are.
+
+    Raises
+    ------
+    InputError
+        If the recording holds several periods or a few of the vehicles only, or a vehicle has no lane on the network.
+    """
+    if len(recording.periods) != 1:
+        raise InputError(
+            f"{recording.source}: a closed loop runs one period; choose one of {', '.join(recording.periods)} with --period"
+        )
+    if not recording.has_leader_rows:
+        raise InputError(
+            f"{recording.source}: holds a few of the vehicles only, which is no demand; a closed loop needs all of them "
+            "(give an official period, or `surrogate`)"
+        )
+    table = departures(recording).sort_values([d.DEPART, c.VEHICLE], kind="stable", ignore_index=True)
+    table[d.DEPART] = np.round(table[d.DEPART] - table[d.DEPART].min(), 1)
+    where = _places(table, recording.source)
+    table = table.assign(**{EDGE: where.edge, LANE_INDEX: where.lane_index, POSITION: where.position})
+    upstream = table[EDGE].isin(("entry", "weave", network.ON_RAMP, network.OFF_RAMP))
+    leaving = (table[EDGE] == network.OFF_RAMP) | (upstream & (table[DESTINATION] == LEAVING))
+    return table.assign(**{DESTINATION: np.where(leaving, LEAVING, THROUGH)})
+
+
+def _places(table: pd.DataFrame, source: str) -> network.Place:
+    """Return where the vehicles depart; the message of a failure names the first one."""
+    try:
+        return network.place(table[d.X].to_numpy(), table[d.LANE].to_numpy())
+    except InputError:
+        for vehicle, x, lane in zip(table[c.VEHICLE], table[d.X], table[d.LANE], strict=True):
+            try:
+                network.place([x], [lane])
+            except InputError as error:
+                raise InputError(f"{source}: vehicle {vehicle} has no lane on the network: {error}") from None
+        raise
+
+
+def write_routes(demand: pd.DataFrame, types: Sequence[Element], path: Path) -> None:
+    """Write types, routes and vehicles, ``types`` in the order of the demand and named as its vehicles.
+
+    Who is on the road in the first frame is put there, whatever its model thinks of the gap. Later a vehicle
+    is inserted at its recorded place and speed as soon as its jam distance is free there; SUMO's
+    further demand on an insertion, a gap its own model finds safe, recorded drivers do not meet.
+    """
+    root = Element("routes")
+    ways = list(zip(demand[EDGE], demand[DESTINATION], strict=True))
+    for origin, destination in dict.fromkeys(ways):
+        SubElement(root, "route", id=f"{origin}.to.{destination}", edges=" ".join(network.route(origin, destination)))
+    names = (c.VEHICLE, d.DEPART, LANE_INDEX, POSITION, d.SPEED)
+    rows = zip(*(demand[name].tolist() for name in names), strict=True)
+    for (vehicle, depart, lane, position, speed), kind, (origin, destination) in zip(rows, types, ways, strict=True):
+        root.append(kind)
+        limit = min(road.SPEED_LIMIT, float(kind.get("maxSpeed", road.SPEED_LIMIT)))
+        SubElement(
+            root, "vehicle", id=str(vehicle), type=str(kind.get("id")), route=f"{origin}.to.{destination}",
+            depart=number(depart), departLane=str(lane), departPos=number(position),
+            departSpeed=number(min(speed, limit)), insertionChecks="collision" if depart else "none",
+        )  # fmt: skip
+    save(root, path)
+
+
+def boundary_speeds(recording: Recording) -> Floats:
+    """Return the speeds at the section's end, shape ``(seconds, 5)``: lane by lane, smoothed over 7 s.
+
+    Of the vehicles on the last 40 m; where a lane is empty, interpolated in time.
+    """
+    table = recording.table
+    end = table[c.X].between(road.SECTION_LENGTH - LAST_STRETCH, road.SECTION_LENGTH) & (
+        table[c.LANE] <= road.MAIN_LANES
+    )
+    first, last = table[c.FRAME].min(), table[c.FRAME].max()
+    seconds = int((last - first) * road.FRAME_STEP / SIGN_INTERVAL) + 1
+    here = table[end]
+    second = ((here[c.FRAME] - first) * road.FRAME_STEP // SIGN_INTERVAL).astype(np.int64)
+    mean = here.groupby([second, here[c.LANE].astype(np.int64)])[c.SPEED].mean().unstack()
+    mean = mean.reindex(index=range(seconds), columns=range(1, road.MAIN_LANES + 1))
+    filled = mean.interpolate(limit_direction="both").fillna(road.SPEED_LIMIT).to_numpy()
+    smooth = uniform_filter1d(filled, round(SMOOTHED_OVER / SIGN_INTERVAL), axis=0, mode="nearest")
+    return np.asarray(np.clip(smooth, SLOWEST_SIGN, road.SPEED_LIMIT))
+
+
+def write_boundary(speeds: Floats, path: Path) -> None:
+    """Write variable speed signs that impose ``speeds``, shape ``(seconds, 5)``, on the edge behind the section."""
+    root = Element("additional")
+    for lane in range(road.MAIN_LANES):
+        sumo_lane = f"{DOWNSTREAM}_{road.MAIN_LANES - 1 - lane}"
+        sign = SubElement(root, "variableSpeedSign", id=f"downstream.lane{lane + 1}", lanes=sumo_lane)
+        for second, speed in enumerate(speeds[:, lane].tolist()):
+            SubElement(sign, "step", time=number(second * SIGN_INTERVAL), speed=f"{speed:.3f}")
+    save(root, path)

@@ -1,0 +1,112 @@
+"""Calibrated drivers as one ``vTypeDistribution``: the population, for use in any network."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Any
+from xml.etree.ElementTree import Element, SubElement
+
+import numpy as np
+import numpy.typing as npt
+import pandas as pd
+
+from idm_sumo import driver_table as d
+from idm_sumo.errors import InputError
+from idm_sumo.outputs import new_file
+from idm_sumo.sumo.translation import desired_speeds, driver_type, identifiers, save, sumo_parameters, with_parameters
+from idm_sumo.sumo.vtypes import identifier, number, type_element
+
+Floats = npt.NDArray[np.float64]
+
+FASTEST = 70.0  # m/s, maxSpeed where the road's limit alone shall be the desired speed
+NAME = "calibrated"
+
+
+def export_distribution(
+    drivers: pd.DataFrame,
+    path: Path | str,
+    *,
+    jam_distance: str = "refit",
+    representatives: int | None = None,
+    name: str = NAME,
+    maximum_speed: float = FASTEST,
+    integration: str = "euler",
+    seed: int = 0,
+    source: str = "drivers",
+) -> Path:
+    """Write a ``vTypeDistribution`` that stands for the population, for any network.
+
+    The types are real drivers, never averages: parameters of a driver belong together, and
+    the mean of badly determined ones drives like nobody. Drivers whose fit ended on a bound
+    or without success are left out where the table says so.
+
+    Parameters
+    ----------
+    drivers : pandas.DataFrame
+        With ``length_m, width_m, vehicle_class`` where known.
+    path : Path or str
+        An additional file, ``FILE.add.xml``.
+    representatives : int, optional
+        So many drivers, the ones nearest to the centres of k-means over the standardised
+        logarithms of ``a, b, T, d0``, with their clusters' shares as probabilities; by
+        default every driver with the same probability, the empirical distribution.
+    name : str
+        The distribution's name, used as ``type="calibrated"`` of a vehicle or flow.
+    maximum_speed : float
+        m/s. By default so high that the desired speed is the lane's limit, as in the calibration.
+    seed : int
+        Of k-means.
+
+    Raises
+    ------
+    InputError
+        If the drivers are impossible, or fewer than ``representatives``.
+    """
+    table, _ = with_parameters(drivers, source)
+    theta, _ = sumo_parameters(table, jam_distance, desired_speeds(table, None, source), integration, source)
+    good = well_determined(table)
+    table, theta = table[good].reset_index(drop=True), theta[good]
+    if table.empty or (representatives is not None and not 1 <= representatives <= len(table)):
+        raise InputError(f"{source}: {len(table)} well-determined drivers cannot give {representatives or 'any'} types")
+    rows, shares = _represent(theta[:, :4], representatives, seed)
+    root = Element("additional")
+    distribution = SubElement(root, "vTypeDistribution", id=identifier(name))
+    # A name of their own: the same drivers may be in the route file, and SUMO wants one type a name.
+    names = [identifier(name, own) for own in identifiers(table)]
+    for row, share in zip(rows, shares, strict=True):
+        driver = driver_type(table.iloc[row], names[row], theta[row], maximum_speed)
+        type_element(driver, distribution, probability=number(share))
+    with new_file(path) as part:
+        save(root, part)
+    return Path(path)
+
+
+def well_determined(table: pd.DataFrame) -> npt.NDArray[np.bool_]:
+    """Return which drivers' fits succeeded and ended inside the bounds, as far as the table says."""
+    good = np.ones(len(table), dtype=bool)
+    if d.STATUS in table:
+        good &= (table[d.STATUS] == d.OK).to_numpy()
+    if "at_bound" in table:
+        good &= table["at_bound"].map(_is_empty).to_numpy(dtype=bool)
+    return good
+
+
+def _is_empty(value: Any) -> bool:
+    """Whether ``at_bound`` says that no parameter is on a bound."""
+    return value is None or value != value or str(value).strip() in ("", "False", "0", "[]")
+
+
+def _represent(values: Floats, representatives: int | None, seed: int) -> tuple[list[int], list[float]]:
+    """Return rows that stand for all, and their shares."""
+    if representatives is None or representatives == len(values):
+        return list(range(len(values))), [1.0 / len(values)] * len(values)
+    from sklearn.cluster import KMeans
+
+    logs = np.log(values)
+    spread = logs.std(axis=0)
+    logs = (logs - logs.mean(axis=0)) / np.where(spread > 0.0, spread, 1.0)
+    clusters = KMeans(representatives, n_init=10, random_state=seed).fit(logs)
+    distance = clusters.transform(logs)
+    distance[np.arange(len(logs)), clusters.labels_] -= 1e9  # only members represent a cluster
+    rows = [int(row) for row in np.argmin(distance, axis=0)]
+    return rows, [float(np.mean(clusters.labels_ == cluster)) for cluster in range(representatives)]

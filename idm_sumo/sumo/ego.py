@@ -1,0 +1,94 @@
+"""A vehicle that we drive by our own model among vehicles that SUMO drives."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+import numpy.typing as npt
+import pandas as pd
+
+from idm_sumo import bicycle, road
+from idm_sumo.rollout import control
+from idm_sumo.sumo.perception import leader_by_getleader
+from idm_sumo.sumo.stage import ON_ROUTE_AT_EXACT_PLACE, compass
+
+COLUMNS = ("time_s", "x", "y", "heading", "speed", "acceleration", "steering", "gap_m", "leader")
+KEEP_LANE = 0  # SUMO's lane change mode: none of its own
+
+
+class Ego:
+    """The driver: our IDM, pure pursuit of the middle of the lane it enters in, and the bicycle.
+
+    It is inserted by SUMO, then moved by us as long as it is in the section; behind it SUMO drives it on.
+
+    Parameters
+    ----------
+    vehicle : int
+        Number of a vehicle of the demand that enters on a main lane.
+    lane : int
+        Main lane, 1 to 5, that it keeps.
+    parameters : array, shape (5,)
+        ``a, b, T, d0, d1``.
+    length : float
+        m.
+    desired_speed : float
+        m/s.
+    """
+
+    def __init__(
+        self, vehicle: int, lane: int, parameters: npt.ArrayLike, length: float, desired_speed: float = road.SPEED_LIMIT
+    ) -> None:
+        self.name = str(vehicle)
+        self._lane_y = float(road.lane_center(lane))
+        self._theta = np.ascontiguousarray(parameters, dtype=np.float64)
+        self._length, self._desired_speed = length, desired_speed
+        self._state: tuple[float, float, float, float] | None = None
+        self._rows: list[tuple[float, ...]] = []
+        self._done = False
+
+    def drive(self, sumo: Any, step: int) -> None:
+        """Look around after a step of SUMO, and say where to be after the next."""
+        if self._done:
+            return
+        if self._state is None:
+            if self.name not in sumo.simulation.getDepartedIDList():
+                return
+            self._enter(sumo)
+        x, y, heading, speed = self._state or (np.nan,) * 4
+        front_x, front_y = bicycle.front_of_center(x, y, heading, self._length)
+        name, gap = leader_by_getleader(sumo, self.name)
+        leader_speed = speed if name is None else sumo.vehicle.getSpeed(name)
+        acceleration, steering = control(
+            x, y, heading, speed, gap, leader_speed, self._theta, self._desired_speed, self._length, self._lane_y
+        )
+        leader = np.nan if name is None else float(name)
+        self._rows.append(
+            (step * road.FRAME_STEP, front_x, front_y, heading, speed, acceleration, steering, gap, leader)
+        )
+        axles = bicycle.wheelbase(self._length)
+        self._state = bicycle.step(x, y, heading, speed, acceleration, steering, axles, road.FRAME_STEP)
+        self._move(sumo)
+
+    def _enter(self, sumo: Any) -> None:
+        sumo.vehicle.setLaneChangeMode(self.name, KEEP_LANE)
+        front_x, front_y = sumo.vehicle.getPosition(self.name)
+        self._state = (
+            *bicycle.center_of_front(front_x, front_y, 0.0, self._length),
+            0.0,
+            sumo.vehicle.getSpeed(self.name),
+        )
+
+    def _move(self, sumo: Any) -> None:
+        if self._state is None:
+            return
+        x, y, heading, _ = self._state
+        front_x, front_y = bicycle.front_of_center(x, y, heading, self._length)
+        if front_x > road.SECTION_LENGTH:
+            self._done = True  # a vehicle that is not moved drives itself
+            return
+        sumo.vehicle.moveToXY(self.name, "", -1, front_x, front_y, float(compass(heading)), ON_ROUTE_AT_EXACT_PLACE)
+
+    def table(self) -> pd.DataFrame:
+        """Return what it did: ``time_s, x, y, heading, speed, acceleration, steering, gap_m, leader``, SI units."""
+        return pd.DataFrame(self._rows, columns=list(COLUMNS))

@@ -1,0 +1,240 @@
+"""Calibrated drivers as SUMO vehicle types, with the run recipe that makes them drive as calibrated."""
+
+from __future__ import annotations
+
+import shutil
+from collections.abc import Sequence
+from contextlib import ExitStack
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+from xml.etree.ElementTree import Element, SubElement
+
+import numpy as np
+import numpy.typing as npt
+import pandas as pd
+
+from idm_sumo import columns as c
+from idm_sumo import driver_table as d
+from idm_sumo.departures import DESTINATION, THROUGH
+from idm_sumo.departures import departures as departures_of
+from idm_sumo.errors import InputError
+from idm_sumo.outputs import new_file
+from idm_sumo.recording import Recording
+from idm_sumo.scenes import Scenes
+from idm_sumo.sumo import network, run_recipe
+from idm_sumo.sumo.translation import desired_speeds, driver_type, identifiers, save, sumo_parameters, with_parameters
+from idm_sumo.sumo.vtypes import number, type_element
+
+Floats = npt.NDArray[np.float64]
+
+# m/s: at maxSpeed itself SUMO's check of the lane ahead refuses a departure, by a rounding error.
+BELOW_MAXIMUM = 0.01
+BETWEEN_PERIODS = 60.0  # s, where labels do not tell when the next period begins
+
+
+@dataclass(frozen=True)
+class Exported:
+    """What was written, and what its reader should know.
+
+    Attributes
+    ----------
+    route_file, config_file, net_file : Path
+    vehicles : pandas.DataFrame
+        ``period, vehicle, id, depart_s`` (s of the simulation), in the order of the file.
+    notes : tuple of str
+    """
+
+    route_file: Path
+    config_file: Path
+    net_file: Path
+    vehicles: pd.DataFrame
+    notes: tuple[str, ...]
+
+
+def export_routes(
+    drivers: pd.DataFrame,
+    path: Path | str,
+    *,
+    departures: pd.DataFrame | Recording | Scenes | Sequence[Scenes] | None = None,
+    jam_distance: str = "refit",
+    integration: str = "euler",
+    desired_speed: float | None = None,
+    net_file: Path | str | None = None,
+    source: str = "drivers",
+) -> Exported:
+    """Write one vehicle type a driver with its vehicle, the ``.sumocfg`` that runs them, and the network.
+
+    Parameters
+    ----------
+    drivers : pandas.DataFrame
+        See :func:`idm_sumo.driver_table.check_drivers`.
+    path : Path or str
+        ``FILE.rou.xml``; beside it ``FILE.sumocfg`` and ``FILE.net.xml`` are written.
+    departures : pandas.DataFrame, Recording, Scenes or sequence of Scenes, optional
+        When, where and as what the drivers enter (:mod:`idm_sumo.departures`); by default
+        the drivers' own columns.
+    jam_distance : {"refit", "linearised", "none"}
+        What stands for ``d1``, which SUMO's IDM lacks: the columns of
+        :func:`idm_sumo.jam_distance.refit_table`; the tangent at ``mean_speed_m_s``; nothing.
+    integration : {"euler", "ballistic"}
+        What the configuration asks of SUMO.
+    desired_speed : float, optional
+        m/s, the one of the calibration; by default the drivers' column
+        ``desired_speed_m_s``, or without one the speed limit.
+    net_file : Path or str, optional
+        A build of our network, say with another speed limit; by default the one that comes along.
+    source : str
+        How messages name the drivers.
+
+    Returns
+    -------
+    Exported
+
+    Raises
+    ------
+    InputError
+        If a driver or a departure is impossible, a vehicle has no lane on the network, the
+        network is missing or its limit below the desired speed. Then nothing is written.
+    """
+    run_recipe.check_integration(integration)
+    table, fit_notes = with_parameters(drivers, source)
+    table = table.assign(**{d.DESIRED_SPEED: desired_speeds(table, desired_speed, source)})
+    net = _checked_net(net_file, float(table[d.DESIRED_SPEED].max()))
+    table = _with_departures(table, departures, source)
+    theta, notes = sumo_parameters(table, jam_distance, table[d.DESIRED_SPEED].to_numpy(), integration, source)
+    table, speed_notes = _not_above(table)
+    table = table.assign(depart=_simulation_times(table), id=identifiers(table), **_places(table, source))
+    order = np.lexsort((table["id"], table["depart"]))
+    root = _routes(table.iloc[order], theta[order])
+    files = _write(Path(path), root, net, integration)
+    vehicles = table.iloc[order][[c.PERIOD, c.VEHICLE, "id", "depart"]].rename(columns={"depart": d.DEPART})
+    return Exported(*files, vehicles.reset_index(drop=True), fit_notes + notes + speed_notes)
+
+
+def _checked_net(net_file: Path | str | None, desired_speed: float) -> Path:
+    """Return the network's path if it is ours and lets drivers drive at their desired speed."""
+    path = network.net_file() if net_file is None else Path(net_file)
+    if not path.is_file():
+        raise InputError(f"{path}: no such network; build it with `python network/build.py`")
+    from sumolib.net import readNet
+
+    try:
+        net = readNet(str(path))
+    except Exception as error:  # sumolib lets every parser error through
+        raise InputError(
+            f"{path}: not a SUMO network ({str(error).splitlines()[0]}); build it with `python network/build.py`"
+        ) from None
+    for name in network.MAINLINE:
+        if not net.hasEdge(name):
+            raise InputError(f"{path}: has no edge {name!r}; routes are for builds of our own network")
+        limit = net.getEdge(name).getSpeed()
+        if limit < desired_speed - 1e-4:
+            raise InputError(
+                f"{path}: edge {name!r} allows {limit:g} m/s, below the desired speed {desired_speed:g} m/s, "
+                "which would cap every driver; build it with a higher --speed-limit-mph or lower desired_speed"
+            )
+    return path
+
+
+def _with_departures(table: pd.DataFrame, departures: Any, source: str) -> pd.DataFrame:
+    """Return the drivers with the columns of their departures."""
+    if departures is None:
+        return d.check_departures(table, source=source)
+    entries = departures if isinstance(departures, pd.DataFrame) else departures_of(departures)
+    entries = d.check_departures(entries.assign(period=entries[c.PERIOD].astype(str)), source=f"{source} (departures)")
+    on = [name for name in d.key_columns(table) if name in entries]
+    if isinstance(departures, Recording):  # a recording's first frame is not the window's
+        on = [c.PERIOD, c.VEHICLE]
+    names = [name for name in (*d.DEPARTURE, DESTINATION) if name in entries]
+    merged = table.drop(columns=names, errors="ignore").merge(entries[[*on, *names]], on=on, how="left", validate="m:1")
+    if (absent := merged[d.DEPART].isna()).any():
+        row = merged[absent].iloc[0]
+        raise InputError(
+            f"{source}: vehicle {row[c.VEHICLE]} of period {row[c.PERIOD]} has no departure; leave it out, or give the recording it is in"
+        )
+    return d.check_departures(merged, source=source)
+
+
+def _not_above(table: pd.DataFrame) -> tuple[pd.DataFrame, tuple[str, ...]]:
+    """Return the table with no departure faster than SUMO lets a type drive; it would refuse the whole file."""
+    slower = table[d.SPEED].clip(upper=table[d.DESIRED_SPEED] - BELOW_MAXIMUM)
+    count = int((table[d.SPEED] > slower).sum())
+    note = (f"{count} vehicles depart just below their maxSpeed, not as fast as recorded",) if count else ()
+    return table.assign(**{d.SPEED: slower}), note
+
+
+def _simulation_times(table: pd.DataFrame) -> Floats:
+    """Return departures (s) in one simulation: the periods in their order, the first vehicle at 0."""
+    times, shift, end = table[d.DEPART].to_numpy(dtype=np.float64).copy(), None, 0.0
+    opening: float | None = None
+    for period in sorted(table[c.PERIOD].unique()):
+        here, clock = (table[c.PERIOD] == period).to_numpy(), _opening(period)
+        if shift is None:
+            shift = -times[here].min()
+        elif opening is not None and clock is not None:
+            shift += clock - opening
+        else:
+            shift = end + BETWEEN_PERIODS - times[here].min()
+        opening = clock
+        times[here] += shift
+        end = times[here].max()
+    return np.asarray(np.round(np.maximum(times, 0.0), 3))
+
+
+def _opening(period: str) -> float | None:
+    """Return when a period such as ``0750-0805`` begins (s after midnight), if its label tells."""
+    start = period.split("-")[0]
+    return 3600.0 * int(start[:2]) + 60.0 * int(start[2:]) if len(start) == 4 and start.isdigit() else None
+
+
+def _places(table: pd.DataFrame, source: str) -> dict[str, Any]:
+    """Return edge, lane and position of the departures.
+
+    Raises
+    ------
+    InputError
+        Names the first vehicle that has no place on the network.
+    """
+    for row in table[[c.PERIOD, c.VEHICLE, d.X, d.LANE]].itertuples(index=False):
+        try:
+            network.place([row[2]], [row[3]])
+        except InputError as error:
+            raise InputError(f"{source}: vehicle {row[1]} of period {row[0]} has no lane: {error}") from None
+    where = network.place(table[d.X].to_numpy(), table[d.LANE].to_numpy())
+    return {"edge": where.edge, "lane_index": where.lane_index, "position": where.position}
+
+
+def _routes(table: pd.DataFrame, theta: Floats) -> Element:
+    """Return ``<routes>``: routes, then types, then vehicles in the order of departure."""
+    root = Element("routes")
+    ends = table[DESTINATION] if DESTINATION in table else pd.Series(THROUGH, index=table.index)
+    ends = ends.where(table["edge"] != network.OFF_RAMP, network.OFF_RAMP)
+    names = {way: f"{way[0]}.to.{way[1]}" for way in dict.fromkeys(zip(table["edge"], ends, strict=True))}
+    for way, name in names.items():
+        SubElement(root, "route", id=name, edges=" ".join(network.route(str(way[0]), str(way[1]))))
+    rows = [row for _, row in table.iterrows()]
+    for row, values in zip(rows, theta, strict=True):
+        type_element(driver_type(row, row["id"], values, float(row[d.DESIRED_SPEED])), root)
+    for row, end in zip(rows, ends, strict=True):
+        SubElement(
+            root, "vehicle", id=row["id"], type=row["id"], route=names[row["edge"], end], depart=number(row["depart"]),
+            departLane=str(row["lane_index"]), departPos=number(row["position"]), departSpeed=number(row[d.SPEED]),
+            arrivalLane="current", arrivalSpeed="current",
+        )  # fmt: skip
+    return root
+
+
+def _write(target: Path, root: Element, net: Path, integration: str) -> tuple[Path, Path, Path]:
+    """Write routes, configuration and network beside each other: all or none."""
+    stem = target.name.removesuffix(".xml").removesuffix(".rou")
+    config, copy = target.with_name(f"{stem}.sumocfg"), target.with_name(f"{stem}.net.xml")
+    for path in (copy, target, config):
+        if path.is_dir():  # before anything is moved into place
+            raise InputError(f"{path}: is a folder; name a file")
+    with ExitStack() as stack:
+        parts = [stack.enter_context(new_file(path)) for path in (copy, target, config)]
+        shutil.copyfile(net, parts[0])
+        save(root, parts[1])
+        save(run_recipe.configuration(copy.name, target.name, integration), parts[2])
+    return target, config, copy

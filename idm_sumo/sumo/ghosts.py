@@ -1,0 +1,133 @@
+"""The routine replay in SUMO: all recorded vehicles once, all modelled vehicles as ghosts.
+
+Ghosts are not in SUMO and nobody sees them, so one pass over the recording serves all of
+them. Each step SUMO is told where the recorded vehicles are and makes a step; their positions
+are read back, and on these the ghosts perceive and are driven together, compiled.
+"""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+import numpy.typing as npt
+from numba import njit
+
+from idm_sumo import bicycle, road
+from idm_sumo.progress import Progress, silent
+from idm_sumo.rollout import Trajectories, perceive
+from idm_sumo.scenes import Scenes
+from idm_sumo.sumo.replay import advance
+from idm_sumo.sumo.session import simulation
+from idm_sumo.sumo.stage import Cast, Stage, cast, check_on_network
+from idm_sumo.traffic import NOBODY
+
+Floats = npt.NDArray[np.float64]
+Integers = npt.NDArray[np.int64]
+
+EXACT = 1e-9  # m, within which SUMO returns the positions it was given
+
+
+def replay_ghosts(
+    scenes: Scenes,
+    parameters: npt.ArrayLike,
+    *,
+    desired_speed: npt.ArrayLike = road.SPEED_LIMIT,
+    progress: Progress = silent,
+) -> Trajectories:
+    """Drive all vehicles by IDM and pure pursuit beside one single pass of the recording in SUMO.
+
+    Parameters
+    ----------
+    scenes : Scenes
+    parameters : array_like, shape (vehicles, 5) or (5,)
+        ``a, b, T, d0, d1`` in SI units.
+    desired_speed : array_like, shape (vehicles,) or ()
+        m/s.
+    progress : Progress
+        Told how many frames are done.
+
+    Returns
+    -------
+    Trajectories
+        The same figures as :func:`idm_sumo.sumo.replay.replay`; by Euler with the old speed.
+
+    Raises
+    ------
+    InputError
+        If SUMO or the network cannot be loaded, or a recorded vehicle is off the network.
+    RuntimeError
+        If SUMO returns a position that it was not given.
+    """
+    n, steps = len(scenes), scenes.window.horizon
+    theta = np.ascontiguousarray(np.broadcast_to(np.asarray(parameters, dtype=np.float64), (n, 5)))
+    limit = np.ascontiguousarray(np.broadcast_to(np.asarray(desired_speed, dtype=np.float64), (n,)))
+    out, center = _at_start(scenes)
+    actors, t, lane_y = cast(scenes), scenes.traffic, road.lane_center(scenes.lane)
+    begin = scenes.first_frame + scenes.start
+    order = np.argsort(begin, kind="stable")
+    frames = np.unique((begin[:, None] + np.arange(steps + 1)).ravel())
+    ghosts = np.searchsorted(begin[order], [frames - steps, frames + 1]).T  # those on the road at each frame
+    by_frame = np.argsort(actors.frame, kind="stable")
+    recorded = np.searchsorted(actors.frame[by_frame], [frames, frames + 1]).T
+    x = np.full(len(t.x), np.nan)
+    with simulation() as sumo:
+        check_on_network(sumo, actors)
+        stage = Stage(sumo, as_points=True)
+        for done, frame in enumerate(frames.tolist()):
+            rows = by_frame[slice(*recorded[done])]
+            x[rows] = _play_frame(sumo, stage, actors, rows)
+            active = order[slice(*ghosts[done])]
+            _drive_frame(
+                active, frame - begin[active], theta, limit, scenes.length, lane_y, scenes.cell + scenes.start,
+                scenes.vehicle, t.offsets, x, t.speed, t.length, t.vehicle, center,
+                out.x, out.y, out.heading, out.speed, out.acceleration, out.steering, out.gap, out.leader,
+            )  # fmt: skip
+            progress("ghosts in SUMO", done + 1, len(frames))
+    return out
+
+
+def _at_start(scenes: Scenes) -> tuple[Trajectories, Floats]:
+    """Return storage that holds the starts, and the centres of mass (m), shape (vehicles, 2)."""
+    out, k = Trajectories.empty(len(scenes), scenes.window.horizon), scenes.start
+    center = np.empty((len(scenes), 2))
+    for name in ("x", "y", "heading", "speed"):
+        getattr(out, name)[:, 0] = getattr(scenes, name)[:, k]
+    for i in range(len(scenes)):
+        center[i] = bicycle.center_of_front(out.x[i, 0], out.y[i, 0], out.heading[i, 0], scenes.length[i])
+    return out, center
+
+
+def _play_frame(sumo: Any, stage: Stage, actors: Cast, rows: Integers) -> Floats:
+    """Put the recorded vehicles of one frame on the road and return their ``x`` (m), read back."""
+    names, *where = actors.of(rows)
+    stage.place(names, *where)
+    sumo.simulationStep()
+    position = sumo.vehicle.getPosition
+    back = np.array([position(name) for name in names]).reshape(-1, 2)
+    deviation = np.abs(back - np.column_stack([actors.x[rows], actors.y[rows]])).max(initial=0.0)
+    if deviation > EXACT:
+        raise RuntimeError(f"SUMO returns positions {deviation:g} m from where vehicles were put")
+    return np.asarray(back[:, 0])
+
+
+@njit(cache=True)
+def _drive_frame(  # type: ignore[no-untyped-def]
+    active, step, theta, limit, length, lane_y, first_cell, own,
+    offsets, traffic_x, traffic_speed, traffic_length, traffic_vehicle, center,
+    x, y, heading, speed, acceleration, steering, gap, leader,
+):  # fmt: skip
+    """Let the ghosts ``active`` perceive at their ``step`` and drive them to the next."""
+    for i, k in zip(active, step):  # noqa: B905 (numba has no strict)
+        row, d = perceive(first_cell[i] + k, x[i, k], own[i], offsets, traffic_x, traffic_length, traffic_vehicle)
+        leader[i, k], gap[i, k] = row, d
+        if k == acceleration.shape[1]:
+            continue
+        v = speed[i, k]
+        leader_speed = traffic_speed[row] if row != NOBODY else v
+        (
+            acceleration[i, k], steering[i, k], center[i, 0], center[i, 1],
+            heading[i, k + 1], speed[i, k + 1], x[i, k + 1], y[i, k + 1],
+        ) = advance(
+            center[i, 0], center[i, 1], heading[i, k], v, d, leader_speed, theta[i], limit[i], length[i], lane_y[i]
+        )  # fmt: skip

@@ -1,0 +1,67 @@
+"""A run that can be watched: sumo-gui through traci, which speaks as libsumo does."""
+
+from __future__ import annotations
+
+import importlib.util
+import os
+import shutil
+import sys
+from collections.abc import Iterator, Sequence
+from contextlib import contextmanager, suppress
+from pathlib import Path
+from typing import Any
+
+from idm_sumo import road
+from idm_sumo.errors import InputError
+from idm_sumo.sumo.session import ALWAYS
+
+DELAY = "20"  # ms a step, so that one can follow it
+
+
+def gui_binary() -> str:
+    """Return the path of sumo-gui, from the eclipse-sumo wheel or the search path.
+
+    Raises
+    ------
+    InputError
+        If there is none, or no display to show it on.
+    """
+    wheel = importlib.util.find_spec("sumo")
+    folders = [str(Path(place) / "bin") for place in (wheel.submodule_search_locations or [])] if wheel else []
+    found = shutil.which("sumo-gui", path=os.pathsep.join(folders)) or shutil.which("sumo-gui")
+    if found is None:
+        raise InputError("--gui: sumo-gui is not installed; `pip install eclipse-sumo`, or put SUMO's bin on PATH")
+    if sys.platform.startswith("linux") and not (os.environ.get("DISPLAY") or os.environ.get("WAYLAND_DISPLAY")):
+        raise InputError("--gui: no display (DISPLAY is not set); run without --gui, or under `xvfb-run`")
+    return found
+
+
+@contextmanager
+def gui_simulation(options: Sequence[str], *, net: Path) -> Iterator[Any]:
+    """Run sumo-gui as :func:`idm_sumo.sumo.session.simulation` runs SUMO; yields a traci connection.
+
+    Raises
+    ------
+    InputError
+        If sumo-gui is missing, does not start, or its window is closed before the end.
+    """
+    binary = gui_binary()
+    import traci
+
+    command = [binary, "--net-file", str(net), "--step-length", str(road.FRAME_STEP), *ALWAYS, *options,
+               "--start", "true", "--quit-on-end", "true", "--delay", DELAY]  # fmt: skip
+    try:
+        traci.start(command, numRetries=30, label="idm-sumo", stdout=None)
+        connection = traci.getConnection("idm-sumo")
+    except (traci.exceptions.FatalTraCIError, traci.exceptions.TraCIException) as error:
+        reason = " ".join(str(error).split())
+        raise InputError(
+            f"--gui: sumo-gui does not start ({reason}); is the display {os.environ.get('DISPLAY', '')} usable?"
+        ) from None
+    try:
+        yield connection
+    except traci.exceptions.FatalTraCIError:
+        raise InputError("--gui: sumo-gui was closed before the end; let it run, or leave out --gui") from None
+    finally:
+        with suppress(traci.exceptions.FatalTraCIError):  # it may have gone already
+            connection.close()

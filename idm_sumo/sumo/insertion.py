@@ -1,0 +1,46 @@
+"""Did SUMO insert everybody in time? A departure that finds no gap waits, and that is said, never silent."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from xml.etree.ElementTree import parse
+
+import numpy as np
+import pandas as pd
+
+from idm_sumo import driver_table as d
+from idm_sumo import road
+from idm_sumo.sumo import session
+
+PATIENCE = 600.0  # s after the last departure, before a vehicle that is still not in counts as never inserted
+
+
+def departure_delays(config: Path | str) -> pd.DataFrame:
+    """Run an exported configuration and say how late every vehicle was inserted.
+
+    Parameters
+    ----------
+    config : Path or str
+        A ``.sumocfg`` of :func:`idm_sumo.sumo.export.export_routes`.
+
+    Returns
+    -------
+    pandas.DataFrame
+        ``id, depart_s`` (as asked for), ``delay_s`` (0 in time, infinite if never inserted), in
+        the order of the file.
+    """
+    path = Path(config)
+    inputs = parse(path).getroot()
+    net, routes = (path.parent / inputs.find(f"input/{name}").attrib["value"] for name in ("net-file", "route-files"))  # type: ignore[union-attr]
+    asked = {
+        vehicle.attrib["id"]: float(vehicle.attrib["depart"]) for vehicle in parse(routes).getroot().iter("vehicle")
+    }
+    delays = dict.fromkeys(asked, np.inf)
+    with session.simulation(["--configuration-file", str(path), "--no-warnings", "true"], net=net) as sumo:
+        for _ in range(int((max(asked.values(), default=0.0) + PATIENCE) / road.FRAME_STEP)):
+            sumo.simulationStep()
+            for name in sumo.simulation.getDepartedIDList():
+                delays[name] = sumo.vehicle.getDepartDelay(name)
+            if np.isfinite(list(delays.values())).all() or not sumo.simulation.getMinExpectedNumber():
+                break
+    return pd.DataFrame({"id": list(asked), d.DEPART: list(asked.values()), "delay_s": list(delays.values())})

@@ -1,0 +1,168 @@
+"""Whom a vehicle in SUMO sees ahead of it, and where that differs from our own perception."""
+
+from __future__ import annotations
+
+from typing import Any, NamedTuple
+
+import numpy as np
+import numpy.typing as npt
+import pandas as pd
+
+from idm_sumo import road
+from idm_sumo.errors import InputError
+from idm_sumo.progress import Progress, silent
+from idm_sumo.rollout import perceive
+from idm_sumo.scenes import LEADER_FROM_LANE, Scenes
+from idm_sumo.sumo.network import MAINLINE
+from idm_sumo.sumo.session import simulation
+from idm_sumo.sumo.stage import Cast, Stage, cast, check_on_network
+from idm_sumo.traffic import NOBODY
+
+Integers = npt.NDArray[np.int64]
+
+LOOK_AHEAD = 2000.0  # m, more than the network is long
+
+# Why SUMO names another leader. The first two happen where the leader is on the next edge.
+STRADDLES = "reaches into the lane from beside, its front is not in it"
+HAS_LEFT = "has left the lane, but not SUMO's list of those who reach into it"
+OVERLAP = "overlaps with another; SUMO orders them by their rears"
+EQUAL = "is exactly beside another"
+TOO_FAR = "is beyond the look-ahead"
+UNSEEN = "is not seen by SUMO"
+
+
+def lane_strip(sumo: Any, lane: int) -> tuple[str, ...]:
+    """Return SUMO's lanes that make up main lane ``lane`` (1 leftmost), upstream to downstream."""
+    return tuple(f"{edge}_{sumo.edge.getLaneNumber(edge) - lane}" for edge in MAINLINE)
+
+
+def leader_by_getleader(sumo: Any, name: str) -> tuple[str | None, float]:
+    """Return whom ``vehicle.getLeader`` names, and the gap (m) that it states."""
+    answer = sumo.vehicle.getLeader(name, LOOK_AHEAD)
+    if not answer or not answer[0]:
+        return None, np.inf
+    return answer[0], answer[1]
+
+
+def leader_in_lane(sumo: Any, name: str, strip: tuple[str, ...]) -> str | None:
+    """Return the vehicle whose front is the next one ahead in the same lane, or None.
+
+    For vehicles staged as points. ``vehicle.getLeader`` decides where the leader is on the
+    same edge. For one on an edge further downstream SUMO first asks a list of vehicles that
+    overlap the edge's end, which is kept in the order of arrival and lags a step behind lane
+    changes; there the lanes ahead are asked themselves.
+
+    Parameters
+    ----------
+    sumo : module
+    name : str
+    strip : tuple of str
+        What :func:`lane_strip` returns of the vehicle's lane.
+    """
+    here = sumo.vehicle.getLaneID(name)
+    ahead, _ = leader_by_getleader(sumo, name)
+    if ahead is not None and sumo.vehicle.getLaneID(ahead) == here:
+        return ahead
+    for piece in strip[strip.index(here) + 1 :]:
+        if vehicles := sumo.lane.getLastStepVehicleIDs(piece):
+            return str(vehicles[0])  # SUMO lists them from upstream
+    return None
+
+
+class PerceptionCheck(NamedTuple):
+    """What :func:`compare_perception` found.
+
+    Attributes
+    ----------
+    compared : int
+        How often a vehicle was asked for its leader.
+    differences : pandas.DataFrame
+        One row where SUMO and our perception disagree: ``frame, vehicle, lane, x``, ``ours``
+        and ``sumo`` (numbers of the leaders, 0 for none) and ``cause``, which is said of
+        SUMO's leader, or of ours where SUMO names none.
+    largest_gap_difference : float
+        m, over all cases in which both name the same leader.
+    """
+
+    compared: int
+    differences: pd.DataFrame
+    largest_gap_difference: float
+
+
+def compare_perception(
+    scenes: Scenes, *, as_points: bool = False, every: int = 1, progress: Progress = silent
+) -> PerceptionCheck:
+    """Ask SUMO and our own perception for the leader of every recorded vehicle.
+
+    Parameters
+    ----------
+    scenes : Scenes
+        Its whole traffic is played, whoever is modelled.
+    as_points : bool
+        Stage the vehicles and find the leader as the replay does; there is no difference to
+        be expected. By default vehicles have their sizes, and ``vehicle.getLeader`` alone is
+        asked, as a user of SUMO would do.
+    every : int
+        Play and compare every so many frames.
+
+    Raises
+    ------
+    InputError
+        If the recording does not hold the vehicles ahead.
+    """
+    if scenes.leader_source != LEADER_FROM_LANE:
+        raise InputError(f"period {scenes.period}: the recording does not hold the leaders, so SUMO cannot see them")
+    actors, found, compared, largest = cast(scenes), [], 0, 0.0
+    frames = np.arange(scenes.traffic.first_frame, scenes.traffic.first_frame + scenes.traffic.frames, every)
+    by_frame = np.argsort(actors.frame, kind="stable")
+    bounds = np.searchsorted(actors.frame[by_frame], [frames, frames + 1])
+    with simulation() as sumo:
+        check_on_network(sumo, actors)
+        stage = Stage(sumo, as_points=as_points)
+        strips = [lane_strip(sumo, lane + 1) for lane in range(road.MAIN_LANES)] if as_points else None
+        for done, (begin, end) in enumerate(bounds.T.tolist()):
+            rows = by_frame[begin:end]
+            stage.place(*actors.of(rows))
+            sumo.simulationStep()
+            differing, gap_difference = _compare_frame(sumo, scenes, actors, rows, strips)
+            found += differing
+            compared, largest = compared + len(rows), max(largest, gap_difference)
+            progress("perception", done + 1, len(frames))
+    columns = ["frame", "vehicle", "lane", "x", "ours", "sumo", "cause"]
+    return PerceptionCheck(compared, pd.DataFrame(found, columns=columns), largest)
+
+
+def _compare_frame(
+    sumo: Any, scenes: Scenes, actors: Cast, rows: Integers, strips: list[tuple[str, ...]] | None
+) -> tuple[list[tuple[Any, ...]], float]:
+    """Return the differences of one frame, and the largest difference of gaps (m)."""
+    t, found, largest = scenes.traffic, [], 0.0
+    row_of = dict(zip(map(str, t.vehicle[rows].tolist()), rows.tolist(), strict=True))
+    for name, row in row_of.items():
+        lane, frame = int(actors.lane[row]), int(actors.frame[row])
+        ours, gap = perceive(int(t.cell(lane, frame)), t.x[row], t.vehicle[row], t.offsets, t.x, t.length, t.vehicle)
+        leader, stated_gap = leader_by_getleader(sumo, name)
+        if strips is not None:
+            leader = leader_in_lane(sumo, name, strips[lane - 1])
+        theirs = NOBODY if leader is None else row_of[leader]
+        if ours != theirs:
+            numbers = (0 if who == NOBODY else int(t.vehicle[who]) for who in (ours, theirs))
+            cause = _cause(scenes, actors, row, ours, theirs)
+            found.append((frame, int(name), lane, float(t.x[row]), *numbers, cause))
+        elif ours != NOBODY and strips is None:
+            largest = max(largest, abs(gap - stated_gap))
+    return found, largest
+
+
+def _cause(scenes: Scenes, actors: Cast, row: int, ours: int, theirs: int) -> str:
+    """Say why SUMO names ``theirs`` as the leader of ``row`` and not ``ours``."""
+    t = scenes.traffic
+    if theirs == NOBODY:
+        return TOO_FAR if t.x[ours] - t.x[row] > LOOK_AHEAD else UNSEEN
+    if actors.lane[theirs] != actors.lane[row]:
+        reach = 0.5 * (road.LANE_WIDTH + t.width[theirs])
+        straddles = abs(actors.y[theirs] - road.lane_center(actors.lane[row])) < reach
+        return STRADDLES if straddles else HAS_LEFT
+    if t.x[theirs] in (t.x[row], t.x[ours]):
+        return EQUAL
+    return OVERLAP

@@ -1,0 +1,115 @@
+"""The vehicle types of a closed loop: as calibrated, as predicted, one for all, or SUMO's defaults."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from xml.etree.ElementTree import Element
+
+import numpy as np
+import numpy.typing as npt
+import pandas as pd
+
+from idm_sumo import driver_table as d
+from idm_sumo import road
+from idm_sumo.errors import InputError
+from idm_sumo.sumo.vtypes import AS_CALIBRATED, CLASSES, DriverType, number, type_element
+
+Floats = npt.NDArray[np.float64]
+
+DEFAULTS = {"default-idm": "IDM", "krauss": "Krauss"}  # SUMO's models with SUMO's parameters
+
+_LC2013 = (
+    "lcStrategic", "lcCooperative", "lcSpeedGain", "lcKeepRight", "lcOvertakeRight", "lcLookaheadLeft", "lcSpeedGainRight",
+    "lcSpeedGainLookahead", "lcSpeedGainRemainTime", "lcSpeedGainUrgency", "lcOvertakeDeltaSpeedFactor",
+    "lcKeepRightAcceptanceTime", "lcCooperativeRoundabout", "lcCooperativeSpeed", "lcAssertive", "lcSigma",
+)  # fmt: skip
+_SL2015 = (
+    "lcSublane", "lcPushy", "lcPushyGap", "lcImpatience", "lcTimeToImpatience", "lcAccelLat", "lcTurnAlignmentDistance",
+    "lcMaxSpeedLatStanding", "lcMaxSpeedLatFactor", "lcLaneDiscipline", "minGapLat", "maxSpeedLat",
+)  # fmt: skip
+LANE_CHANGE_MODELS = {"LC2013": _LC2013, "SL2015": (*_LC2013, *_SL2015)}
+SUBLANE = {"SL2015": ("--lateral-resolution", "0.8")}  # m; the model needs sublanes
+
+
+def lane_change_attributes(model: str, parameters: Mapping[str, str]) -> dict[str, str]:
+    """Return the attributes of a type that choose and tune SUMO's lane changing.
+
+    The same for all populations, so that they differ in how they follow. Keeping right is off and overtaking on the
+    right allowed, as in California; ``parameters`` come on top.
+
+    Raises
+    ------
+    InputError
+        For an unknown model or parameter, or a value that is no number.
+    """
+    if model not in LANE_CHANGE_MODELS:
+        raise InputError(f"--lane-change-model {model}: is unknown; use one of {', '.join(LANE_CHANGE_MODELS)}")
+    for name, value in parameters.items():
+        if name not in LANE_CHANGE_MODELS[model]:
+            raise InputError(
+                f"--lane-change {name}: is no parameter of {model}; it has {', '.join(LANE_CHANGE_MODELS[model])}"
+            )
+        try:
+            finite = np.isfinite(float(value))
+        except ValueError:
+            finite = False
+        if not finite:
+            raise InputError(f"--lane-change {name}={value}: is not a number; give one, as in {name}=1")
+    common = {name: AS_CALIBRATED[name] for name in ("lcOvertakeRight", "lcKeepRight")}
+    return {**common, "laneChangeModel": model, **parameters}
+
+
+def calibrated_types(
+    demand: pd.DataFrame, theta: Floats, lane_change: Mapping[str, str], desired_speed: float = road.SPEED_LIMIT
+) -> list[Element]:
+    """Return the exported type of every vehicle.
+
+    Parameters
+    ----------
+    demand : pandas.DataFrame
+        Of :func:`idm_sumo.sumo.demand.demand_of`.
+    theta : array, shape (vehicles, 5)
+        ``a, b, T, d0`` of each, and a ``d1`` that is zero, for SUMO has none.
+    lane_change : mapping of str to str
+        Of :func:`lane_change_attributes`.
+    desired_speed : float
+        m/s.
+
+    Raises
+    ------
+    InputError
+        If a parameter is missing, or a ``d1`` is left.
+    """
+    if not np.isfinite(theta).all():
+        row = int(np.flatnonzero(~np.isfinite(theta).all(axis=1))[0])
+        raise InputError(
+            f"vehicle {demand[d.KEYS[1]].iloc[row]} has no parameters; calibrate it or give it the pooled ones"
+        )
+    if (theta[:, 4] != 0.0).any():
+        raise InputError("SUMO's IDM has no d1: refit or linearise the drivers first")
+    sizes = zip(*(demand[name].tolist() for name in (d.KEYS[1], d.LENGTH, d.WIDTH, d.CLASS)), strict=True)
+    return [
+        type_element(
+            DriverType(f"type.{vehicle}", a, b, T, d0, desired_speed, length, width, int(kind)), None, **lane_change
+        )
+        for (vehicle, length, width, kind), (a, b, T, d0, _) in zip(sizes, theta.tolist(), strict=True)
+    ]
+
+
+def default_types(demand: pd.DataFrame, name: str, lane_change: Mapping[str, str]) -> list[Element]:
+    """Return SUMO's own type for every vehicle, ``default-idm`` or ``krauss``, with its recorded size and class.
+
+    Everything else is SUMO's default, the scatter of desired speeds around the limit (speedDev 0.1) included.
+    """
+    rows = zip(*(demand[key].tolist() for key in (d.KEYS[1], d.LENGTH, d.WIDTH, d.CLASS)), strict=True)
+    shared = {"carFollowModel": DEFAULTS[name], "collisionMinGapFactor": "0", **lane_change}
+    types = []
+    for vehicle, length, width, kind in rows:
+        shape = {
+            "vClass": CLASSES[int(kind)],
+            "guiShape": CLASSES[int(kind)],
+            "length": number(length),
+            "width": number(width),
+        }
+        types.append(Element("vType", {"id": f"type.{vehicle}", **shape, **shared}))
+    return types

@@ -1,0 +1,207 @@
+"""The ``sumo`` back end of replay: one modelled vehicle at a time among recorded ones.
+
+Every step SUMO is told where all vehicles are, makes a step, and is asked for the modelled
+vehicle's leader (a move shows only after the step); then Python drives the modelled vehicle
+one step: IDM, pure pursuit and kinematic bicycle, integrated by Euler with the old speed, the
+very functions of the ``kernel`` back end. SUMO drives nobody, neither by its car-following
+nor by its lane-changing models.
+"""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+import numpy.typing as npt
+from joblib import Parallel, delayed
+from numba import njit
+
+from idm_sumo import bicycle, road
+from idm_sumo.errors import InputError
+from idm_sumo.progress import Progress, silent
+from idm_sumo.rollout import Trajectories, control
+from idm_sumo.scenes import LEADER_FROM_LANE, Scenes
+from idm_sumo.sumo.perception import lane_strip, leader_in_lane
+from idm_sumo.sumo.session import simulation
+from idm_sumo.sumo.stage import Cast, Stage, cast, check_on_network, compass, inside_lane
+from idm_sumo.traffic import NOBODY
+
+Floats = npt.NDArray[np.float64]
+Integers = npt.NDArray[np.int64]
+
+BEHIND = 60.0  # m, the recorded vehicles that surround the modelled one in SUMO
+AHEAD = 150.0  # m, in the lanes beside; in its own lane all vehicles ahead are there
+EGO = "ego"
+CHUNKS_A_JOB = 4  # so that progress shows, and a slow chunk does not keep the others waiting
+
+
+def replay(
+    scenes: Scenes,
+    parameters: npt.ArrayLike,
+    *,
+    desired_speed: npt.ArrayLike = road.SPEED_LIMIT,
+    which: npt.NDArray[np.bool_] | Integers | None = None,
+    jobs: int = 1,
+    progress: Progress = silent,
+) -> Trajectories:
+    """Drive vehicles by IDM and pure pursuit in SUMO, each in a replay of its own.
+
+    Parameters
+    ----------
+    scenes : Scenes
+    parameters : array_like, shape (vehicles, 5) or (5,)
+        ``a, b, T, d0, d1`` in SI units.
+    desired_speed : array_like, shape (vehicles,) or ()
+        m/s.
+    which : array, optional
+        Mask or numbers of the windows to replay; by default all.
+    jobs : int
+        Processes; the results do not depend on it.
+    progress : Progress
+        Told how many vehicles are done.
+
+    Returns
+    -------
+    Trajectories
+        Of the chosen windows, in their order; by Euler with the old speed.
+
+    Raises
+    ------
+    InputError
+        If SUMO or the network cannot be loaded, or a vehicle is or drives off the network.
+
+    Notes
+    -----
+    *Traffic.* Recorded vehicles of the modelled vehicle's lane and of the lanes next to it are
+    injected while they are between ``BEHIND`` and ``AHEAD``, those of its own lane at any
+    distance ahead. Perception is along the own lane, so the choice never changes a result; the
+    recorded twin is not there.
+
+    *Perception.* SUMO names the leader (:func:`~idm_sumo.sumo.perception.leader_in_lane`); the
+    gap is between the positions read back from SUMO, less the leader's recorded length, since
+    vehicles are points there (:class:`~idm_sumo.sumo.stage.Stage`). The leader's speed is the
+    recorded one: SUMO derives the speed of a moved vehicle from its last displacement, which
+    lags half a frame.
+
+    *The lane.* The modelled vehicle perceives along the lane it steers for. While its front is
+    beyond that lane's edge, it stands on this edge in SUMO; the result has its true place.
+    """
+    n = len(scenes)
+    theta = np.broadcast_to(np.asarray(parameters, dtype=np.float64), (n, 5))
+    limit = np.broadcast_to(np.asarray(desired_speed, dtype=np.float64), (n,))
+    if which is not None:
+        scenes, theta, limit = scenes.subset(which), theta[which], limit[which]
+    if jobs == 1 or len(scenes) < 2:
+        return _replay_serially(scenes, theta, limit, progress)
+    chunks = np.array_split(np.arange(len(scenes)), min(len(scenes), jobs * CHUNKS_A_JOB))
+    tasks = (delayed(_replay_serially)(scenes.subset(part), theta[part], limit[part]) for part in chunks)
+    parts = []
+    for part in Parallel(n_jobs=jobs, backend="loky", return_as="generator")(tasks):
+        parts.append(part)
+        progress("replay in SUMO", sum(len(done.x) for done in parts), len(scenes))
+    return Trajectories(*(np.concatenate(columns) for columns in zip(*map(_columns, parts), strict=True)))
+
+
+def _columns(trajectories: Trajectories) -> tuple[npt.NDArray[Any], ...]:
+    return tuple(getattr(trajectories, name) for name in trajectories.__dataclass_fields__)
+
+
+def _replay_serially(scenes: Scenes, theta: Floats, limit: Floats, progress: Progress = silent) -> Trajectories:
+    """Replay one window after the other in one simulation, whose road is empty between them."""
+    out, actors = Trajectories.empty(len(scenes), scenes.window.horizon), cast(scenes)
+    with simulation() as sumo:
+        check_on_network(sumo, actors)
+        stage, strips = Stage(sumo, as_points=True), [lane_strip(sumo, lane + 1) for lane in range(road.MAIN_LANES)]
+        for i in range(len(scenes)):
+            strip = strips[int(scenes.lane[i]) - 1]
+            _replay_one(sumo, stage, strip, actors, scenes, i, np.ascontiguousarray(theta[i]), float(limit[i]), out)
+            stage.clear()
+            progress("replay in SUMO", i + 1, len(scenes))
+    return out
+
+
+def _replay_one(
+    sumo: Any,
+    stage: Stage,
+    strip: tuple[str, ...],
+    actors: Cast,
+    scenes: Scenes,
+    i: int,
+    theta: Floats,
+    limit: float,
+    out: Trajectories,
+) -> None:
+    """Drive window ``i`` and write it to ``out``."""
+    length, lane, t = float(scenes.length[i]), int(scenes.lane[i]), scenes.traffic
+    lane_y, end = float(road.lane_center(lane)), sumo.simulation.getNetBoundary()[1][0]
+    right, left = inside_lane([-np.inf, np.inf], lane).tolist()
+    x, y, heading, speed = start_of(scenes, i)
+    cx, cy = bicycle.center_of_front(x, y, heading, length)
+    for k in range(out.x.shape[1]):
+        out.x[i, k], out.y[i, k], out.heading[i, k], out.speed[i, k] = x, y, heading, speed
+        if x > end:
+            raise InputError(f"vehicle {scenes.vehicle[i]} drives off the network, x = {x:.0f} m; shorten the horizon")
+        rows = _rows_around(scenes, i, k, x)
+        names, fronts, laterals, angles, lengths, widths = actors.of(rows)
+        stage.place(
+            [*names, EGO], [*fronts, x], [*laterals, min(max(y, right), left)],
+            [*angles, float(compass(heading))], [*lengths, length], [*widths, float(scenes.width[i])],
+        )  # fmt: skip
+        sumo.simulationStep()
+        row, gap = _perceive(sumo, strip, names, rows, t.length)
+        out.leader[i, k], out.gap[i, k] = row, gap
+        if k == out.acceleration.shape[1]:
+            break
+        leader_speed = t.speed[row] if row != NOBODY else speed
+        out.acceleration[i, k], out.steering[i, k], cx, cy, heading, speed, x, y = advance(
+            cx, cy, heading, speed, gap, leader_speed, theta, limit, length, lane_y
+        )
+
+
+def start_of(scenes: Scenes, i: int) -> tuple[float, float, float, float]:
+    """Return front bumper (m), heading (rad) and speed (m/s) with which the simulation starts."""
+    k = scenes.start
+    return float(scenes.x[i, k]), float(scenes.y[i, k]), float(scenes.heading[i, k]), float(scenes.speed[i, k])
+
+
+def _perceive(sumo: Any, strip: tuple[str, ...], names: list[str], rows: Integers, length: Floats) -> tuple[int, float]:
+    """Return the row of the modelled vehicle's leader (or ``NOBODY``) and the gap to it (m)."""
+    leader = leader_in_lane(sumo, EGO, strip)
+    if leader is None:
+        return NOBODY, np.inf
+    row = int(rows[names.index(leader)])
+    # getLeader's own gap is up to 1 mm off beside the end of an edge, and knows no lengths here.
+    front, own_front = sumo.vehicle.getPosition(leader)[0], sumo.vehicle.getPosition(EGO)[0]
+    return row, float(front - length[row] - own_front)
+
+
+def _rows_around(scenes: Scenes, i: int, k: int, front: float) -> Integers:
+    """Return the rows of the traffic around window ``i`` at step ``k``."""
+    t, lane, cell = scenes.traffic, int(scenes.lane[i]), int(scenes.cell[i]) + scenes.start + k
+    beside = [cell + t.frames * side for side in (-1, 1) if 1 <= lane + side <= road.MAIN_LANES]
+    if scenes.leader_source != LEADER_FROM_LANE:
+        beside = []  # the window's private lane has no neighbours
+    cells = np.array([cell, *beside], dtype=np.int64)
+    return np.asarray(_rows_in_reach(t.offsets, t.x, t.vehicle, cells, front, int(scenes.vehicle[i])))
+
+
+@njit(cache=True)
+def _rows_in_reach(offsets, x, vehicle, cells, front, own):  # type: ignore[no-untyped-def]
+    """Return the rows of ``cells`` in reach of ``front`` (m); of the first cell all that are ahead."""
+    rows = [0 for _ in range(0)]
+    for number, cell in enumerate(cells):
+        for row in range(offsets[cell], offsets[cell + 1]):
+            near = number == 0 or x[row] < front + AHEAD
+            if near and x[row] > front - BEHIND and vehicle[row] != own:
+                rows.append(row)
+    return np.array(rows, dtype=np.int64)
+
+
+@njit(cache=True)
+def advance(cx, cy, heading, speed, gap, leader_speed, theta, limit, length, lane_y):  # type: ignore[no-untyped-def]
+    """Return controls, centre of mass, heading, speed and front bumper one frame later."""
+    acceleration, steering = control(cx, cy, heading, speed, gap, leader_speed, theta, limit, length, lane_y)
+    axles = bicycle.wheelbase(length)
+    cx, cy, heading, speed = bicycle.step(cx, cy, heading, speed, acceleration, steering, axles, road.FRAME_STEP)
+    x, y = bicycle.front_of_center(cx, cy, heading, length)
+    return acceleration, steering, cx, cy, heading, speed, x, y

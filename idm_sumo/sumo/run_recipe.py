@@ -1,0 +1,62 @@
+"""The ``.sumocfg`` beside exported types: how they have to be run to behave as calibrated."""
+
+from __future__ import annotations
+
+from xml.etree.ElementTree import Element, SubElement
+
+from idm_sumo import road
+from idm_sumo.errors import InputError
+
+EULER, BALLISTIC = "euler", "ballistic"
+
+
+def check_integration(integration: str) -> None:
+    """Refuse an integration that SUMO does not have.
+
+    Raises
+    ------
+    InputError
+    """
+    if integration not in (EULER, BALLISTIC):
+        raise InputError(f"integration: SUMO has no {integration!r}; use {EULER} (its default) or {BALLISTIC}")
+
+
+def options(integration: str) -> dict[str, str]:
+    """Return the options that decide how a type drives, by their long names.
+
+    Raises
+    ------
+    InputError
+        For an integration that SUMO does not have.
+    """
+    check_integration(integration)
+    return {
+        "step-length": f"{road.FRAME_STEP:g}",
+        "step-method.ballistic": "true" if integration == BALLISTIC else "false",
+        "default.action-step-length": f"{road.FRAME_STEP:g}",
+        "collision.action": "warn",  # reported, not repaired by teleporting
+        "collision.mingap-factor": "0",
+        "time-to-teleport": "-1",
+        "max-depart-delay": "-1",  # a vehicle that finds no gap waits; it is not dropped
+    }
+
+
+SECTION = {"step-length": "time"}  # of sumo's configuration; all others are "processing"
+
+
+def configuration(net: str, routes: str, integration: str) -> Element:
+    """Return the ``<sumoConfiguration>`` that runs a route file on a network, both named relative to it."""
+    root = Element("sumoConfiguration")
+    inputs = SubElement(root, "input")
+    SubElement(inputs, "net-file", value=net)
+    SubElement(inputs, "route-files", value=routes)
+    sections = {"input": inputs}
+    for name, value in options(integration).items():
+        section = SECTION.get(name, "processing")
+        if section not in sections:
+            sections[section] = SubElement(root, section)
+        SubElement(sections[section], name, value=value)
+    report = SubElement(root, "report")
+    SubElement(report, "no-step-log", value="true")
+    SubElement(report, "duration-log.disable", value="true")
+    return root

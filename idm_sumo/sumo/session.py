@@ -1,0 +1,105 @@
+"""Starting and stopping SUMO inside this process, through libsumo."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Sequence
+from contextlib import contextmanager
+from pathlib import Path
+from typing import Any
+from xml.etree import ElementTree
+
+from idm_sumo import road
+from idm_sumo.errors import InputError
+from idm_sumo.sumo.network import net_file
+
+# What every simulation shares.
+ALWAYS = (
+    "--xml-validation", "never",
+    "--no-step-log", "true",
+    "--time-to-teleport", "-1",  # nobody vanishes from a jam
+)  # fmt: skip
+
+# What a replay needs: SUMO carries, draws and perceives; who moves whom is decided outside.
+REPLAY = (
+    # Without sublanes the order of a lane goes stale when a moved vehicle passes another, and
+    # getLeader names the wrong one. One sublane a lane is enough to have it sorted every step.
+    "--lateral-resolution", "3.66",
+    # No vehicle drives itself, so none needs to plan: a third of the time of a step.
+    "--default.action-step-length", "1000",
+    # Collisions are judged by our own rectangles (SUMO's check ignores moved vehicles anyhow).
+    "--collision.action", "none",
+    # It would warn of the two choices above, and of recorded drivers who brake hard.
+    "--no-warnings", "true",
+)  # fmt: skip
+
+
+def load_libsumo() -> Any:
+    """Return the module libsumo.
+
+    Raises
+    ------
+    InputError
+        If it is not installed, or a library of the system that it needs is missing.
+    """
+    try:
+        import libsumo
+    except (ImportError, OSError) as error:
+        reason = str(error).strip().splitlines()[-1]
+        raise InputError(
+            f"libsumo cannot be loaded ({reason}): `pip install libsumo`; on a slim system also "
+            "the packages libx11-6 libxext6 libxrender1 libgl1 libatomic1 libexpat1"
+        ) from None
+    return libsumo
+
+
+@contextmanager
+def simulation(
+    options: Sequence[str] = REPLAY, *, net: Path | None = None, step_length: float = road.FRAME_STEP
+) -> Iterator[Any]:
+    """Run SUMO on our network, in steps of a recorded frame by default; yields the module libsumo.
+
+    Parameters
+    ----------
+    options : sequence of str
+        Options of ``sumo`` beside those every simulation shares.
+    net : Path, optional
+        The network; by default the US-101 section.
+    step_length : float
+        Length of a simulation step, s.
+
+    Raises
+    ------
+    InputError
+        If libsumo or the network cannot be loaded, or SUMO refuses an option.
+    RuntimeError
+        If a simulation already runs in this process: libsumo holds one.
+    """
+    path = net_file() if net is None else net
+    _check_net(path)
+    sumo = load_libsumo()
+    if sumo.isLoaded():
+        raise RuntimeError("one simulation a process: leave the first `with simulation()` before the next")
+    command = ["sumo", "--net-file", str(path), "--step-length", str(step_length), *ALWAYS, *options]
+    try:
+        sumo.start(command)
+    except sumo.TraCIException as error:
+        reason = " ".join(str(error).split())
+        raise InputError(
+            f"{path}: SUMO does not start ({reason}); check this network and {' '.join(options)}"
+        ) from None
+    try:
+        yield sumo
+    finally:
+        sumo.close()
+
+
+def _check_net(path: Path) -> None:
+    """Refuse what would crash the process: libsumo does not survive a broken network file."""
+    if not path.is_file():
+        raise InputError(f"{path}: no such network; build it with `python network/build.py`")
+    try:
+        edges = ElementTree.parse(path).getroot().find("edge")
+    except ElementTree.ParseError as error:
+        raise InputError(f"{path}: {error}; build the network anew with `python network/build.py`") from None
+    if edges is None:
+        raise InputError(f"{path}: has no edge; build the network anew with `python network/build.py`")

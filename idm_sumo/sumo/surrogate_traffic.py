@@ -1,0 +1,142 @@
+"""The simulation behind the surrogate recording: full traffic and a bottleneck that comes and goes."""
+
+from __future__ import annotations
+
+import math
+import tempfile
+from collections.abc import Callable
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import numpy.typing as npt
+import pyarrow.parquet as pq
+
+from idm_sumo.road import FRAME_STEP, LANE_WIDTH, SECTION_LENGTH, SPEED_LIMIT
+from idm_sumo.sumo.network import OFF_RAMP, route
+from idm_sumo.sumo.session import simulation
+from idm_sumo.sumo.surrogate_demand import Schedule
+
+SECTION = ("entry", "weave", "exit")
+AFTER_RAMPS = ("exit", "downstream")
+BOTTLENECK = "outflow"
+CONTROL_STEP = 2.0  # s between two changes of the speed signs
+LAST_CHANCE = 170.0  # m along the weaving section of 213 m
+LONGEST_CLEARING = 900.0  # s
+
+# Mean speeds (m/s) of the real periods, which the speed signs keep: traffic jams before the
+# weaving section and speeds up behind it, as on US-101, and waves come back from downstream.
+TARGET_SPEED = (11.6, 8.5, 7.3)
+WEAVE_SIGN = (12.8, 9.9, 8.2)  # m/s, while the section is as fast as it should be
+AFTER_SIGN = (24.0, 12.0, 11.5)  # m/s, between the off-ramp and the bottleneck
+BOTTLENECK_SIGN = (12.0, 10.5, 9.5)  # m/s, on average
+SWAY = 3.0  # m/s, standard deviation of the sign at the bottleneck
+SWAY_TIME = 60.0  # s, its memory
+GAIN = 1.0  # m/s on the sign of the weaving section for 1 m/s too fast or too slow
+SLOWEST_SIGN = 5.0  # m/s
+
+# With ballistic steps the acceleration is constant within a step, so frames between two
+# steps are known exactly (see `surrogate_noise.between_steps`). This saves 4/5 of the time.
+STEP = 0.5  # s
+MARGIN = 20.0  # m, more than a step around the section
+FRAMES_A_STEP = round(STEP / FRAME_STEP)
+
+Trajectories = dict[str, npt.NDArray[Any]]
+
+
+def run(routes: Path, schedule: Schedule, seed: int, progress: Callable[[float, float], None] | None) -> Trajectories:
+    """Simulate and return what happened, one row a vehicle and step.
+
+    Parameters
+    ----------
+    routes : Path
+        SUMO route file; vehicles are named by their number.
+    schedule : Schedule
+        When to record.
+    seed : int
+        Seed of SUMO and of the bottleneck.
+    progress : callable or None
+        Told how many seconds of how many are done.
+
+    Returns
+    -------
+    dict of ndarray, shape (rows,)
+        ``vehicle`` (int), ``step`` (int, 0 at the recording's first instant), ``x``, ``y`` (m),
+        ``speed`` (m/s); sorted by vehicle and step.
+    """
+    with tempfile.TemporaryDirectory(prefix="idm-sumo-") as folder:
+        fcd = Path(folder, "fcd.parquet")
+        options = (
+            "--route-files", str(routes), "--seed", str(seed), "--step-method.ballistic", "true",
+            "--lateral-resolution", f"{LANE_WIDTH}", "--collision.action", "none", "--no-warnings", "true",
+            "--fcd-output", str(fcd), "--fcd-output.attributes", "x,y,speed", "--precision", "4",
+            # A step early: who is in the section by then belongs to no period.
+            "--device.fcd.begin", f"{schedule.begin - STEP:.1f}",
+        )  # fmt: skip
+        with simulation(options, step_length=STEP) as sumo:
+            _simulate(sumo, schedule, np.random.default_rng([seed, 2]), progress)
+        return _read(fcd, schedule)
+
+
+def _simulate(
+    sumo: Any, schedule: Schedule, rng: np.random.Generator, progress: Callable[[float, float], None] | None
+) -> None:
+    """Step until everybody recorded has left, changing the signs at the bottleneck as time goes."""
+    now, sway = 0.0, 0.0
+    total = schedule.end + 120.0  # about how long it takes the section to empty
+    decay = math.exp(-CONTROL_STEP / SWAY_TIME)
+    while now < schedule.end or (_present(sumo) and now < schedule.end + LONGEST_CLEARING):
+        now += CONTROL_STEP
+        sumo.simulationStep(now)
+        sway = decay * sway + SWAY * math.sqrt(1 - decay**2) * rng.normal()
+        _set_signs(sumo, int(np.clip((now - schedule.begin) // schedule.period, 0, len(TARGET_SPEED) - 1)), sway)
+        _give_up_lane_changes(sumo)
+        if progress is not None:
+            progress(min(now, total), total)
+
+
+def _set_signs(sumo: Any, period: int, sway: float) -> None:
+    """Show the speed limits (m/s) of this moment."""
+    too_slow = TARGET_SPEED[period] - _mean_speed(sumo)
+    signs = {"weave": WEAVE_SIGN[period] + GAIN * too_slow, BOTTLENECK: BOTTLENECK_SIGN[period] + sway}
+    signs |= dict.fromkeys(AFTER_RAMPS, AFTER_SIGN[period])
+    for edge, speed in signs.items():
+        sumo.edge.setMaxSpeed(edge, float(np.clip(speed, SLOWEST_SIGN, SPEED_LIMIT)))
+
+
+def _give_up_lane_changes(sumo: Any) -> None:
+    """Let those go on in their lane who did not get into the lane of their route in time.
+
+    Who misses the off-ramp stays on the freeway; who finds no gap to merge leaves again by the
+    off-ramp. SUMO would have them wait at the lane's end, until the weaving section is locked.
+    """
+    for name in sumo.edge.getLastStepVehicleIDs("weave"):
+        if sumo.vehicle.getLanePosition(name) < LAST_CHANCE:
+            continue
+        leads_to = OFF_RAMP if sumo.vehicle.getLaneIndex(name) == 0 else BOTTLENECK
+        if sumo.vehicle.getRoute(name)[-1] != leads_to:
+            sumo.vehicle.setRoute(name, route("weave", leads_to))
+
+
+def _present(sumo: Any) -> bool:
+    """Whether anybody is still in the section or about to enter it."""
+    return any(sumo.edge.getLastStepVehicleNumber(edge) for edge in (*SECTION, "on_ramp", "off_ramp"))
+
+
+def _mean_speed(sumo: Any) -> float:
+    """Return the mean speed (m/s) of all vehicles in the section."""
+    counts = np.array([sumo.edge.getLastStepVehicleNumber(edge) for edge in SECTION], dtype=np.float64)
+    speeds = np.array([sumo.edge.getLastStepMeanSpeed(edge) for edge in SECTION])
+    return float((speeds * counts).sum() / counts.sum()) if counts.sum() else SPEED_LIMIT
+
+
+def _read(fcd: Path, schedule: Schedule) -> Trajectories:
+    """Read SUMO's floating car data, sorted by vehicle and step."""
+    near = [("vehicle_x", ">", -MARGIN), ("vehicle_x", "<", SECTION_LENGTH + MARGIN)]
+    table = pq.read_table(fcd, filters=near)
+    vehicle = table["vehicle_id"].cast("int32").to_numpy()
+    step = np.rint((table["timestep_time"].to_numpy() - schedule.begin) / STEP).astype(np.int32)
+    order = np.lexsort((step, vehicle))
+    columns = {"vehicle": vehicle, "step": step}
+    columns |= {name: table[f"vehicle_{name}"].to_numpy() for name in ("x", "y", "speed")}
+    return {name: values[order] for name, values in columns.items()}

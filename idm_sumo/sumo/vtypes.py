@@ -1,0 +1,73 @@
+"""One driver as a SUMO vehicle type, with nothing left to a default that changes how it drives."""
+
+from __future__ import annotations
+
+import re
+from typing import NamedTuple
+from xml.etree.ElementTree import Element, SubElement
+
+from idm_sumo import idm, road
+
+STEPPING = 0.25  # s: longer than our step, so SUMO's IDM computes one acceleration a step, as we do
+
+# Recorded class to SUMO's class and shape; 0 is not recorded.
+CLASSES = {0: "passenger", 1: "motorcycle", 2: "passenger", 3: "truck"}
+
+# What makes the type drive as calibrated wherever it is used, and SUMO's reason for each.
+AS_CALIBRATED = {
+    "carFollowModel": "IDM",
+    "delta": f"{idm.EXPONENT:g}",
+    "stepping": f"{STEPPING:g}",
+    "emergencyDecel": f"{idm.EMERGENCY_BRAKING:g}",
+    "speedFactor": "1",  # by default drawn around 1, so v0 would be a lottery
+    "speedDev": "0",
+    "actionStepLength": f"{road.FRAME_STEP:g}",  # a longer one would be somebody else's reaction time
+    "startupDelay": "0",
+    "impatience": "0",
+    "collisionMinGapFactor": "0",  # a collision is when bumpers touch, not when minGap is undercut
+    "laneChangeModel": "LC2013",
+    # By default a vehicle brakes behind a slower one on its LEFT, so as not to overtake on the
+    # right: a European rule that makes an IDM driver slow down for someone not in its lane.
+    "lcOvertakeRight": "1",
+    "lcKeepRight": "0",  # nor does a Californian return to the right
+}  # fmt: skip
+
+
+class DriverType(NamedTuple):
+    """What a vehicle type holds, in SI units; ``maximum_speed`` is :math:`v_0` on a road that allows it."""
+
+    identifier: str
+    a: float
+    b: float
+    T: float
+    d0: float
+    maximum_speed: float
+    length: float
+    width: float
+    vehicle_class: int
+
+
+def identifier(*parts: object) -> str:
+    """Return the parts joined by dots, as a name SUMO accepts: ``0750-0805.123``."""
+    return re.sub(r"[^A-Za-z0-9_.\-+]", "_", ".".join(str(part) for part in parts))
+
+
+def type_element(driver: DriverType, parent: Element | None = None, **extra: str) -> Element:
+    """Return the ``<vType>`` of a driver, below ``parent`` if one is given.
+
+    Numbers are written in full, so that the type is the calibrated driver and not one near it.
+    """
+    shape = CLASSES[driver.vehicle_class]
+    attributes = {
+        "id": driver.identifier, "vClass": shape, "guiShape": shape,
+        "length": number(driver.length), "width": number(driver.width),
+        "accel": number(driver.a), "decel": number(driver.b), "apparentDecel": number(driver.b),
+        "tau": number(driver.T), "minGap": number(driver.d0), "maxSpeed": number(driver.maximum_speed),
+        **AS_CALIBRATED, **extra,
+    }  # fmt: skip
+    return Element("vType", attributes) if parent is None else SubElement(parent, "vType", attributes)
+
+
+def number(value: float) -> str:
+    """Return the shortest text that is read back as the same number."""
+    return repr(float(value)).removesuffix(".0")

@@ -1,0 +1,106 @@
+r"""The speed of stop-and-go waves, which travel upstream through dense traffic.
+
+A disturbance at :math:`x` reaches :math:`x - \Delta x` after :math:`\tau = \Delta x / w`. So the speeds at two
+positions are most alike when the upstream one is read :math:`\tau` later. For a row of distances
+the lag of the largest cross-correlation is found, and the wave speed is the robust (Theil-Sen)
+slope of distance over lag. Sources: Zielke, Bertini and Treiber (2008), Empirical measurement of
+freeway oscillation characteristics, Transportation Research Record 2088 (cross-correlation);
+Treiber and Kesting (2013), chapter 18: about -15 to -20 km/h everywhere, -4 to -5.5 m/s.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+import numpy.typing as npt
+import pandas as pd
+from scipy.ndimage import uniform_filter1d
+from scipy.stats import theilslopes
+
+from idm_sumo import columns as c
+from idm_sumo import road
+from idm_sumo.recording import Recording
+
+Floats = npt.NDArray[np.float64]
+
+CELL_LENGTH = 20.0  # m
+CELL_TIME = 1.0  # s
+NEARLY_ALL = 0.8  # of the cells of a lane must have been driven through, else there is no field
+LONGEST_GAP = 15.0  # s, over which an empty cell is filled in between its neighbours in time
+SLOW = 180.0  # s: slower variation is the demand, not a wave
+DISTANCES = tuple(range(3, 16))  # cells, 60 to 300 m: nearer, one car is seen at both places
+SLOWEST_WAVE, FASTEST_WAVE = 2.0, 12.0  # m/s, the range that is searched
+LEAST_CORRELATION = 0.15  # of the speeds at two places, below which there is no common wave
+
+
+def wave_speeds(recording: Recording) -> pd.DataFrame:
+    """Return the speed of backward-moving waves by period and main lane.
+
+    Returns
+    -------
+    pandas.DataFrame
+        ``period, lane, wave_speed_m_s`` (negative: upstream) and ``correlation`` (the mean over the distances,
+        at their best lags). NaN where too few vehicles were recorded for a field of speeds, or no wave is found.
+    """
+    rows = []
+    for period in recording.periods:
+        table = recording.of_period(period).table
+        for lane in range(1, road.MAIN_LANES + 1):
+            field = speed_field(table[table[c.LANE] == lane])
+            speed, correlation = (np.nan, np.nan) if field is None else wave_of(field)
+            rows.append((period, lane, speed, correlation))
+    return pd.DataFrame(rows, columns=[c.PERIOD, c.LANE, "wave_speed_m_s", "correlation"])
+
+
+def speed_field(table: pd.DataFrame) -> Floats | None:
+    """Return mean speeds (m/s) of one lane in cells of 20 m and 1 s, shape ``(positions, times)``; None if too thin."""
+    positions = int(road.SECTION_LENGTH // CELL_LENGTH)
+    inside = table[table[c.X].between(0.0, positions * CELL_LENGTH, inclusive="left")]
+    if inside.empty:
+        return None
+    place = (inside[c.X] // CELL_LENGTH).astype(np.int64).to_numpy()
+    per_cell = round(CELL_TIME / road.FRAME_STEP)
+    time = ((inside[c.FRAME] - inside[c.FRAME].min()) // per_cell).to_numpy()
+    cell, shape = place * (time.max() + 1) + time, (positions, int(time.max()) + 1)
+    count = np.bincount(cell, minlength=shape[0] * shape[1]).reshape(shape)
+    total = np.bincount(cell, weights=inside[c.SPEED].to_numpy(), minlength=count.size).reshape(shape)
+    field = pd.DataFrame(np.divide(total, count, out=np.full(shape, np.nan), where=count > 0))
+    filled = field.interpolate(axis=1, limit=round(LONGEST_GAP / CELL_TIME), limit_direction="both").to_numpy()
+    known = np.isfinite(filled).all(axis=0)  # the ends of a recording, when the section fills and empties, go
+    if known.mean() < NEARLY_ALL or known.sum() < 2 * SLOW / CELL_TIME:
+        return None
+    first, last = np.flatnonzero(known)[[0, -1]]
+    whole = pd.DataFrame(filled[:, first : last + 1]).interpolate(axis=1, limit_direction="both")
+    return np.asarray(whole.to_numpy())
+
+
+def wave_of(field: Floats) -> tuple[float, float]:
+    """Return wave speed (m/s, negative) and mean correlation of a field of speeds; NaN where there is no wave."""
+    deviation = field - uniform_filter1d(field, round(SLOW / CELL_TIME), axis=1, mode="nearest")
+    lags, distances, heights = [], [], []
+    for cells in DISTANCES:
+        shortest = int(np.floor(cells * CELL_LENGTH / FASTEST_WAVE / CELL_TIME))
+        longest = int(np.ceil(cells * CELL_LENGTH / SLOWEST_WAVE / CELL_TIME))
+        curve = np.array([_correlation(deviation, cells, lag) for lag in range(shortest, longest + 1)])
+        best = int(np.argmax(curve))
+        if 0 < best < len(curve) - 1 and curve[best] >= LEAST_CORRELATION:
+            lags.append((shortest + best + _vertex(curve[best - 1 : best + 2])) * CELL_TIME)
+            distances.append(cells * CELL_LENGTH)
+            heights.append(curve[best])
+    if len(lags) < len(DISTANCES) // 2:
+        return np.nan, np.nan
+    # Lag over distance, since the distances are exact and the lags measured; then turned round.
+    return -1.0 / float(theilslopes(lags, distances).slope), float(np.mean(heights))
+
+
+def _correlation(deviation: Floats, cells: int, lag: int) -> float:
+    """Return the correlation of speeds with those ``cells`` upstream and ``lag`` later, over all positions."""
+    times = deviation.shape[1] - lag
+    downstream, upstream = deviation[cells:, :times], deviation[:-cells, lag:]
+    scale = np.sqrt((downstream**2).sum() * (upstream**2).sum())
+    return float((downstream * upstream).sum() / scale) if scale > 0 else 0.0
+
+
+def _vertex(three: Floats) -> float:
+    """Return where, from the middle one, the parabola through three equidistant values is highest."""
+    bend = three[0] - 2.0 * three[1] + three[2]
+    return float(0.5 * (three[0] - three[2]) / bend) if bend < 0 else 0.0
