@@ -17,9 +17,10 @@ middle is; otherwise our ``side``.
 
 **Whose fault.**
 
-* ``front``: ours. We drove into it, be it that it had just changed into our lane.
-* ``rear``: not ours, struck from behind by a replayed car - except when we cut in: if
-  ``REACTION_TIME`` before we were not yet in the way of where it drives now.
+* ``front``: ours, we drove into it - except when it cut in: if ``REACTION_TIME`` before it
+  was not yet in the way of where we drive now.
+* ``rear``: not ours, struck from behind by a replayed car - except when we cut in, by the
+  same measure.
 * ``side``: not ours if the other moved sideways towards us faster than we towards it, as a
   recorded car does that changes into our lane while we keep it. Otherwise ours.
 
@@ -163,7 +164,9 @@ def _closing_time(before: float, now: float) -> float:
 
 
 @njit(cache=True)
-def is_at_fault(edge: int, sideways: float, other_sideways: float, to_the_left: bool, was_in_the_way: bool) -> bool:
+def is_at_fault(  # type: ignore[no-untyped-def]
+    edge, sideways, other_sideways, to_the_left, was_in_the_way, other_was_in_the_way
+) -> bool:
     """Apply the rule of this module.
 
     Parameters
@@ -173,19 +176,19 @@ def is_at_fault(edge: int, sideways: float, other_sideways: float, to_the_left: 
         Velocities (m/s) across the road, positive to the left.
     to_the_left : bool
         Whether the other's middle lies to the left of ours.
-    was_in_the_way : bool
-        Whether we were in the other's path ``REACTION_TIME`` before.
+    was_in_the_way, other_was_in_the_way : bool
+        Whether we were in the other's path, and it in ours, ``REACTION_TIME`` before.
     """
     if edge == REAR:
         return not was_in_the_way
     if edge == FRONT:
-        return True
+        return other_was_in_the_way
     side = 1.0 if to_the_left else -1.0
     return side * sideways >= -side * other_sideways
 
 
 @njit(cache=True)
-def _judge(x, y, heading, k, length, width, other, other_velocity):  # type: ignore[no-untyped-def]
+def _judge(x, y, heading, k, length, width, other, other_velocity, other_was_in_the_way):  # type: ignore[no-untyped-def]
     """Return edge and fault of a contact at step ``k`` with a rectangle that moves at ``other_velocity``."""
     dt = road.FRAME_STEP
     now = rectangle(x[k], y[k], heading[k], length, width)
@@ -197,7 +200,24 @@ def _judge(x, y, heading, k, length, width, other, other_velocity):  # type: ign
     then = max(0, k - REACTION_STEPS)
     earlier = rectangle(x[then], y[then], heading[then], length, width)
     in_the_way = separation(earlier, other, 0.0, 1.0) < 0.0
-    return edge, is_at_fault(edge, (now[1] - before[1]) / dt, other_velocity[1], other[1] > now[1], in_the_way)
+    sideways = (now[1] - before[1]) / dt
+    to_the_left = other[1] > now[1]
+    return edge, is_at_fault(edge, sideways, other_velocity[1], to_the_left, in_the_way, other_was_in_the_way)
+
+
+@njit(cache=True)
+def _was_in_the_way(  # type: ignore[no-untyped-def]
+    ego, code, first_cell, lanes, frames, then,
+    offsets, other_x, other_y, other_heading, other_length, other_width, other_code,
+) -> bool:  # fmt: skip
+    """Return whether a vehicle was, at step ``then``, laterally where the modelled car is now."""
+    for lane in range(lanes):
+        cell = first_cell + lane * frames + then
+        for j in range(offsets[cell], offsets[cell + 1]):
+            if other_code[j] == code:
+                earlier = rectangle(other_x[j], other_y[j], other_heading[j], other_length[j], other_width[j])
+                return separation(earlier, ego, 0.0, 1.0) < 0.0
+    return False
 
 
 @njit(cache=True)
@@ -233,7 +253,13 @@ def _first_contacts(  # type: ignore[no-untyped-def]
                             since_start[other_code[j]] = k
                         elif not fault[i]:
                             velocity = (other_speed[j] * other[2], other_speed[j] * other[3])
-                            found, guilty = _judge(x[i], y[i], heading[i], k, length[i], width[i], other, velocity)
+                            there = _was_in_the_way(
+                                ego, other_code[j], first_cell[i], lanes, frames, max(0, k - REACTION_STEPS),
+                                offsets, other_x, other_y, other_heading, other_length, other_width, other_code,
+                            )  # fmt: skip
+                            found, guilty = _judge(
+                                x[i], y[i], heading[i], k, length[i], width[i], other, velocity, there
+                            )
                             if edge[i] == NONE or guilty:
                                 step[i], row[i], edge[i], fault[i] = k, j, found, guilty
                     j += 1

@@ -15,6 +15,7 @@ from numba import njit
 
 EXPONENT = 4.0
 EMERGENCY_BRAKING = 9.0  # m/s^2, SUMO's default emergencyDecel: no car brakes harder
+SLOWEST = 1e-9  # m/s, below it the derivative of the square root of the speed is taken for that of a standing car
 SMALLEST_GAP = 0.01  # m, below it the bumpers touch and the interaction would divide by zero
 
 
@@ -129,30 +130,24 @@ def acceleration_partials(
     where the braking is clipped, no dynamic term where it is not positive. At a standing
     vehicle :math:`\sqrt{v/v_0}` has no finite derivative; zero is returned for that term.
     """
-    if gap <= SMALLEST_GAP:
-        return 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0
     ratio = speed / desired_speed
-    cube = ratio * ratio * ratio
-    interaction = desired_gap(speed, approach_rate, a, b, T, d0, d1, desired_speed) / gap
+    cube, root = ratio * ratio * ratio, sqrt(max(ratio, 0.0))
+    halving = 1.0 / (2.0 * sqrt(a * b))
+    inverse = 1.0 / max(gap, SMALLEST_GAP)
+    interaction = desired_gap(speed, approach_rate, a, b, T, d0, d1, desired_speed) * inverse
     free = 1.0 - cube * ratio - interaction * interaction
-    if a * free <= -EMERGENCY_BRAKING:
-        return 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0
-    by_wanted = -2.0 * a * interaction / gap
-    root = sqrt(max(ratio, 0.0))
-    wanted_by_speed = 0.5 * d1 * root / speed if speed > 0.0 else 0.0
-    wanted_by_a = wanted_by_b = wanted_by_T = 0.0
-    half = speed / (2.0 * sqrt(a * b))
-    if T * speed + half * approach_rate > 0.0:
-        wanted_by_speed += T + half + approach_rate / (2.0 * sqrt(a * b))
-        wanted_by_a = -0.5 * half * approach_rate / a
-        wanted_by_b = -0.5 * half * approach_rate / b
-        wanted_by_T = speed
+    # 0 or 1 in place of branches: so a compiler can take many frames at once.
+    used = (1.0 if gap > SMALLEST_GAP else 0.0) * (1.0 if a * free > -EMERGENCY_BRAKING else 0.0)
+    dynamic = 1.0 if speed * (T + approach_rate * halving) > 0.0 else 0.0
+    by_wanted = -2.0 * a * interaction * inverse * used
+    by_product = -0.5 * dynamic * by_wanted * speed * approach_rate * halving  # by log(a b)
+    wanted_by_speed = dynamic * (T + (approach_rate + speed) * halving) + 0.5 * d1 * root / max(speed, SLOWEST)
     return (
-        by_wanted * wanted_by_speed - 4.0 * a * cube / desired_speed,
+        by_wanted * wanted_by_speed - used * 4.0 * a * cube / desired_speed,
         -by_wanted * interaction,
-        free + by_wanted * wanted_by_a,
-        by_wanted * wanted_by_b,
-        by_wanted * wanted_by_T,
+        used * free + by_product / a,
+        by_product / b,
+        by_wanted * dynamic * speed,
         by_wanted,
         by_wanted * root,
     )

@@ -14,7 +14,7 @@ from idm_sumo.road import FRAME_STEP
 WINDOW = 21  # frames
 ORDER = 3  # of the local polynomial
 SHORTEST = 5  # frames; below, a cubic has nothing to smooth
-STEERING_SPEED = 2.0  # m/s; a car slower than this is not turned by lateral noise
+STEERING_SPEED = 5.0  # m/s; a slower car is turned less: at a crawl the lateral noise is faster than the car
 
 Floats = npt.NDArray[np.float64]
 Integers = npt.NDArray[np.int64]
@@ -28,7 +28,7 @@ def smooth(recording: Recording, *, already_smooth: bool = False) -> Recording:
     second derivative at the same frame are speed and acceleration, so the three agree.
     Runs shorter than 21 frames use the longest odd window they hold, runs shorter than 5
     plain differences. Speed is cut off below at 0. Heading is the direction of motion, with
-    a longitudinal speed of at least 2 m/s so that noise at standstill does not turn a car.
+    a longitudinal speed of at least 5 m/s so that noise at standstill does not turn a car.
 
     ``headway`` stays as recorded.
 

@@ -175,10 +175,13 @@ def test_sideways_the_faster_one_is_at_fault():
     assert (hit.collision, hit.at_fault, hit.contact_edge) == (True, False, "side")
 
 
-def test_driving_into_the_rear_of_a_car_that_has_just_changed_lanes_is():
+def test_driving_into_the_rear_of_a_car_that_changed_lanes_is_only_after_a_reaction_time():
     y, heading = sidling(40, 2, 3)
-    hit = contact(cruise(16.0), Car(2, x=113.0, y=y, heading=heading))
-    assert (hit.at_fault, hit.contact_edge) == (True, "front")
+    seen = contact(cruise(16.0), Car(2, x=114.0, y=y, heading=heading))
+    assert (seen.at_fault, seen.contact_edge) == (True, "front")
+    cut_in = contact(cruise(16.0), Car(2, x=110.5, y=y, heading=heading))
+    assert (cut_in.collision, cut_in.at_fault, cut_in.contact_edge) == (True, False, "front")
+    assert cut_in.contact_time_s < seen.contact_time_s
 
 
 def test_a_fast_blow_from_the_front_is_not_taken_for_one_from_the_side():

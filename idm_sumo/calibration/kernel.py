@@ -138,6 +138,23 @@ def roll_lanes(p, i, z, first, smoothing, s):  # type: ignore[no-untyped-def]
 
 
 @njit(cache=True, error_model="numpy")
+def roll(p, i, theta, speeds, gaps, rates, positions, rears):  # type: ignore[no-untyped-def]
+    """Roll out driver ``i`` with ``theta`` and note what it saw at every frame, from the start on."""
+    a, b, headway, d0, d1 = theta
+    behind, ahead, rear_of, speed_of, forward = p.behind[i], p.ahead[i], p.rear[i], p.leader_speed[i], p.forward[i]
+    x, v, v0 = p.start_x[i], p.start_speed[i], p.desired_speed[i]
+    for k in range(len(behind)):
+        rear, leader_speed = rear_of[k], speed_of[k]
+        if not behind[k] <= x < ahead[k]:
+            rear, leader_speed = look_ahead(p, i, k, x)
+        positions[k], speeds[k], rears[k], gaps[k], rates[k] = x, v, rear, rear - x, v - leader_speed
+        if k < len(forward):
+            acceleration = idm.acceleration(v, rates[k], gaps[k], a, b, headway, d0, d1, v0)
+            x += v * forward[k] * DT
+            v = max(0.0, v + acceleration * DT)
+
+
+@njit(cache=True, error_model="numpy")
 def sensitivities_of(p, i, z, errors, slopes):  # type: ignore[no-untyped-def]
     r"""Roll out driver ``i`` and fill the error of every frame and its derivatives by search coordinates.
 
@@ -151,36 +168,37 @@ def sensitivities_of(p, i, z, errors, slopes):  # type: ignore[no-untyped-def]
     errors : float64, shape (h,)
         0 in frames that do not count.
     slopes : float64, shape (h, 5)
+
+    Notes
+    -----
+    Three passes, each fast: the rollout, the model's partial derivatives at all frames
+    (independent of each other, so in vector instructions), the linear recurrence.
     """
-    a, b, headway, d0, d1 = parameters_at(z)
+    target, counted, forward, objective, v0 = p.target[i], p.counted[i], p.forward[i], p.objective, p.desired_speed[i]
+    h = len(target)
+    a, b, headway, d0, d1 = theta = parameters_at(z)
     by_z = (a, b, T_UNIT, D_UNIT, D_UNIT)
-    behind, ahead, rears, leader_speeds = p.behind[i], p.ahead[i], p.rear[i], p.leader_speed[i]
-    target, counted, forward, objective = p.target[i], p.counted[i], p.forward[i], p.objective
-    x, v, v0 = p.start_x[i], p.start_speed[i], p.desired_speed[i]
+    seen, partials = np.empty((5, h + 1)), np.empty((7, h))
+    speeds, gaps, rates, positions, rears = seen[0], seen[1], seen[2], seen[3], seen[4]
+    roll(p, i, theta, speeds, gaps, rates, positions, rears)
+    by_v, by_d, by_a, by_b, by_T = partials[0], partials[1], partials[2], partials[3], partials[4]
+    by_d0, by_d1 = partials[5], partials[6]
+    for k in range(h):
+        by_v[k], by_d[k], by_a[k], by_b[k], by_T[k], by_d0[k], by_d1[k] = idm.acceleration_partials(
+            speeds[k], rates[k], gaps[k], a, b, headway, d0, d1, v0
+        )
     sx, sv = np.zeros(PARAMETERS), np.zeros(PARAMETERS)
-    for k in range(len(behind)):
-        rear, leader_speed = rears[k], leader_speeds[k]
-        if not behind[k] <= x < ahead[k]:
-            rear, leader_speed = look_ahead(p, i, k, x)
-        if k > 0:
-            use = 1.0 if counted[k - 1] else 0.0
-            by_x, by_v = o.measured_partials(objective, x, rear)
-            errors[k - 1] = o.measured(objective, x, v, rear) - target[k - 1] if counted[k - 1] else 0.0
-            for j in range(PARAMETERS):
-                slopes[k - 1, j] = use * (by_x * sx[j] + by_v * sv[j])
-        if k == len(forward):
-            break
-        gap, rate = rear - x, v - leader_speed
-        speed = v + DT * idm.acceleration(v, rate, gap, a, b, headway, d0, d1, v0)
-        partials = idm.acceleration_partials(v, rate, gap, a, b, headway, d0, d1, v0)
-        travelled = forward[k] * DT
-        moves = 1.0 if speed > 0.0 else 0.0
+    for k in range(h):
+        travelled, moves = forward[k] * DT, 1.0 if speeds[k + 1] > 0.0 else 0.0
+        use = 1.0 if counted[k] else 0.0
+        x, rear = positions[k + 1], rears[k + 1]
+        by_x, by_speed = o.measured_partials(objective, x, rear)
+        errors[k] = o.measured(objective, x, speeds[k + 1], rear) - target[k] if counted[k] else 0.0
         for j in range(PARAMETERS):
-            slope = partials[0] * sv[j] - partials[1] * sx[j] + partials[2 + j] * by_z[j]
+            slope = by_v[k] * sv[j] - by_d[k] * sx[j] + partials[2 + j, k] * by_z[j]
             sx[j] += sv[j] * travelled
             sv[j] = moves * (sv[j] + slope * DT)
-        x += v * travelled
-        v = max(0.0, speed)
+            slopes[k, j] = use * (by_x * sx[j] + by_speed * sv[j])
 
 
 @njit(cache=True, error_model="numpy")
@@ -201,25 +219,24 @@ def cost_and_derivatives(p, i, z, smoothing, gradient, normal, curved, errors, s
     """
     sensitivities_of(p, i, z, errors, slopes)
     lateral, counted, objective, loss, scale = p.lateral[i], p.counted[i], p.objective, p.loss, p.scale
-    gradient[:], normal[:], curved[:] = 0.0, 0.0, 0.0
-    total, frames = 0.0, 0
+    sums, total, frames = np.zeros((3, PARAMETERS, 8)), 0.0, 0
+    by_gradient, by_normal, by_curved = sums[0], sums[1], sums[2]
     for k in range(len(errors)):
         if counted[k]:
             frames += 1
             total += o.frame_cost(objective, loss, scale, errors[k], lateral[k], smoothing)
             weight, curvature = o.frame_weights(objective, loss, scale, errors[k], lateral[k], smoothing)
+            row = (slopes[k, 0], slopes[k, 1], slopes[k, 2], slopes[k, 3], slopes[k, 4])
             for j in range(PARAMETERS):
-                weighted, curving = weight * slopes[k, j], curvature * slopes[k, j]
-                gradient[j] += weighted * errors[k]
-                for m in range(j + 1):
-                    normal[j, m] += weighted * slopes[k, m]
-                    curved[j, m] += curving * slopes[k, m]
+                by_gradient[j, 0] += weight * errors[k] * row[j]
+                weighted, curving = weight * row[j], curvature * row[j]
+                for m in range(PARAMETERS):
+                    by_normal[j, m] += weighted * row[m]
+                    by_curved[j, m] += curving * row[m]
     for j in range(PARAMETERS):
-        gradient[j] /= frames
-        for m in range(j + 1):
-            normal[j, m] /= frames
-            curved[j, m] /= frames
-            normal[m, j], curved[m, j] = normal[j, m], curved[j, m]
+        gradient[j] = by_gradient[j, 0] / frames
+        for m in range(PARAMETERS):
+            normal[j, m], curved[j, m] = by_normal[j, m] / frames, by_curved[j, m] / frames
     return total / frames
 
 

@@ -18,7 +18,7 @@ from idm_sumo.calibration.kernel import (
     from_search,
 )
 from idm_sumo.calibration.problem import Problem, prepare
-from idm_sumo.calibration.solver import DAMPING_MOST, SMOOTHING, damped_step, design_of_starts
+from idm_sumo.calibration.solver import SMOOTHING, damped_step, design_of_starts
 from idm_sumo.errors import InputError
 from idm_sumo.idm import IDMParameters
 from idm_sumo.scenes import Scenes
@@ -28,7 +28,9 @@ Floats = npt.NDArray[np.float64]
 STARTS = 64
 CANDIDATES = 3
 ITERATIONS = 60
-SMALLEST_DROP = 1e-7  # relative
+SMALLEST_DROP = 1e-6  # relative
+DAMPING_MOST = 1e6
+REACH = (0.1, 0.002)  # of the last compass search, in search coordinates
 
 
 def pooled(
@@ -58,10 +60,10 @@ def pooled(
     """
     every = [scenes] if isinstance(scenes, Scenes) else list(scenes)
     problems = [prepare(one, objective=objective, loss=loss, desired_speed=desired_speed) for one in every]
-    usable = [_usable(problem, one) for problem, one in zip(problems, every, strict=True)]
+    usable = [usable_windows(problem, one) for problem, one in zip(problems, every, strict=True)]
     if not sum(int(u.sum()) for u in usable):
         raise InputError("pooled calibration: no window can be fitted; see `idm-sumo inspect` for why")
-    together = _Together(problems, usable)
+    together = Together(problems, usable)
     designs = design_of_starts(STARTS)
     order = np.argsort(together.screen(designs), kind="stable")[:CANDIDATES]
     refined = [_refine(together, designs[s]) for s in order]
@@ -69,14 +71,14 @@ def pooled(
     return IDMParameters(*from_search(_polish(together, best)).tolist())
 
 
-def _usable(problem: Problem, scenes: Scenes) -> npt.NDArray[np.bool_]:
+def usable_windows(problem: Problem, scenes: Scenes) -> npt.NDArray[np.bool_]:
     """Return which windows can be fitted at all."""
     first = scenes.start
     state = status.statuses(problem, scenes.speed[:, first : first + scenes.window.horizon + 1])
     return np.asarray(~np.isin(state.astype(str), list(status.WITHOUT_FIT)))
 
 
-class _Together:
+class Together:
     """Several problems as one: the mean over all their usable windows."""
 
     def __init__(self, problems: list[Problem], usable: list[npt.NDArray[np.bool_]]) -> None:
@@ -102,12 +104,12 @@ class _Together:
         return value / self.windows, gradient / self.windows, normal / self.windows
 
 
-def _refine(together: _Together, start: Floats) -> Floats:
+def _refine(together: Together, start: Floats) -> Floats:
     """Refine one start by damped Gauss-Newton steps over all drivers."""
-    z, trial, damping = start.copy(), np.empty(PARAMETERS), 1e-2
+    z, trial, work, damping = start.copy(), np.empty(PARAMETERS), np.empty((14, PARAMETERS)), 1e-2
     best, gradient, normal = together.derivatives(z)
     for _ in range(ITERATIONS):
-        if damping > DAMPING_MOST or not damped_step(z, gradient, normal, damping, trial):
+        if damping > DAMPING_MOST or not damped_step(z, gradient, normal, damping, trial, work):
             break
         value, new_gradient, new_normal = together.derivatives(trial)
         if value >= best:
@@ -120,15 +122,15 @@ def _refine(together: _Together, start: Floats) -> Floats:
     return z
 
 
-def _polish(together: _Together, z: Floats) -> Floats:
+def _polish(together: Together, z: Floats) -> Floats:
     """Finish by a compass search, all ten neighbours at once."""
-    reach, value = 0.05, together.cost(z)
-    while reach > 1e-4:
+    (reach, least), value = REACH, together.cost(z)
+    while reach > least:
         around = np.clip(z + reach * np.vstack([np.eye(PARAMETERS), -np.eye(PARAMETERS)]), LOWER, UPPER)
         screened = together.screen(np.ascontiguousarray(around))
         best = int(np.argmin(screened))
         if screened[best] < value:
             z, value = around[best], float(screened[best])
         else:
-            reach *= 0.4
+            reach *= 0.5
     return z

@@ -1,4 +1,4 @@
-"""``calibrate`` and ``predict``: IDM parameters of drivers, fitted or foreseen."""
+"""``calibrate``, ``predict`` and ``export``: IDM parameters of drivers, fitted, foreseen, and as SUMO types."""
 
 from __future__ import annotations
 
@@ -7,7 +7,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from idm_sumo.cli import options as shared
-from idm_sumo.cli.console import note, progress_bar, say
+from idm_sumo.cli.console import note, progress_bar, say, text_table
 
 if TYPE_CHECKING:
     import pandas as pd
@@ -43,6 +43,26 @@ def add(commands: Any) -> None:
     parser.set_defaults(horizon=1, rollout_start="observed")
     shared.output_argument(parser, "FILE", ".parquet or .csv, one row a driver")
 
+    parser = shared.command(commands, "export", export, "write calibrated drivers as SUMO vehicle types that drive as calibrated",
+                            "idm-sumo export drivers.parquet -o drivers.rou.xml && sumo -c drivers.sumocfg")  # fmt: skip
+    parser.add_argument("drivers", type=Path, metavar="DRIVERS", help="table of `calibrate` or `predict`")
+    shared.output_argument(parser, "FILE.rou.xml", "FILE.sumocfg and FILE.net.xml are written beside it")
+    parser.add_argument("--jam-distance", choices=("refit", "linearised", "none"), default="refit",
+                        help="what stands for d1, which SUMO's IDM lacks: a refit without it (default), its tangent at the "
+                        "driver's mean speed, or nothing")  # fmt: skip
+    parser.add_argument(
+        "--integration", choices=("euler", "ballistic"), default="euler", help="of the SUMO run (default euler)"
+    )
+    parser.add_argument(
+        "-n", "--net-file", type=Path, metavar="FILE", help="another build of our network, say with another speed limit"
+    )
+    parser.add_argument("--distribution", action="store_true",
+                        help="write a vTypeDistribution of the population instead, for any network (FILE.add.xml)")  # fmt: skip
+    parser.add_argument(
+        "--representatives", type=int, metavar="N", help="with --distribution: only so many typical drivers"
+    )
+    parser.add_argument("--no-check", action="store_true", help="do not run SUMO once to see who departs late")
+
 
 def calibrate(options: argparse.Namespace) -> None:
     """Fit every driver."""
@@ -51,6 +71,7 @@ def calibrate(options: argparse.Namespace) -> None:
     from idm_sumo.calibration import calibrate as fit
     from idm_sumo.departures import departures
     from idm_sumo.driving_code import driving_code
+    from idm_sumo.jam_distance import refit_table
 
     scenes, left_out = shared.scenes_of(options, shared.window_of(options, options.every))
     tables = []
@@ -60,8 +81,8 @@ def calibrate(options: argparse.Namespace) -> None:
                 one, objective=options.objective, solver=options.solver, desired_speed=options.desired_speed,
                 seed=options.seed, jobs=options.jobs, progress=report,
             )  # fmt: skip
-            place = departures(one).drop(columns=["period", "vehicle", "first_frame"])
-            tables.append(fits.join(driving_code(one)).join(place))
+            for_sumo = refit_table(fits, one, desired_speed=options.desired_speed)
+            tables.append(_beside(fits, driving_code(one), for_sumo, departures(one)))
     table = pd.concat(tables, ignore_index=True)
     write(table.assign(desired_speed_m_s=options.desired_speed), options.output)
     for reason, count in left_out.items():
@@ -74,13 +95,17 @@ def predict(options: argparse.Namespace) -> None:
     """Predict every driver from its first frames."""
     import pandas as pd
 
+    from idm_sumo.departures import departures
     from idm_sumo.driver_table import read_drivers
     from idm_sumo.prediction import predict_drivers
 
     library = read_drivers(options.drivers)
     scenes, left_out = shared.scenes_of(options, shared.window_of(options))
     predicted = [
-        predict_drivers(one, library, observed=options.observed, neighbours=options.neighbours) for one in scenes
+        _beside(
+            predict_drivers(one, library, observed=options.observed, neighbours=options.neighbours), departures(one)
+        )
+        for one in scenes
     ]
     table = pd.concat(predicted, ignore_index=True)
     write(table, options.output)
@@ -88,6 +113,47 @@ def predict(options: argparse.Namespace) -> None:
         note(f"{count} vehicles not predicted: {reason}")
     statuses = ", ".join(f"{count} {status}" for status, count in table["status"].value_counts().items())
     say(f"{len(table)} drivers; status: {statuses}", f"wrote {options.output}")
+
+
+def _beside(table: pd.DataFrame, *more: pd.DataFrame) -> pd.DataFrame:
+    """Put further columns of the same drivers, in the same order, beside a table."""
+    for other in more:
+        table = table.join(other[[name for name in other.columns if name not in table.columns]])
+    return table
+
+
+def export(options: argparse.Namespace) -> None:
+    """Write vehicle types, their vehicles and the run that drives them."""
+    from idm_sumo.driver_table import read_drivers
+    from idm_sumo.sumo.distribution import export_distribution
+    from idm_sumo.sumo.export import export_routes
+    from idm_sumo.sumo.insertion import departure_delays
+
+    drivers, shared_options = (
+        read_drivers(options.drivers),
+        {"jam_distance": options.jam_distance, "integration": options.integration},
+    )
+    if options.distribution:
+        written = export_distribution(
+            drivers, options.output, representatives=options.representatives, seed=options.seed,
+            source=str(options.drivers), **shared_options,
+        )  # fmt: skip
+        say(f"wrote {written}")
+        return
+    exported = export_routes(
+        drivers, options.output, net_file=options.net_file, source=str(options.drivers), **shared_options
+    )
+    for line in exported.notes:
+        note(line)
+    say(
+        f"wrote {exported.route_file}: {len(exported.vehicles)} drivers; run them with `sumo -c {exported.config_file}`"
+    )
+    if not options.no_check:
+        delays = departure_delays(exported.config_file)
+        late = delays[delays["delay_s"] > 0]
+        say(f"{len(late)} of {len(delays)} departures are late, for want of room behind the vehicle ahead")
+        if len(late):
+            say(text_table(late))
 
 
 def write(table: pd.DataFrame, path: Path) -> None:

@@ -21,17 +21,19 @@ from idm_sumo.progress import Progress, silent
 from idm_sumo.reading import read_recording
 from idm_sumo.recording import Recording
 from idm_sumo.sumo import network, run_recipe
-from idm_sumo.sumo.demand import write_boundary, write_routes
+from idm_sumo.sumo.demand import LANE_INDEX, POSITION, SAFE, write_boundary, write_routes
 from idm_sumo.sumo.ego import Ego
 from idm_sumo.sumo.gui import gui_simulation
 from idm_sumo.sumo.session import ALWAYS, simulation
 from idm_sumo.sumo.translation import save
+from idm_sumo.sumo.vtypes import number
 
 ON_TIME = 0.05  # s, half a step
+PATIENCE = 1.0  # s a vehicle waits for a gap that is safe at its recorded speed
 LANES_BY_PLACE = "lane is taken from the lateral position"
 SHOWN_EVERY = 5  # frames, of what is kept for pictures
 # A vehicle that finds no room must not keep those waiting that enter by another lane of the edge.
-INSERTION = ("--eager-insert", "true")
+INSERTION = ("--eager-insert", "true", "--insertion-checks", SAFE)
 FCD = (
     "--fcd-output.attributes", "x,y,angle,speed,acceleration",
     "--fcd-output.acceleration", "true",
@@ -195,6 +197,7 @@ def _loop(
     """Step through the run; return departures (s), colliding pairs, and how many arrived."""
     departed: dict[str, float] = {}
     collisions: set[tuple[str, str]] = set()
+    entrance = Entrance(files.demand)
     steps, arrived = round(files.duration / road.FRAME_STEP), 0
     for step in range(steps):
         sumo.simulationStep()
@@ -205,16 +208,48 @@ def _loop(
             collisions |= {(hit.collider, hit.victim) for hit in sumo.simulation.getCollisions()}
         if ego is not None:
             ego.drive(sumo, step)
+        entrance.admit(sumo, step * road.FRAME_STEP)
         if step % 100 == 0:
             progress("simulating", step, steps)
     progress("simulating", steps, steps)
     return departed, collisions, arrived
 
 
+class Entrance:
+    """Lets those in who could not enter at their recorded speed: as slow as the vehicle ahead of them.
+
+    Where simulated traffic is slower at the entrance than the recorded one was, no gap is safe at the recorded
+    speed, and waiting for one would starve the road.
+    """
+
+    def __init__(self, demand: pd.DataFrame) -> None:
+        self._rows = demand.assign(name=demand[c.VEHICLE].astype(str)).set_index("name")
+        self._readmitted: set[str] = set()
+
+    def admit(self, sumo: Any, now: float) -> None:
+        """Look at who waits after a step."""
+        for name in sumo.simulation.getPendingVehicles():
+            if name in self._readmitted or now - self._rows.at[name, d.DEPART] < PATIENCE:
+                continue
+            row = self._rows.loc[name]
+            self._readmitted.add(name)
+            route, kind = sumo.vehicle.getRouteID(name), sumo.vehicle.getTypeID(name)
+            sumo.vehicle.remove(name)
+            sumo.vehicle.add(
+                name,
+                route,
+                kind,
+                depart="now",
+                departLane=str(row[LANE_INDEX]),
+                departPos=number(row[POSITION]),
+                departSpeed="last",
+            )
+
+
 def _departures(files: RunFiles, departed: dict[str, float]) -> pd.DataFrame:
     """Return who departed when, and how late."""
     vehicle, planned = files.demand[c.VEHICLE].to_numpy(), files.demand[d.DEPART].to_numpy()
-    actual = np.array([departed.get(str(number), np.nan) for number in vehicle])
+    actual = np.array([departed.get(str(name), np.nan) for name in vehicle])
     waited = np.where(np.isnan(actual), files.duration, actual) - planned
     return pd.DataFrame(
         {
@@ -240,13 +275,13 @@ def as_recording(outcome: Outcome, recorded: Recording, demand: pd.DataFrame, na
     if table.empty:
         raise InputError(f"{outcome.fcd.name}: no vehicle entered the section; see the delays of departures")
     of = demand.set_index(c.VEHICLE)
-    number = table[c.VEHICLE].to_numpy()
+    vehicle = table[c.VEHICLE].to_numpy()
     first = int(recorded.table[c.FRAME].min())
     columns: dict[str, Any] = {
         c.PERIOD: pd.Categorical.from_codes(np.zeros(len(table), dtype=np.int64), categories=pd.Index(recorded.periods)),
         c.FRAME: table[c.FRAME] + first, c.TIME: table[c.TIME] + float(recorded.table[c.TIME].min()),
-        c.LENGTH: of[d.LENGTH].reindex(number).to_numpy(), c.WIDTH: of[d.WIDTH].reindex(number).to_numpy(),
-        c.CLASS: of[d.CLASS].reindex(number).fillna(0).to_numpy().astype("int8"),
+        c.LENGTH: of[d.LENGTH].reindex(vehicle).to_numpy(), c.WIDTH: of[d.WIDTH].reindex(vehicle).to_numpy(),
+        c.CLASS: of[d.CLASS].reindex(vehicle).fillna(0).to_numpy().astype("int8"),
     }  # fmt: skip
     table = table.assign(**columns)
     return Recording(table.reset_index(drop=True), name, (LANES_BY_PLACE,), True)

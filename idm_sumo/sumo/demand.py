@@ -32,6 +32,7 @@ SIGN_INTERVAL = 1.0  # s between two settings of the speed
 SMOOTHED_OVER = 7.0  # s
 SLOWEST_SIGN = 0.5  # m/s: a limit of zero would close the road for good
 
+SAFE = "collision leaderGap followerGap"  # what an insertion is checked for
 EDGE, LANE_INDEX, POSITION = "edge", "lane_index", "position"
 
 
@@ -85,8 +86,7 @@ def write_routes(demand: pd.DataFrame, types: Sequence[Element], path: Path) -> 
     """Write types, routes and vehicles, ``types`` in the order of the demand and named as its vehicles.
 
     Who is on the road in the first frame is put there, whatever its model thinks of the gap. Later a vehicle
-    is inserted at its recorded place and speed as soon as its jam distance is free there; SUMO's
-    further demand on an insertion, a gap its own model finds safe, recorded drivers do not meet.
+    is inserted at its recorded place and speed as soon as its model finds the gap safe.
     """
     root = Element("routes")
     ways = list(zip(demand[EDGE], demand[DESTINATION], strict=True))
@@ -100,7 +100,7 @@ def write_routes(demand: pd.DataFrame, types: Sequence[Element], path: Path) -> 
         SubElement(
             root, "vehicle", id=str(vehicle), type=str(kind.get("id")), route=f"{origin}.to.{destination}",
             depart=number(depart), departLane=str(lane), departPos=number(position),
-            departSpeed=number(min(speed, limit)), insertionChecks="collision" if depart else "none",
+            departSpeed=number(min(speed, limit)), insertionChecks=SAFE if depart else "none",
         )  # fmt: skip
     save(root, path)
 

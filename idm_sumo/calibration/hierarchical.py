@@ -1,0 +1,208 @@
+r"""Partial pooling: every driver is drawn to the population as strongly as the data says.
+
+Empirical Bayes. The drivers' parameters are log-normal, :math:`u_i \sim N(\mu, \Sigma)` with
+:math:`u = \log(a, b, T, d_0, d_1 + 1\,\mathrm m)`. A window's errors are Laplace-distributed with
+a scale of its own; profiled out, the log-likelihood is :math:`-n_i \log c_i(u)` with the
+driver's objective :math:`c_i` and the number :math:`n_i` of independent frames its errors are
+worth (:func:`~idm_sumo.calibration.identifiability.identify`). EM with Laplace's
+approximation (Lindstrom and Bates, 1990): each driver's maximum a posteriori and its
+curvature, then :math:`\mu` and :math:`\Sigma` from them, until neither moves.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from typing import NamedTuple
+
+import numpy as np
+import numpy.typing as npt
+import pandas as pd
+
+from idm_sumo import columns as c
+from idm_sumo import idm, road
+from idm_sumo.calibration import identifiability, status
+from idm_sumo.calibration.kernel import PARAMETERS, costs_and_derivatives, from_search, slopes_at, to_search
+from idm_sumo.calibration.pooled import usable_windows
+from idm_sumo.calibration.problem import Problem, only, prepare
+from idm_sumo.calibration.solver import SMOOTHING, STARTS, design_of_starts, fit_all
+from idm_sumo.calibration.table import NAMES, full_ade
+from idm_sumo.errors import InputError
+from idm_sumo.scenes import Scenes
+
+Floats = npt.NDArray[np.float64]
+
+SHIFT = np.array([0.0, 0.0, 0.0, 0.0, 1.0])  # m, of d1, which may be 0
+LOWER, UPPER = np.log(np.array(idm.LOWER) + SHIFT), np.log(np.array(idm.UPPER) + SHIFT)
+ROUNDS = 30  # of EM
+STEPS = 3  # Gauss-Newton steps a round
+LAST_STEPS = 15  # in the end, the population held
+SETTLED = 0.005  # in logarithms: less than 1 %
+LEAST_VARIANCE = 0.02**2  # of the population, in logarithms: keeps its covariance regular
+FEWEST_DRIVERS = 10
+
+
+class Population(NamedTuple):
+    """Log-normal distribution of drivers.
+
+    Attributes
+    ----------
+    mean : float64, shape (5,)
+        Of ``log(a, b, T, d0, d1 + 1 m)``.
+    covariance : float64, shape (5, 5)
+    drivers : int
+        How many it was learnt from.
+    rounds : int
+        Of EM until it settled.
+    """
+
+    mean: Floats
+    covariance: Floats
+    drivers: int
+    rounds: int
+
+    def typical(self) -> idm.IDMParameters:
+        """Return the median driver: what to assume of somebody never seen."""
+        return idm.IDMParameters(*to_parameters(self.mean).tolist())
+
+
+def to_parameters(u: npt.ArrayLike) -> Floats:
+    """Return ``a, b, T, d0, d1`` of logarithms of shape ``(..., 5)``."""
+    values = np.exp(np.asarray(u, dtype=np.float64)) - SHIFT
+    return np.asarray(np.clip(values, np.array(idm.LOWER), np.array(idm.UPPER)))
+
+
+def hierarchical(
+    scenes: Scenes | Sequence[Scenes],
+    *,
+    population: Population | None = None,
+    desired_speed: float = road.SPEED_LIMIT,
+) -> tuple[pd.DataFrame, Population]:
+    """Fit all drivers together with the population they come from.
+
+    Parameters
+    ----------
+    scenes : Scenes or sequence of Scenes
+    population : Population, optional
+        Known from other drivers: then these are only drawn to it, and one driver is enough.
+    desired_speed : float
+        m/s.
+
+    Returns
+    -------
+    drivers : pandas.DataFrame
+        One row a window: ``period, vehicle, first_frame, a, b, T, d0, d1, ade_m, status``,
+        ``effective_frames``, and ``drawn``: 0 where the window alone decides, 1 where it says nothing.
+    population : Population
+
+    Raises
+    ------
+    InputError
+        If fewer than ten windows can be fitted and no population is given.
+    """
+    every = [scenes] if isinstance(scenes, Scenes) else list(scenes)
+    problems = [prepare(one, desired_speed=desired_speed) for one in every]
+    which = [np.flatnonzero(usable_windows(problem, one)) for problem, one in zip(problems, every, strict=True)]
+    count = sum(len(w) for w in which)
+    if population is None and count < FEWEST_DRIVERS:
+        raise InputError(f"hierarchical calibration: {count} windows can be fitted; it needs {FEWEST_DRIVERS} or a population")
+    parts = [_Part.of(only(problem, w)) for problem, w in zip(problems, which, strict=True)]
+    if population is None:
+        population = _learn(parts)
+    for part in parts:
+        part.draw(population, LAST_STEPS)
+    rows = zip(every, problems, which, parts, strict=True)
+    tables = [_as_table(one, problem, w, part, population, desired_speed) for one, problem, w, part in rows]
+    return pd.concat(tables, ignore_index=True), population
+
+
+class _Part:
+    """The drivers of one problem, where they are, and how curved their likelihood is there."""
+
+    def __init__(self, problem: Problem, u: Floats, frames: Floats) -> None:
+        self.problem, self.u, self.frames = problem, u, frames
+        self.hessian = np.zeros((len(u), PARAMETERS, PARAMETERS))
+
+    @classmethod
+    def of(cls, problem: Problem) -> _Part:
+        """Start from the drivers' own fits, which also tell how many frames their errors are worth."""
+        z, _, _ = fit_all(problem, np.arange(len(problem.start_x)), design_of_starts(STARTS))
+        frames = identifiability.identify(problem, z).effective_frames
+        return cls(problem, np.log(from_search(z) + SHIFT), frames)
+
+    def likelihood(self, u: Floats) -> tuple[Floats, Floats, Floats]:
+        """Return the negative log-likelihood, its gradient and Gauss-Newton matrix by logarithms."""
+        theta = to_parameters(u)
+        z = to_search(theta)
+        value, gradient, normal = costs_and_derivatives(self.problem, z, SMOOTHING)
+        scale = (theta + SHIFT) / slopes_at(z)
+        weight = self.frames / value
+        by_u = normal * scale[:, :, None] * scale[:, None, :]
+        return self.frames * np.log(value), weight[:, None] * gradient * scale, weight[:, None, None] * by_u
+
+    def draw(self, population: Population, steps: int) -> None:
+        """Move every driver towards its maximum a posteriori by damped Gauss-Newton steps."""
+        precision = np.linalg.inv(population.covariance)
+        damping = np.full(len(self.u), 1e-2)
+        value, gradient, hessian = self.posterior(self.u, population.mean, precision)
+        for _ in range(steps):
+            trial = _step(self.u, gradient, hessian, damping)
+            new, new_gradient, new_hessian = self.posterior(trial, population.mean, precision)
+            better = new < value
+            self.u[better], value[better] = trial[better], new[better]
+            gradient[better], hessian[better] = new_gradient[better], new_hessian[better]
+            damping = np.where(better, 0.2 * damping, 8.0 * damping)
+        self.hessian = hessian
+
+    def posterior(self, u: Floats, mean: Floats, precision: Floats) -> tuple[Floats, Floats, Floats]:
+        """Return the negative log-posterior, its gradient and matrix."""
+        value, gradient, hessian = self.likelihood(u)
+        off = (u - mean) @ precision
+        return value + 0.5 * np.einsum("nj,nj->n", off, u - mean), gradient + off, hessian + precision
+
+
+def _step(u: Floats, gradient: Floats, hessian: Floats, damping: Floats) -> Floats:
+    """Return the damped step of every driver, kept inside the bounds; a coordinate held by a bound does not take part."""
+    held = ((u <= LOWER) & (gradient > 0.0)) | ((u >= UPPER) & (gradient < 0.0))
+    diagonal = np.einsum("njj->nj", hessian)
+    matrix = hessian + np.eye(PARAMETERS) * (damping[:, None] * diagonal)[:, None, :]
+    pair = held[:, :, None] | held[:, None, :]
+    matrix = np.where(pair, np.eye(PARAMETERS), matrix)
+    step = np.linalg.solve(matrix, -np.where(held, 0.0, gradient)[..., None])[..., 0]
+    return np.asarray(np.clip(u + step, LOWER, UPPER))
+
+
+def _learn(parts: list[_Part]) -> Population:
+    """Return the population from which the drivers most likely come."""
+    u = np.concatenate([part.u for part in parts])
+    population = Population(u.mean(axis=0), np.cov(u.T) + LEAST_VARIANCE * np.eye(PARAMETERS), len(u), 0)
+    for rounds in range(1, ROUNDS + 1):
+        for part in parts:
+            part.draw(population, STEPS)
+        u = np.concatenate([part.u for part in parts])
+        spread = np.linalg.inv(np.concatenate([part.hessian for part in parts]))
+        mean = u.mean(axis=0)
+        covariance = np.cov(u.T, bias=True) + spread.mean(axis=0) + LEAST_VARIANCE * np.eye(PARAMETERS)
+        moved = np.abs(mean - population.mean).max()
+        moved = max(moved, np.abs(np.sqrt(np.diag(covariance)) - np.sqrt(np.diag(population.covariance))).max())
+        population = Population(mean, covariance, len(u), rounds)
+        if moved < SETTLED:
+            break
+    return population
+
+
+def _as_table(
+    scenes: Scenes, problem: Problem, which: npt.NDArray[np.int64], part: _Part, population: Population, desired_speed: float
+) -> pd.DataFrame:
+    """Return one row a window, NaN where nothing can be fitted."""
+    n = len(scenes)
+    theta, frames, drawn = np.full((n, PARAMETERS), np.nan), np.full(n, np.nan), np.full(n, np.nan)
+    theta[which], frames[which] = to_parameters(part.u), part.frames
+    share = np.linalg.inv(part.hessian) @ np.linalg.inv(population.covariance)
+    drawn[which] = np.trace(share, axis1=1, axis2=2) / PARAMETERS
+    table = pd.DataFrame({c.PERIOD: [scenes.period] * n, c.VEHICLE: scenes.vehicle, "first_frame": scenes.first_frame})
+    table[NAMES] = theta
+    table["ade_m"] = full_ade(scenes, problem, theta, desired_speed)
+    state = status.statuses(problem, scenes.speed[:, scenes.start : scenes.start + scenes.window.horizon + 1])
+    table["status"] = pd.Series(state, dtype=str)
+    table["effective_frames"], table["drawn"] = frames, drawn
+    return table
