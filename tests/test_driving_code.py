@@ -26,10 +26,10 @@ def test_test_drivers_are_seen_for_their_first_frames_only():
     x = np.concatenate([[0.0], np.cumsum(speed[:-1] * 0.1)])
     some = scenes(Car(1, x=x, speed=speed), Car(2, x=24.0 + x, speed=10.0))
     observed, whole = driving_code(some, 4).iloc[0], driving_code(some).iloc[0]
-    assert observed.speed_m_s == pytest.approx(8.0)
+    assert observed.mean_speed_m_s == pytest.approx(8.0)
     assert observed.approach_rate_m_s == pytest.approx(-2.0)
     assert observed.time_headway_s == pytest.approx(20.0 / 8.0)
-    assert whole.speed_m_s == pytest.approx((4 * 8.0 + 20 * 12.0) / 24)
+    assert whole.mean_speed_m_s == pytest.approx((4 * 8.0 + 20 * 12.0) / 24)
     assert whole.time_headway_s == pytest.approx((4 * 20 / 8 + 20 * 20 / 12) / 24)  # a mean of headways
     assert (observed.leader_frames, whole.leader_frames) == (4, 24)
 
@@ -44,7 +44,7 @@ def test_without_a_leader_they_are_missing():
     code = code_of(Car(1), Car(2, x=30.0, lane=2), Car(3, x=-30.0))
     assert np.isnan(code.time_headway_s)
     assert np.isnan(code.approach_rate_m_s)
-    assert (code.speed_m_s, code.leader_frames) == (10.0, 0)
+    assert (code.mean_speed_m_s, code.leader_frames) == (10.0, 0)
 
 
 def test_at_walking_pace_the_headway_stays_finite():

@@ -63,7 +63,7 @@ def test_only_the_chosen_features_count(drivers):
     codes, theta = drivers
     predictor = KNNPredictor(features=("time_headway_s",)).fit(codes, theta)
     assert predictor.n_features_in_ == 1
-    scrambled = codes.assign(speed_m_s=0.0, offset_m=9.0)
+    scrambled = codes.assign(mean_speed_m_s=0.0, offset_m=9.0)
     np.testing.assert_array_equal(predictor.predict(scrambled), predictor.predict(codes))
     with pytest.raises(InputError, match="no column 'time_headway_s'"):
         predictor.predict(codes.drop(columns="time_headway_s"))
