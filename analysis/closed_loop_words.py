@@ -79,14 +79,13 @@ def _means(table: pd.DataFrame) -> tuple[pd.DataFrame, pd.Series]:
 
 def _wrong(own: pd.Series, recorded: pd.Series) -> str:
     """Name the figures that are off most, relative to the recorded ones."""
-    off = {}
-    for name in FIGURES:
-        ratio = own[name] / recorded[name] if recorded[name] else np.nan
-        if np.isfinite(ratio):
-            off[name] = ratio - 1.0
-        elif np.isfinite(recorded[name]) and name == "wave_speed_m_s":
-            return "no backward-moving waves at all"
+    off = {
+        name: own[name] / recorded[name] - 1.0
+        for name in FIGURES
+        if recorded[name] and np.isfinite(own[name] / recorded[name])
+    }
     worst = sorted(off, key=lambda name: -abs(off[name]))[:MOST_WRONG]
-    return " and ".join(
-        f"{FIGURES[name][0]} {abs(off[name]):.0%} {FIGURES[name][1 if off[name] > 0 else 2]}" for name in worst
-    )
+    parts = [f"{FIGURES[name][0]} {abs(off[name]):.0%} {FIGURES[name][1 if off[name] > 0 else 2]}" for name in worst]
+    if np.isfinite(recorded["wave_speed_m_s"]) and not np.isfinite(own["wave_speed_m_s"]):
+        parts.append("no backward-moving waves")
+    return " and ".join(parts)

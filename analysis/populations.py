@@ -17,7 +17,7 @@ from idm_sumo.driver_table import read_drivers
 from idm_sumo.driving_code import FEATURES, driving_code
 from idm_sumo.errors import InputError
 from idm_sumo.idm import IDMParameters
-from idm_sumo.jam_distance import MEAN_SPEED, REFIT, refit_table
+from idm_sumo.jam_distance import MEAN_SPEED, REFIT, mean_speeds, refit_table
 from idm_sumo.prediction import predict_drivers
 from idm_sumo.progress import Progress, silent
 from idm_sumo.recording import Recording
@@ -56,7 +56,9 @@ class Drivers:
     origin: str
 
 
-def drivers_of(recording: Recording, path: Path | None, seed: int, progress: Progress = silent) -> Drivers:
+def drivers_of(
+    recording: Recording, path: Path | None, seed: int, *, refit: bool = False, progress: Progress = silent
+) -> Drivers:
     """Calibrate the drivers of a period, or read them.
 
     Parameters
@@ -65,6 +67,8 @@ def drivers_of(recording: Recording, path: Path | None, seed: int, progress: Pro
         One period, as read.
     path : Path or None
         A driver table.
+    refit : bool
+        Whether drivers calibrated here are fitted once more without ``d1``, which SUMO lacks; else it is linearised.
 
     Raises
     ------
@@ -80,7 +84,7 @@ def drivers_of(recording: Recording, path: Path | None, seed: int, progress: Pro
         )
     one_for_all = pooled(scenes)
     progress("calibrating", 1, 4)
-    table = _calibrated(scenes, seed) if path is None else _read(path, scenes.period)
+    table = _calibrated(scenes, seed, refit) if path is None else _read(path, scenes.period)
     progress("calibrating", 3, 4)
     library = table if set(FEATURES.values()) <= set(table) else None
     predicted = None
@@ -91,13 +95,15 @@ def drivers_of(recording: Recording, path: Path | None, seed: int, progress: Pro
     return Drivers(scenes, table, predicted, one_for_all, "calibrated in this run" if path is None else path.name)
 
 
-def _calibrated(scenes: Scenes, seed: int) -> pd.DataFrame:
+def _calibrated(scenes: Scenes, seed: int, refit: bool) -> pd.DataFrame:
     """Fit every driver, with its code, and without d1 as SUMO needs it."""
     fits = calibrate(scenes, seed=seed)
     fitted = np.isfinite(fits[PARAMETERS].to_numpy()).all(axis=1)
     codes = driving_code(scenes)
     table = fits.join(codes[[name for name in codes if name not in fits]])[fitted].reset_index(drop=True)
     some = scenes.subset(np.flatnonzero(fitted))
+    if not refit:
+        return table.assign(**{MEAN_SPEED: mean_speeds(some)})
     keys = [c.PERIOD, c.VEHICLE, "first_frame"]
     refits = refit_table(table, some)
     return table.merge(refits[[*keys, *(name for name in refits if name not in table)]], on=keys)

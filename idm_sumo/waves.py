@@ -89,7 +89,10 @@ def wave_of(field: Floats) -> tuple[float, float]:
     if len(lags) < len(DISTANCES) // 2:
         return np.nan, np.nan
     # Lag over distance, since the distances are exact and the lags measured; then turned round.
-    return -1.0 / float(theilslopes(lags, distances).slope), float(np.mean(heights))
+    slope = float(theilslopes(lags, distances).slope)
+    if not 1.0 / FASTEST_WAVE <= slope <= 1.0 / SLOWEST_WAVE:
+        return np.nan, np.nan
+    return -1.0 / slope, float(np.mean(heights))
 
 
 def _correlation(deviation: Floats, cells: int, lag: int) -> float:

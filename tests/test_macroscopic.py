@@ -101,6 +101,12 @@ def test_a_known_wave_gives_its_speed(speed: float) -> None:
     assert correlation > 0.5
 
 
+def test_what_moves_downstream_is_no_wave() -> None:
+    x, t = (np.arange(32) + 0.5) * waves.CELL_LENGTH, np.arange(900) * waves.CELL_TIME
+    forward = 15.0 + 3.0 * np.sin(2 * np.pi * (t[None, :] - x[:, None] / 15.0) / 120.0)
+    assert np.isnan(waves.wave_of(forward)[0])
+
+
 def test_noise_and_free_flow_have_no_wave() -> None:
     noise = np.random.default_rng(1).normal(15.0, 1.0, (32, 900))
     assert np.isnan(waves.wave_of(noise)[0])

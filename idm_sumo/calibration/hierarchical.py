@@ -109,7 +109,7 @@ def hierarchical(
     if population is None:
         population = _learn(parts)
     for part in parts:
-        part.draw(population, LAST_STEPS)
+        part.settle(population)
     rows = zip(every, problems, which, parts, strict=True)
     tables = [_as_table(one, problem, w, part, population, desired_speed) for one, problem, w, part in rows]
     return pd.concat(tables, ignore_index=True), population
@@ -152,6 +152,17 @@ class _Part:
             gradient[better], hessian[better] = new_gradient[better], new_hessian[better]
             damping = np.where(better, 0.2 * damping, 8.0 * damping)
         self.hessian = hessian
+
+    def settle(self, population: Population) -> None:
+        """Move every driver to its maximum a posteriori, from where it is or from the typical driver, whichever is better."""
+        own = self.u
+        precision = np.linalg.inv(population.covariance)
+        self.draw(population, LAST_STEPS)
+        from_own, self.u = self.u, np.tile(np.clip(population.mean, LOWER, UPPER), (len(own), 1))
+        self.draw(population, LAST_STEPS)
+        values = [self.posterior(u, population.mean, precision)[0] for u in (from_own, self.u)]
+        self.u = np.where((values[0] <= values[1])[:, None], from_own, self.u)
+        self.hessian = self.posterior(self.u, population.mean, precision)[2]
 
     def posterior(self, u: Floats, mean: Floats, precision: Floats) -> tuple[Floats, Floats, Floats]:
         """Return the negative log-posterior, its gradient and matrix."""

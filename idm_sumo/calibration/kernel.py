@@ -167,7 +167,7 @@ def sensitivities_of(p, i, z, errors, slopes):  # type: ignore[no-untyped-def]
     ----------
     errors : float64, shape (h,)
         0 in frames that do not count.
-    slopes : float64, shape (h, 5)
+    slopes : float64, shape (5, h)
 
     Notes
     -----
@@ -198,7 +198,7 @@ def sensitivities_of(p, i, z, errors, slopes):  # type: ignore[no-untyped-def]
             slope = by_v[k] * sv[j] - by_d[k] * sx[j] + partials[2 + j, k] * by_z[j]
             sx[j] += sv[j] * travelled
             sv[j] = moves * (sv[j] + slope * DT)
-            slopes[k, j] = use * (by_x * sx[j] + by_speed * sv[j])
+            slopes[j, k] = use * (by_x * sx[j] + by_speed * sv[j])
 
 
 @njit(cache=True, error_model="numpy")
@@ -214,29 +214,31 @@ def cost_and_derivatives(p, i, z, smoothing, gradient, normal, curved, errors, s
     curved : float64, shape (5, 5)
         The same with the cost's curvature for weight: Newton's matrix but for the rollout's
         own curvature, which takes longer steps.
-    errors, slopes : float64, shapes (h,) and (h, 5)
+    errors, slopes : float64, shapes (h,) and (5, h)
         As filled by :func:`sensitivities_of`.
     """
     sensitivities_of(p, i, z, errors, slopes)
     lateral, counted, objective, loss, scale = p.lateral[i], p.counted[i], p.objective, p.loss, p.scale
-    sums, total, frames = np.zeros((3, PARAMETERS, 8)), 0.0, 0
-    by_gradient, by_normal, by_curved = sums[0], sums[1], sums[2]
-    for k in range(len(errors)):
+    total, frames, h = 0.0, 0, len(errors)
+    weights, curvatures = np.zeros(h), np.zeros(h)
+    for k in range(h):
         if counted[k]:
             frames += 1
             total += o.frame_cost(objective, loss, scale, errors[k], lateral[k], smoothing)
-            weight, curvature = o.frame_weights(objective, loss, scale, errors[k], lateral[k], smoothing)
-            row = (slopes[k, 0], slopes[k, 1], slopes[k, 2], slopes[k, 3], slopes[k, 4])
-            for j in range(PARAMETERS):
-                by_gradient[j, 0] += weight * errors[k] * row[j]
-                weighted, curving = weight * row[j], curvature * row[j]
-                for m in range(PARAMETERS):
-                    by_normal[j, m] += weighted * row[m]
-                    by_curved[j, m] += curving * row[m]
+            weights[k], curvatures[k] = o.frame_weights(objective, loss, scale, errors[k], lateral[k], smoothing)
     for j in range(PARAMETERS):
-        gradient[j] = by_gradient[j, 0] / frames
-        for m in range(PARAMETERS):
-            normal[j, m], curved[j, m] = by_normal[j, m] / frames, by_curved[j, m] / frames
+        slope, uphill = slopes[j], 0.0
+        for k in range(h):
+            uphill += weights[k] * errors[k] * slope[k]
+        gradient[j] = uphill / frames
+        for m in range(j + 1):
+            other, weighted, curving = slopes[m], 0.0, 0.0
+            for k in range(h):
+                product = slope[k] * other[k]
+                weighted += weights[k] * product
+                curving += curvatures[k] * product
+            normal[j, m], curved[j, m] = weighted / frames, curving / frames
+            normal[m, j], curved[m, j] = normal[j, m], curved[j, m]
     return total / frames
 
 
@@ -272,7 +274,7 @@ def costs_and_derivatives(p, z, smoothing):  # type: ignore[no-untyped-def]
     n, h = p.target.shape
     values, gradients, normals = np.empty(n), np.empty((n, PARAMETERS)), np.empty((n, PARAMETERS, PARAMETERS))
     for i in prange(n):
-        curved, errors, slopes = np.empty((PARAMETERS, PARAMETERS)), np.empty(h), np.empty((h, PARAMETERS))
+        curved, errors, slopes = np.empty((PARAMETERS, PARAMETERS)), np.empty(h), np.empty((PARAMETERS, h))
         values[i] = cost_and_derivatives(
             p, i, z[i], smoothing, gradients[i], normals[i], curved, errors, slopes
         )
@@ -281,9 +283,9 @@ def costs_and_derivatives(p, z, smoothing):  # type: ignore[no-untyped-def]
 
 @njit(cache=True, parallel=True)
 def sensitivities(p, z):  # type: ignore[no-untyped-def]
-    """Return every driver's errors and their derivatives by search coordinates: shapes ``(n, h)`` and ``(n, h, 5)``."""
+    """Return every driver's errors and their derivatives by search coordinates: shapes ``(n, h)`` and ``(n, 5, h)``."""
     n, h = p.target.shape
-    errors, slopes = np.empty((n, h)), np.empty((n, h, PARAMETERS))
+    errors, slopes = np.empty((n, h)), np.empty((n, PARAMETERS, h))
     for i in prange(n):
         sensitivities_of(p, i, z[i], errors[i], slopes[i])
     return errors, slopes

@@ -37,7 +37,7 @@ def value_and_gradient(p, i, z):  # type: ignore[no-untyped-def]
     """Return the cost and its gradient by forward sensitivities."""
     h, gradient, matrices = p.target.shape[1], np.empty(PARAMETERS), np.empty((2, PARAMETERS, PARAMETERS))
     value = cost_and_derivatives(
-        p, i, z, 0.0, gradient, matrices[0], matrices[1], np.empty(h), np.empty((h, PARAMETERS))
+        p, i, z, 0.0, gradient, matrices[0], matrices[1], np.empty(h), np.empty((PARAMETERS, h))
     )
     return value, gradient
 

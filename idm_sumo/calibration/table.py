@@ -168,7 +168,7 @@ def _as_table(
     table["status"] = pd.Series(state, dtype=str)
     table["at_bound"] = identifiability.names_of(identifiability.at_bound(theta))
     uncertain = np.zeros((n, len(NAMES)), dtype=np.bool_)
-    uncertain[which] = identifiability.undetermined(found)
+    uncertain[which] = identifiability.undetermined(found, z)
     table["undetermined"] = identifiability.names_of(uncertain)
     table["frames"] = problem.counted.sum(axis=1)
     table["leader_frames"] = status.leader_frames(problem)

@@ -70,6 +70,8 @@ def _add_interactive(commands: Any) -> None:
     )
     parser.add_argument("--types", action="append", choices=TYPES, metavar="POPULATION",
                         help=f"who drives: {', '.join(TYPES)}; may be repeated (default: all of them, compared)")  # fmt: skip
+    parser.add_argument("--jam-distance", choices=("linearised", "refit"), default="linearised",
+                        help="what stands for d1, which SUMO lacks, in drivers calibrated here (default linearised: quick)")  # fmt: skip
     parser.add_argument("--lane-change-model", default="LC2013", metavar="MODEL", help="LC2013 (default) or SL2015")
     parser.add_argument("--lane-change", action="append", default=[], type=_setting, metavar="KEY=VALUE",
                         help="a parameter of it, such as lcSpeedGain=2; may be repeated")  # fmt: skip
@@ -106,8 +108,8 @@ def interactive(options: argparse.Namespace) -> None:
     module = study_module("closed_loop")
     single = options.gui or options.ego is not None  # one population is all that can be watched or driven among
     types = tuple(dict.fromkeys(options.types or (TYPES[:1] if single else TYPES)))
-    settings = module.Settings(
-        recording=options.recording, period=options.period, drivers=options.drivers, types=types,
+    settings = study_module("closed_loop_settings").Settings(
+        recording=options.recording, period=options.period, drivers=options.drivers, types=types, refit=options.jam_distance == "refit",
         lane_change_model=options.lane_change_model, lane_change=dict(options.lane_change), ego=options.ego, gui=options.gui,
         downstream_speed=not options.no_downstream_speed, seeds=options.seeds, bias_sample=0 if single else options.replay_bias,
         minutes=options.minutes, location=options.location, seed=options.seed, jobs=options.jobs,

@@ -21,15 +21,14 @@ from idm_sumo.progress import Progress, silent
 from idm_sumo.reading import read_recording
 from idm_sumo.recording import Recording
 from idm_sumo.sumo import network, run_recipe
-from idm_sumo.sumo.demand import LANE_INDEX, POSITION, SAFE, write_boundary, write_routes
+from idm_sumo.sumo.demand import SAFE, write_boundary, write_routes
 from idm_sumo.sumo.ego import Ego
+from idm_sumo.sumo.entrance import Entrance
 from idm_sumo.sumo.gui import gui_simulation
 from idm_sumo.sumo.session import ALWAYS, simulation
 from idm_sumo.sumo.translation import save
-from idm_sumo.sumo.vtypes import number
 
 ON_TIME = 0.05  # s, half a step
-PATIENCE = 1.0  # s a vehicle waits for a gap that is safe at its recorded speed
 LANES_BY_PLACE = "lane is taken from the lateral position"
 SHOWN_EVERY = 5  # frames, of what is kept for pictures
 # A vehicle that finds no room must not keep those waiting that enter by another lane of the edge.
@@ -213,37 +212,6 @@ def _loop(
             progress("simulating", step, steps)
     progress("simulating", steps, steps)
     return departed, collisions, arrived
-
-
-class Entrance:
-    """Lets those in who could not enter at their recorded speed: as slow as the vehicle ahead of them.
-
-    Where simulated traffic is slower at the entrance than the recorded one was, no gap is safe at the recorded
-    speed, and waiting for one would starve the road.
-    """
-
-    def __init__(self, demand: pd.DataFrame) -> None:
-        self._rows = demand.assign(name=demand[c.VEHICLE].astype(str)).set_index("name")
-        self._readmitted: set[str] = set()
-
-    def admit(self, sumo: Any, now: float) -> None:
-        """Look at who waits after a step."""
-        for name in sumo.simulation.getPendingVehicles():
-            if name in self._readmitted or now - self._rows.at[name, d.DEPART] < PATIENCE:
-                continue
-            row = self._rows.loc[name]
-            self._readmitted.add(name)
-            route, kind = sumo.vehicle.getRouteID(name), sumo.vehicle.getTypeID(name)
-            sumo.vehicle.remove(name)
-            sumo.vehicle.add(
-                name,
-                route,
-                kind,
-                depart="now",
-                departLane=str(row[LANE_INDEX]),
-                departPos=number(row[POSITION]),
-                departSpeed="last",
-            )
 
 
 def _departures(files: RunFiles, departed: dict[str, float]) -> pd.DataFrame:
