@@ -67,7 +67,7 @@ def _draw(ax: Axes, scenes: Scenes, trajectories: Trajectories, k: int, around: 
     ax.set_title(
         f"vehicle {scenes.vehicle[0]}, {scenes.period}: {k * road.FRAME_STEP:.1f} s, {error:.1f} m apart", fontsize=9
     )
-    ax.legend(loc="upper left", fontsize=7, ncols=2)
+    ax.legend(loc="lower left", bbox_to_anchor=(0.0, 1.02), fontsize=7, ncols=2, borderaxespad=0.0)
 
 
 def _road(ax: Axes, middle: float) -> None:

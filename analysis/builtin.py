@@ -12,6 +12,8 @@ from idm_sumo.outputs import new_folder
 from idm_sumo.progress import Progress, silent
 from idm_sumo.sumo import network
 
+from .warm import compile_beside
+
 LABELS = ("0750-0805", "0805-0820", "0820-0835")  # of its periods, in the order they are made
 
 
@@ -24,7 +26,8 @@ def cache_folder() -> Path:
 def cached_surrogate(minutes: float, seed: int, progress: Progress = silent) -> Path:
     """Return the surrogate of that length and seed, a folder of Parquet parts, one a period.
 
-    It is made if it is not in the cache. :func:`idm_sumo.reading.read_recording` reads the folder
+    It is made if it is not in the cache, and while SUMO works on it on one core the kernels
+    are compiled on another. :func:`idm_sumo.reading.read_recording` reads the folder
     as well as each part.
     """
     from idm_sumo.sumo import surrogate
@@ -32,6 +35,7 @@ def cached_surrogate(minutes: float, seed: int, progress: Progress = silent) -> 
     folder = cache_folder() / f"surrogate-{minutes:g}min-seed{seed}-{_maker()}"
     if folder.is_dir():
         return folder
+    compiling = compile_beside()
     with new_folder(folder) as part:
         tables = surrogate.surrogate_periods(
             minutes=minutes,
@@ -40,6 +44,9 @@ def cached_surrogate(minutes: float, seed: int, progress: Progress = silent) -> 
         )
         for label, table in zip(LABELS, tables, strict=True):
             surrogate.write_layout([table], part / f"{label}.parquet", ".parquet")
+    progress("compiling", 0, 1)
+    compiling.result()
+    progress("compiling", 1, 1)
     return folder
 
 

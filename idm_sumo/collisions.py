@@ -164,8 +164,13 @@ def _closing_time(before: float, now: float) -> float:
 
 
 @njit(cache=True)
-def is_at_fault(  # type: ignore[no-untyped-def]
-    edge, sideways, other_sideways, to_the_left, was_in_the_way, other_was_in_the_way
+def is_at_fault(
+    edge: int,
+    sideways: float,
+    other_sideways: float,
+    to_the_left: bool,
+    was_in_the_way: bool,
+    other_was_in_the_way: bool,
 ) -> bool:
     """Apply the rule of this module.
 
@@ -209,7 +214,7 @@ def _judge(x, y, heading, k, length, width, other, other_velocity, other_was_in_
 def _was_in_the_way(  # type: ignore[no-untyped-def]
     ego, code, first_cell, lanes, frames, then,
     offsets, other_x, other_y, other_heading, other_length, other_width, other_code,
-) -> bool:  # fmt: skip
+):  # fmt: skip
     """Return whether a vehicle was, at step ``then``, laterally where the modelled car is now."""
     for lane in range(lanes):
         cell = first_cell + lane * frames + then

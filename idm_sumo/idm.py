@@ -55,6 +55,12 @@ TEXTBOOK = IDMParameters(a=0.73, b=1.67, T=1.6, d0=2.0, d1=0.0)
 
 
 @njit(cache=True, error_model="numpy")
+def closing_weight(a: float, b: float) -> float:
+    r"""Return :math:`1/(2\sqrt{ab})` (s²/m): how much an approach rate weighs in the desired gap."""
+    return 1.0 / (2.0 * sqrt(a * b))
+
+
+@njit(cache=True, error_model="numpy")
 def desired_gap(
     speed: float, approach_rate: float, a: float, b: float, T: float, d0: float, d1: float, desired_speed: float
 ) -> float:
@@ -64,8 +70,15 @@ def desired_gap(
     :math:`d^*` negative and its square brakes; Treiber and Kesting (2013, eq. 11.15) and
     SUMO take the maximum, and so do we. Where the sum is positive both are the same.
     """
-    dynamic = T * speed + speed * approach_rate / (2.0 * sqrt(a * b))
-    return d0 + d1 * sqrt(max(speed, 0.0) / desired_speed) + max(0.0, dynamic)
+    return desired_gap_of(speed, approach_rate, closing_weight(a, b), T, d0, d1, 1.0 / desired_speed)
+
+
+@njit(cache=True, error_model="numpy")
+def desired_gap_of(
+    speed: float, approach_rate: float, weight: float, T: float, d0: float, d1: float, inverse: float
+) -> float:
+    """Return :func:`desired_gap` by :func:`closing_weight` and :math:`1/v_0`: what does not change from frame to frame."""
+    return d0 + d1 * sqrt(max(speed * inverse, 0.0)) + max(0.0, T * speed + speed * approach_rate * weight)
 
 
 @njit(cache=True, error_model="numpy")
@@ -98,11 +111,27 @@ def acceleration(
     -----
     Never below ``-EMERGENCY_BRAKING``; at a gap of ``SMALLEST_GAP`` or less exactly that.
     """
-    if gap <= SMALLEST_GAP:
-        return -EMERGENCY_BRAKING
-    ratio = speed / desired_speed
-    interaction = desired_gap(speed, approach_rate, a, b, T, d0, d1, desired_speed) / gap
-    return max(a * (1.0 - ratio * ratio * ratio * ratio - interaction * interaction), -EMERGENCY_BRAKING)
+    return acceleration_of(speed, approach_rate, gap, a, closing_weight(a, b), T, d0, d1, 1.0 / desired_speed)
+
+
+@njit(cache=True, error_model="numpy")
+def acceleration_of(
+    speed: float,
+    approach_rate: float,
+    gap: float,
+    a: float,
+    weight: float,
+    T: float,
+    d0: float,
+    d1: float,
+    inverse: float,
+) -> float:
+    """Return :func:`acceleration` by :func:`closing_weight` and :math:`1/v_0`; without branches, for many at once."""
+    ratio = speed * inverse
+    wanted = desired_gap_of(speed, approach_rate, weight, T, d0, d1, inverse)
+    interaction = wanted * (1.0 / max(gap, SMALLEST_GAP))
+    free = max(a * (1.0 - ratio * ratio * ratio * ratio - interaction * interaction), -EMERGENCY_BRAKING)
+    return free if gap > SMALLEST_GAP else -EMERGENCY_BRAKING
 
 
 @njit(cache=True, error_model="numpy")
@@ -111,13 +140,13 @@ def acceleration_partials(
     approach_rate: float,
     gap: float,
     a: float,
-    b: float,
+    weight: float,
     T: float,
     d0: float,
     d1: float,
-    desired_speed: float,
+    inverse: float,
 ) -> tuple[float, float, float, float, float, float, float]:
-    r"""Return the derivatives of :func:`acceleration`: by own speed, gap, a, b, T, d0 and d1.
+    r"""Return the derivatives of :func:`acceleration_of`: by own speed, gap, log(a), log(b), T, d0 and d1.
 
     With the interaction :math:`s = d^*/d`, :math:`\partial\dot v/\partial d^* = -2as/d` and
     :math:`\partial\dot v/\partial d = 2as^2/d`. The first value is the total derivative by
@@ -130,23 +159,22 @@ def acceleration_partials(
     where the braking is clipped, no dynamic term where it is not positive. At a standing
     vehicle :math:`\sqrt{v/v_0}` has no finite derivative; zero is returned for that term.
     """
-    ratio = speed / desired_speed
+    ratio = speed * inverse
     cube, root = ratio * ratio * ratio, sqrt(max(ratio, 0.0))
-    halving = 1.0 / (2.0 * sqrt(a * b))
-    inverse = 1.0 / max(gap, SMALLEST_GAP)
-    interaction = desired_gap(speed, approach_rate, a, b, T, d0, d1, desired_speed) * inverse
+    per_gap = 1.0 / max(gap, SMALLEST_GAP)
+    interaction = desired_gap_of(speed, approach_rate, weight, T, d0, d1, inverse) * per_gap
     free = 1.0 - cube * ratio - interaction * interaction
     # 0 or 1 in place of branches: so a compiler can take many frames at once.
     used = (1.0 if gap > SMALLEST_GAP else 0.0) * (1.0 if a * free > -EMERGENCY_BRAKING else 0.0)
-    dynamic = 1.0 if speed * (T + approach_rate * halving) > 0.0 else 0.0
-    by_wanted = -2.0 * a * interaction * inverse * used
-    by_product = -0.5 * dynamic * by_wanted * speed * approach_rate * halving  # by log(a b)
-    wanted_by_speed = dynamic * (T + (approach_rate + speed) * halving) + 0.5 * d1 * root / max(speed, SLOWEST)
+    dynamic = 1.0 if speed * (T + approach_rate * weight) > 0.0 else 0.0
+    by_wanted = -2.0 * a * interaction * per_gap * used
+    by_log_b = -0.5 * dynamic * by_wanted * speed * approach_rate * weight
+    wanted_by_speed = dynamic * (T + (approach_rate + speed) * weight) + 0.5 * d1 * root / max(speed, SLOWEST)
     return (
-        by_wanted * wanted_by_speed - used * 4.0 * a * cube / desired_speed,
+        by_wanted * wanted_by_speed - used * 4.0 * a * cube * inverse,
         -by_wanted * interaction,
-        used * free + by_product / a,
-        by_product / b,
+        used * a * free + by_log_b,
+        by_log_b,
         by_wanted * dynamic * speed,
         by_wanted,
         by_wanted * root,

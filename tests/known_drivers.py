@@ -90,7 +90,9 @@ def known_drivers(
     leader_speed = stop_and_go(n, frames, rng)
     leader_x = 100.0 + 0.1 * np.concatenate([np.zeros((n, 1)), np.cumsum(leader_speed[:, :-1], axis=1)], axis=1)
     start = np.minimum(leader_speed[:, 0], 20.0)
-    gap = np.array([idm.equilibrium_gap(s, idm.IDMParameters(*p), road.SPEED_LIMIT) for s, p in zip(start, theta)])
+    gap = np.array(
+        [idm.equilibrium_gap(s, idm.IDMParameters(*p), road.SPEED_LIMIT) for s, p in zip(start, theta, strict=True)]
+    )
     x, v = follow(theta, leader_x, leader_speed, gap)
     used = slice(WARM_UP, WARM_UP + window.frames)
     x, v = (values[:, used] for values in recorded(x, v, noise, rng))

@@ -12,7 +12,7 @@ curvature, then :math:`\mu` and :math:`\Sigma` from them, until neither moves.
 from __future__ import annotations
 
 from collections.abc import Sequence
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 import numpy.typing as npt
@@ -104,7 +104,9 @@ def hierarchical(
     which = [np.flatnonzero(usable_windows(problem, one)) for problem, one in zip(problems, every, strict=True)]
     count = sum(len(w) for w in which)
     if population is None and count < FEWEST_DRIVERS:
-        raise InputError(f"hierarchical calibration: {count} windows can be fitted; it needs {FEWEST_DRIVERS} or a population")
+        raise InputError(
+            f"hierarchical calibration: {count} windows can be fitted; it needs {FEWEST_DRIVERS} or a population"
+        )
     parts = [_Part.of(only(problem, w)) for problem, w in zip(problems, which, strict=True)]
     if population is None:
         population = _learn(parts)
@@ -164,7 +166,9 @@ class _Part:
         self.u = np.where((values[0] <= values[1])[:, None], from_own, self.u)
         self.hessian = self.posterior(self.u, population.mean, precision)[2]
 
-    def posterior(self, u: Floats, mean: Floats, precision: Floats) -> tuple[Floats, Floats, Floats]:
+    def posterior(
+        self, u: Floats, mean: Floats, precision: npt.NDArray[np.floating[Any]]
+    ) -> tuple[Floats, Floats, Floats]:
         """Return the negative log-posterior, its gradient and matrix."""
         value, gradient, hessian = self.likelihood(u)
         off = (u - mean) @ precision
@@ -202,7 +206,12 @@ def _learn(parts: list[_Part]) -> Population:
 
 
 def _as_table(
-    scenes: Scenes, problem: Problem, which: npt.NDArray[np.int64], part: _Part, population: Population, desired_speed: float
+    scenes: Scenes,
+    problem: Problem,
+    which: npt.NDArray[np.int64],
+    part: _Part,
+    population: Population,
+    desired_speed: float,
 ) -> pd.DataFrame:
     """Return one row a window, NaN where nothing can be fitted."""
     n = len(scenes)

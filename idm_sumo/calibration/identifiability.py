@@ -28,7 +28,14 @@ from scipy import stats
 from idm_sumo import idm
 from idm_sumo.calibration import objective as o
 from idm_sumo.calibration.kernel import (
-    LOWER, PARAMETERS, UPPER, costs, costs_and_derivatives, from_search, sensitivities, slopes_at,
+    LOWER,
+    PARAMETERS,
+    UPPER,
+    costs,
+    costs_and_derivatives,
+    from_search,
+    sensitivities,
+    slopes_at,
 )  # fmt: skip
 from idm_sumo.calibration.problem import Problem
 
@@ -82,7 +89,9 @@ def identify(problem: Problem, z: Floats) -> Identification:
     variance = np.maximum(variance, LEAST_ERROR**2)
     alpha, beta = _expectations(problem, np.sqrt(variance))
     bread = np.einsum("nh,njh,nmh->njm", alpha, slopes, slopes, optimize=True)
-    meat = np.einsum("nh,njh,nmh->njm", beta * (frames / effective / left**SMALL_SAMPLE)[:, None], slopes, slopes, optimize=True)
+    meat = np.einsum(
+        "nh,njh,nmh->njm", beta * (frames / effective / left**SMALL_SAMPLE)[:, None], slopes, slopes, optimize=True
+    )
     meat += _from_the_start(problem, z, errors, alpha[:, None] * slopes, variance)
     student = (stats.t.ppf(0.975, effective - PARAMETERS) / NORMAL_95) ** 2
     prior = np.diag(12.0 / (UPPER - LOWER) ** 2)
@@ -172,9 +181,7 @@ def names_of(which: npt.NDArray[np.bool_]) -> list[str]:
     return [",".join(name for name, hit in zip(NAMES, row, strict=True) if hit) for row in which]
 
 
-def along_flat_direction(
-    problem: Problem, z: Floats, shares: npt.ArrayLike = (0.05, 0.1, 0.2, 0.4)
-) -> pd.DataFrame:
+def along_flat_direction(problem: Problem, z: Floats, shares: npt.ArrayLike = (0.05, 0.1, 0.2, 0.4)) -> pd.DataFrame:
     """Say how much the objective grows when a driver moves along its flattest direction.
 
     Parameters

@@ -27,7 +27,7 @@ DT = road.FRAME_STEP
 
 LANES = 8  # parameter sets of one driver rolled out side by side
 ROWS = 10
-X, V, REAR, AHEAD, A, B, T, D0, D1, TOTAL = (row * LANES for row in range(ROWS))
+X, V, REAR, AHEAD, A, W, T, D0, D1, TOTAL = (row * LANES for row in range(ROWS))
 
 
 def to_search(parameters: npt.ArrayLike) -> Floats:
@@ -90,7 +90,8 @@ def start_lanes(start_x, start_speed, z, first, s):  # type: ignore[no-untyped-d
     for j in range(LANES):
         at = min(first + j, z.shape[0] - 1)
         s[X + j], s[V + j], s[TOTAL + j] = start_x, start_speed, 0.0
-        s[A + j], s[B + j], s[T + j], s[D0 + j], s[D1 + j] = parameters_at(z[at])
+        s[A + j], b, s[T + j], s[D0 + j], s[D1 + j] = parameters_at(z[at])
+        s[W + j] = idm.closing_weight(s[A + j], b)
 
 
 @njit(cache=True, error_model="numpy")
@@ -103,7 +104,7 @@ def roll_lanes(p, i, z, first, smoothing, s):  # type: ignore[no-untyped-def]
     """
     behind, ahead, rear, leader_speed = p.behind[i], p.ahead[i], p.rear[i], p.leader_speed[i]
     target, lateral, counted, forward = p.target[i], p.lateral[i], p.counted[i], p.forward[i]
-    objective, loss, scale, v0, frames = p.objective, p.loss, p.scale, p.desired_speed[i], 0
+    objective, loss, scale, inverse, frames = p.objective, p.loss, p.scale, 1.0 / p.desired_speed[i], 0
     start_lanes(p.start_x[i], p.start_speed[i], z, first, s)
     for k in range(len(behind)):
         inside, low, high = 0, behind[k], ahead[k]
@@ -128,8 +129,9 @@ def roll_lanes(p, i, z, first, smoothing, s):  # type: ignore[no-untyped-def]
         travelled = forward[k] * DT
         for j in range(LANES):
             v = s[V + j]
-            acceleration = idm.acceleration(
-                v, v - s[AHEAD + j], s[REAR + j] - s[X + j], s[A + j], s[B + j], s[T + j], s[D0 + j], s[D1 + j], v0
+            rate, gap = v - s[AHEAD + j], s[REAR + j] - s[X + j]
+            acceleration = idm.acceleration_of(
+                v, rate, gap, s[A + j], s[W + j], s[T + j], s[D0 + j], s[D1 + j], inverse
             )
             s[X + j] += v * travelled
             s[V + j] = max(0.0, v + acceleration * DT)
@@ -141,15 +143,16 @@ def roll_lanes(p, i, z, first, smoothing, s):  # type: ignore[no-untyped-def]
 def roll(p, i, theta, speeds, gaps, rates, positions, rears):  # type: ignore[no-untyped-def]
     """Roll out driver ``i`` with ``theta`` and note what it saw at every frame, from the start on."""
     a, b, headway, d0, d1 = theta
+    weight, inverse = idm.closing_weight(a, b), 1.0 / p.desired_speed[i]
     behind, ahead, rear_of, speed_of, forward = p.behind[i], p.ahead[i], p.rear[i], p.leader_speed[i], p.forward[i]
-    x, v, v0 = p.start_x[i], p.start_speed[i], p.desired_speed[i]
+    x, v = p.start_x[i], p.start_speed[i]
     for k in range(len(behind)):
         rear, leader_speed = rear_of[k], speed_of[k]
         if not behind[k] <= x < ahead[k]:
             rear, leader_speed = look_ahead(p, i, k, x)
         positions[k], speeds[k], rears[k], gaps[k], rates[k] = x, v, rear, rear - x, v - leader_speed
         if k < len(forward):
-            acceleration = idm.acceleration(v, rates[k], gaps[k], a, b, headway, d0, d1, v0)
+            acceleration = idm.acceleration_of(v, rates[k], gaps[k], a, weight, headway, d0, d1, inverse)
             x += v * forward[k] * DT
             v = max(0.0, v + acceleration * DT)
 
@@ -174,10 +177,10 @@ def sensitivities_of(p, i, z, errors, slopes):  # type: ignore[no-untyped-def]
     Three passes, each fast: the rollout, the model's partial derivatives at all frames
     (independent of each other, so in vector instructions), the linear recurrence.
     """
-    target, counted, forward, objective, v0 = p.target[i], p.counted[i], p.forward[i], p.objective, p.desired_speed[i]
-    h = len(target)
+    target, counted, forward, objective, h = p.target[i], p.counted[i], p.forward[i], p.objective, p.target.shape[1]
     a, b, headway, d0, d1 = theta = parameters_at(z)
-    by_z = (a, b, T_UNIT, D_UNIT, D_UNIT)
+    by_z = (1.0, 1.0, T_UNIT, D_UNIT, D_UNIT)  # of log(a), log(b), and the scaled T, d0, d1
+    weight, inverse = idm.closing_weight(a, b), 1.0 / p.desired_speed[i]
     seen, partials = np.empty((5, h + 1)), np.empty((7, h))
     speeds, gaps, rates, positions, rears = seen[0], seen[1], seen[2], seen[3], seen[4]
     roll(p, i, theta, speeds, gaps, rates, positions, rears)
@@ -185,7 +188,7 @@ def sensitivities_of(p, i, z, errors, slopes):  # type: ignore[no-untyped-def]
     by_d0, by_d1 = partials[5], partials[6]
     for k in range(h):
         by_v[k], by_d[k], by_a[k], by_b[k], by_T[k], by_d0[k], by_d1[k] = idm.acceleration_partials(
-            speeds[k], rates[k], gaps[k], a, b, headway, d0, d1, v0
+            speeds[k], rates[k], gaps[k], a, weight, headway, d0, d1, inverse
         )
     sx, sv = np.zeros(PARAMETERS), np.zeros(PARAMETERS)
     for k in range(h):
@@ -250,12 +253,15 @@ def cost(p, i, z, smoothing):  # type: ignore[no-untyped-def]
     return value[0]
 
 
+# The index of a prange is unsigned; as a signed one it needs no second version of all it is passed to.
+
+
 @njit(cache=True, parallel=True)
 def costs(p, z, smoothing):  # type: ignore[no-untyped-def]
     """Return every driver's mean cost at each of its own search coordinates: ``z`` is ``(n, m, 5)``, the result ``(n, m)``."""
     result = np.empty(z.shape[:2])
     for i in prange(z.shape[0]):
-        costs_of(p, i, z[i], smoothing, result[i])
+        costs_of(p, np.int64(i), z[i], smoothing, result[i])
     return result
 
 
@@ -264,7 +270,7 @@ def costs_of_designs(p, designs, smoothing):  # type: ignore[no-untyped-def]
     """Return the mean cost of every driver at every design point, shape ``(n, designs)``."""
     values = np.empty((p.start_x.shape[0], designs.shape[0]))
     for i in prange(values.shape[0]):
-        costs_of(p, i, designs, smoothing, values[i])
+        costs_of(p, np.int64(i), designs, smoothing, values[i])
     return values
 
 
@@ -276,7 +282,7 @@ def costs_and_derivatives(p, z, smoothing):  # type: ignore[no-untyped-def]
     for i in prange(n):
         curved, errors, slopes = np.empty((PARAMETERS, PARAMETERS)), np.empty(h), np.empty((PARAMETERS, h))
         values[i] = cost_and_derivatives(
-            p, i, z[i], smoothing, gradients[i], normals[i], curved, errors, slopes
+            p, np.int64(i), z[i], smoothing, gradients[i], normals[i], curved, errors, slopes
         )
     return values, gradients, normals
 
@@ -287,5 +293,5 @@ def sensitivities(p, z):  # type: ignore[no-untyped-def]
     n, h = p.target.shape
     errors, slopes = np.empty((n, h)), np.empty((n, PARAMETERS, h))
     for i in prange(n):
-        sensitivities_of(p, i, z[i], errors[i], slopes[i])
+        sensitivities_of(p, np.int64(i), z[i], errors[i], slopes[i])
     return errors, slopes

@@ -149,7 +149,7 @@ def _desired_speeds(desired_speed: npt.ArrayLike, vehicles: int) -> Floats:
     limit = np.asarray(desired_speed, dtype=np.float64)
     if limit.shape not in ((), (vehicles,)) or not np.all(limit > 0.0):
         raise InputError(f"desired_speed: need one positive speed in m/s, or one for each of the {vehicles} vehicles")
-    return np.ascontiguousarray(np.broadcast_to(limit, (vehicles,)))
+    return np.array(np.broadcast_to(limit, (vehicles,)))  # a copy: a read-only view is another type to numba
 
 
 def _counted(scenes: Scenes, mask: npt.NDArray[np.bool_] | None) -> npt.NDArray[np.bool_]:

@@ -6,6 +6,8 @@ fit costs a thousand times a rollout; these are references, to be compared with.
 
 from __future__ import annotations
 
+from collections.abc import Callable
+
 import numpy as np
 import numpy.typing as npt
 from numba import njit
@@ -43,7 +45,13 @@ def value_and_gradient(p, i, z):  # type: ignore[no-untyped-def]
 
 
 def l_bfgs_b(
-    problem: Problem, which: npt.NDArray[np.int64], *, starts: int = 10, seed: int = 0, first: int = 0, derivatives: bool = False
+    problem: Problem,
+    which: npt.NDArray[np.int64],
+    *,
+    starts: int = 10,
+    seed: int = 0,
+    first: int = 0,
+    derivatives: bool = False,
 ) -> tuple[Floats, Floats]:
     """Fit drivers ``which`` by scipy's L-BFGS-B from random starts within the bounds.
 
@@ -70,7 +78,10 @@ def l_bfgs_b(
         return _from_starts(function, problem, which, starts, [seed, first])
 
 
-def _from_starts(function, problem, which, starts, seeds):  # type: ignore[no-untyped-def]
+def _from_starts(
+    function: Callable[[Problem, int, Floats], tuple[float, Floats]],
+    problem: Problem, which: npt.NDArray[np.int64], starts: int, seeds: list[int],
+) -> tuple[Floats, Floats]:  # fmt: skip
     """Return the best of every driver's own random starts."""
     seed, first = seeds
     z, value = np.empty((len(which), PARAMETERS)), np.full(len(which), np.inf)
@@ -79,22 +90,24 @@ def _from_starts(function, problem, which, starts, seeds):  # type: ignore[no-un
         rng = np.random.default_rng([seed, first + int(i)])
         one = only(problem, np.array([i]))
         for start in rng.uniform(LOWER, UPPER, (starts, PARAMETERS)):
-            found = minimize(lambda at, one=one: function(one, 0, at), start, jac=True, method="L-BFGS-B", bounds=bounds)
+            found = minimize(
+                lambda at, one=one: function(one, 0, at), start, jac=True, method="L-BFGS-B", bounds=bounds
+            )
             if found.fun < value[q]:
                 z[q], value[q] = found.x, found.fun
     return z, value
 
 
-def evolve(
-    problem: Problem, which: npt.NDArray[np.int64], *, seed: int = 0, first: int = 0
-) -> tuple[Floats, Floats]:
+def evolve(problem: Problem, which: npt.NDArray[np.int64], *, seed: int = 0, first: int = 0) -> tuple[Floats, Floats]:
     """Fit drivers ``which`` by scipy's differential evolution, as :func:`l_bfgs_b`."""
     z, value = np.empty((len(which), PARAMETERS)), np.empty(len(which))
     bounds = list(zip(LOWER, UPPER, strict=True))
     for q, i in enumerate(which):
         one = only(problem, np.array([i]))
         found = differential_evolution(
-            lambda at, one=one: cost(one, 0, np.ascontiguousarray(at), 0.0), bounds, rng=np.random.default_rng([seed, first + int(i)])
+            lambda at, one=one: cost(one, 0, np.ascontiguousarray(at), 0.0),
+            bounds,
+            rng=np.random.default_rng([seed, first + int(i)]),
         )
         z[q], value[q] = found.x, found.fun
     return z, value

@@ -22,7 +22,7 @@ from idm_sumo.calibration.kernel import LOWER, PARAMETERS, UPPER, cost_and_deriv
 
 Floats = npt.NDArray[np.float64]
 
-SMOOTHING = 0.1  # m, in the steps' matrices; every step is judged by the cost itself, without any
+SMOOTHING = 0.03  # m, in the steps' matrices; every step is judged by the cost itself, without any
 STARTS = 64  # screened, of which
 CANDIDATES = 8  # are refined shortly, and
 FINALISTS = 2  # to the end
@@ -152,8 +152,9 @@ def refine(p, i, z, best, iterations, least_drop):  # type: ignore[no-untyped-de
     normal, curved = np.empty((PARAMETERS, PARAMETERS)), np.empty((PARAMETERS, PARAMETERS))
     trials, values, order = np.empty((TRIALS, PARAMETERS)), np.empty(TRIALS), np.empty(1, dtype=np.int64)
     errors, slopes = np.empty(p.target.shape[1]), np.empty((PARAMETERS, p.target.shape[1]))
-    fan, damping = FAN.shape[0], 1e-1
-    for _ in range(iterations):
+    fan, damping, done = FAN.shape[0], 1e-1, 0
+    while done < iterations:  # not a range: numba would compile one version for every number
+        done += 1
         cost_and_derivatives(p, i, z, SMOOTHING, gradient, normal, curved, errors, slopes)
         fan_of_steps(z, gradient, normal, curved, damping, last, trials, work)
         costs_of(p, i, trials, 0.0, values)

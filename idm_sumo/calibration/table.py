@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterator
 from functools import partial
+from typing import cast
 
 import joblib
 import numba
@@ -112,18 +114,19 @@ def _check(limit: Floats, mask: npt.NDArray[np.bool_] | None, scenes: Scenes) ->
         raise InputError(f"mask: shape {mask.shape} is not that of the scenes, {scenes.x.shape} (vehicles, frames)")
 
 
-def _run(work, tasks, jobs):  # type: ignore[no-untyped-def]
+def _run(work: partial[pd.DataFrame], tasks: Iterator[tuple[object, ...]], jobs: int | None) -> Iterator[pd.DataFrame]:
     """Yield the chunks' tables in order, from this process or from several."""
     if jobs is None or jobs <= 1:
         return (work(*task) for task in tasks)
-    threads = max(1, numba.config.NUMBA_NUM_THREADS // jobs)
-    parallel = joblib.Parallel(n_jobs=jobs, return_as="generator", pre_dispatch="2*n_jobs")
-    return parallel(joblib.delayed(_with_threads)(threads, work, task) for task in tasks)
+    threads = max(1, numba.get_num_threads() // jobs)
+    # Pieces are small: memory-mapped they would be read-only, which is another type to numba.
+    parallel = joblib.Parallel(n_jobs=jobs, return_as="generator", pre_dispatch="2*n_jobs", max_nbytes=None)
+    return cast(Iterator[pd.DataFrame], parallel(joblib.delayed(_with_threads)(threads, work, task) for task in tasks))
 
 
 def _with_threads(threads: int, work: partial[pd.DataFrame], task: tuple[object, ...]) -> pd.DataFrame:
     """Work in another process, with its share of the cores."""
-    numba.set_num_threads(min(threads, numba.config.NUMBA_NUM_THREADS))
+    numba.set_num_threads(min(threads, numba.get_num_threads()))
     return work(*task)
 
 
@@ -155,7 +158,13 @@ def _fit(
 
 
 def _as_table(
-    scenes: Scenes, problem: Problem, state: npt.NDArray[np.object_], which: Integers, z: Floats, value: Floats, limit: Floats
+    scenes: Scenes,
+    problem: Problem,
+    state: npt.NDArray[np.object_],
+    which: Integers,
+    z: Floats,
+    value: Floats,
+    limit: Floats,
 ) -> pd.DataFrame:
     """Put fits and what is known of them into rows, NaN for windows without a fit."""
     n = len(scenes)

@@ -1,0 +1,48 @@
+"""Compile the kernels beside other work, so that a first run does not wait for it."""
+
+from __future__ import annotations
+
+from concurrent.futures import Future
+
+import numpy as np
+import pandas as pd
+from joblib.externals.loky import get_reusable_executor
+
+from idm_sumo import columns as c
+from idm_sumo import road
+from idm_sumo.calibration import calibrate, pooled
+from idm_sumo.driving_code import driving_code
+from idm_sumo.metrics import score
+from idm_sumo.recording import Recording
+from idm_sumo.rollout import drive_idm
+from idm_sumo.scenes import Window, build_scenes
+
+CARS, FRAMES, HEADWAY = 4, 40, 25.0
+
+
+def compile_beside() -> Future[None]:
+    """Compile in another process, into the cache on disk that all processes share; wait with ``.result()``."""
+    return get_reusable_executor(max_workers=1, timeout=5).submit(compile_kernels)  # type: ignore[no-any-return]
+
+
+def compile_kernels() -> None:
+    """Call every kernel of the study once, on a few cars that follow each other."""
+    scenes, _ = build_scenes(_platoon(), Window(observed=5, horizon=20))
+    pooled(scenes)
+    fits = calibrate(scenes)
+    driving_code(scenes, 5)
+    score(scenes, drive_idm(scenes, fits[["a", "b", "T", "d0", "d1"]].fillna(1.0)))
+
+
+def _platoon() -> Recording:
+    """Return a few cars in one lane, each faster than the one behind it."""
+    frame = np.tile(np.arange(FRAMES), CARS)
+    car = np.repeat(np.arange(CARS), FRAMES)
+    speed = 12.0 - car
+    table = pd.DataFrame({
+        c.PERIOD: "warm", c.VEHICLE: car + 1, c.FRAME: frame, c.TIME: frame * road.FRAME_STEP,
+        c.X: speed * frame * road.FRAME_STEP - HEADWAY * car, c.Y: float(road.lane_center(3)), c.SPEED: speed,
+        c.ACCELERATION: 0.0, c.HEADING: 0.0, c.LENGTH: road.CAR_LENGTH, c.WIDTH: road.CAR_WIDTH, c.CLASS: 2,
+        c.LANE: 3, c.LEADER: car, c.HEADWAY: np.nan,
+    })  # fmt: skip
+    return Recording.from_table(table, source="warm-up")
