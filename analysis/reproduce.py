@@ -46,7 +46,9 @@ class Results:
     backend_difference_m: float
 
 
-def reproduce(settings: Settings, out: Path, *, command: list[str], progress: Progress = silent) -> pd.DataFrame:
+def reproduce(
+    settings: Settings, out: Path, *, command: list[str], jobs: int = 1, progress: Progress = silent
+) -> pd.DataFrame:
     """Run the study and leave its results in the folder ``out``; return the table of methods.
 
     Raises
@@ -56,7 +58,7 @@ def reproduce(settings: Settings, out: Path, *, command: list[str], progress: Pr
     """
     begin = time.perf_counter()
     with new_folder(out) as part:
-        results = compute(settings, progress)
+        results = compute(settings, jobs, progress)
         progress("writing", 0, 1)
         (part / "tables").mkdir()
         (part / "figures").mkdir()
@@ -68,11 +70,11 @@ def reproduce(settings: Settings, out: Path, *, command: list[str], progress: Pr
     return results.methods
 
 
-def compute(settings: Settings, progress: Progress = silent) -> Results:
-    """Compute every table of the study."""
+def compute(settings: Settings, jobs: int = 1, progress: Progress = silent) -> Results:
+    """Compute every table of the study; ``jobs`` processes share SUMO's pass over the recording."""
     source = load_source(settings, progress)
     study = prepare(source, settings, settings.window, progress)
-    drive = _driver(settings)
+    drive = _driver(settings, jobs)
     methods, driven, scores = tables.methods(study, drive, progress)
     progress("tables", 0, 4)
     by_features = tables.features(study)
@@ -95,13 +97,13 @@ def _kernel(settings: Settings) -> Drive:
     return lambda scenes, theta: drive_idm(scenes, theta, desired_speed=settings.desired_speed)
 
 
-def _driver(settings: Settings) -> Drive:
+def _driver(settings: Settings, jobs: int) -> Drive:
     """Return what drives the modelled vehicles of the table of methods."""
     if settings.backend == "kernel":
         return _kernel(settings)
     from idm_sumo.sumo.ghosts import replay_ghosts
 
-    return lambda scenes, theta: replay_ghosts(scenes, theta, desired_speed=settings.desired_speed)
+    return lambda scenes, theta: replay_ghosts(scenes, theta, desired_speed=settings.desired_speed, jobs=jobs)
 
 
 def _backend_difference(study: Study, driven: dict[str, list[Trajectories]], settings: Settings) -> float:

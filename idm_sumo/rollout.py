@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass, fields
 
 import numpy as np
@@ -50,6 +51,13 @@ class Trajectories:
             acceleration=np.empty(control), steering=np.empty(control),
             gap=np.empty(state), leader=np.empty(state, dtype=np.int64),
         )  # fmt: skip
+
+    @classmethod
+    def joined(cls, parts: Sequence[Trajectories]) -> Trajectories:
+        """Put trajectories of the same length one behind the other."""
+        return cls(
+            **{field.name: np.concatenate([getattr(part, field.name) for part in parts]) for field in fields(cls)}
+        )
 
     def rows(self, which: slice | npt.NDArray[np.int64]) -> Trajectories:
         """Return some of the vehicles."""

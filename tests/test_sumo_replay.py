@@ -156,6 +156,7 @@ def test_windows_can_be_chosen_and_shared_among_processes() -> None:
     whole = replay(scenes, parameters, jobs=2, progress=lambda _, done, total: seen.append((done, total)))
     assert_same(whole, drive_idm(scenes, parameters))
     assert seen[-1] == (12, 12)
+    assert_same(replay_ghosts(scenes, parameters, jobs=2), whole)
     some = replay(scenes, parameters, which=np.array([7, 3]))
     np.testing.assert_array_equal(some.x, whole.x[[7, 3]])
 

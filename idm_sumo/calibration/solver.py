@@ -22,7 +22,7 @@ from idm_sumo.calibration.kernel import LOWER, PARAMETERS, UPPER, cost_and_deriv
 
 Floats = npt.NDArray[np.float64]
 
-SMOOTHING = 0.03  # m, in the steps' matrices; every step is judged by the cost itself, without any
+SMOOTHING = 0.05  # m, in the steps' matrices; every step is judged by the cost itself, without any
 STARTS = 64  # screened, of which
 CANDIDATES = 8  # are refined shortly, and
 FINALISTS = 2  # to the end

@@ -83,5 +83,5 @@ def reproduce(options: argparse.Namespace) -> None:
     if options.quick:
         settings = module.quick(settings)
     with progress_bar() as report:
-        table = module.reproduce(settings, options.output, command=sys.argv, progress=report)
+        table = module.reproduce(settings, options.output, command=sys.argv, jobs=options.jobs, progress=report)
     say(text_table(table[SHOWN]), f"open {options.output / 'report.html'}")

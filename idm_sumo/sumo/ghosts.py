@@ -11,12 +11,14 @@ from typing import Any
 
 import numpy as np
 import numpy.typing as npt
+from joblib import Parallel, delayed
 from numba import njit
 
 from idm_sumo import bicycle, road
 from idm_sumo.progress import Progress, silent
 from idm_sumo.rollout import Trajectories, perceive
 from idm_sumo.scenes import Scenes
+from idm_sumo.sumo.network import mainline_between
 from idm_sumo.sumo.replay import advance
 from idm_sumo.sumo.session import simulation
 from idm_sumo.sumo.stage import Cast, Stage, cast, check_on_network
@@ -33,6 +35,7 @@ def replay_ghosts(
     parameters: npt.ArrayLike,
     *,
     desired_speed: npt.ArrayLike = road.SPEED_LIMIT,
+    jobs: int = 1,
     progress: Progress = silent,
 ) -> Trajectories:
     """Drive all vehicles by IDM and pure pursuit beside one single pass of the recording in SUMO.
@@ -44,8 +47,10 @@ def replay_ghosts(
         ``a, b, T, d0, d1`` in SI units.
     desired_speed : array_like, shape (vehicles,) or ()
         m/s.
+    jobs : int
+        Processes; each plays its share of the recording. The results do not depend on it.
     progress : Progress
-        Told how many frames are done.
+        Told how many frames are done, by a single process.
 
     Returns
     -------
@@ -59,9 +64,20 @@ def replay_ghosts(
     RuntimeError
         If SUMO returns a position that it was not given.
     """
-    n, steps = len(scenes), scenes.window.horizon
+    n = len(scenes)
     theta = np.ascontiguousarray(np.broadcast_to(np.asarray(parameters, dtype=np.float64), (n, 5)))
     limit = np.ascontiguousarray(np.broadcast_to(np.asarray(desired_speed, dtype=np.float64), (n,)))
+    if jobs == 1 or n < 2:
+        return _pass(scenes, theta, limit, progress)
+    # Consecutive starts belong together, so that every process plays frames of its own.
+    order = np.argsort(scenes.first_frame, kind="stable")
+    tasks = (delayed(_pass)(scenes.subset(part), theta[part], limit[part]) for part in np.array_split(order, jobs))
+    return Trajectories.joined(Parallel(n_jobs=jobs, backend="loky")(tasks)).rows(np.argsort(order, kind="stable"))
+
+
+def _pass(scenes: Scenes, theta: Floats, limit: Floats, progress: Progress = silent) -> Trajectories:
+    """Play the frames that the ghosts live in, once."""
+    steps = scenes.window.horizon
     out, center = _at_start(scenes)
     actors, t, lane_y = cast(scenes), scenes.traffic, road.lane_center(scenes.lane)
     begin = scenes.first_frame + scenes.start
@@ -73,7 +89,7 @@ def replay_ghosts(
     x = np.full(len(t.x), np.nan)
     with simulation() as sumo:
         check_on_network(sumo, actors)
-        stage = Stage(sumo, as_points=True)
+        stage = Stage(sumo, as_points=True, main=mainline_between(t.x.min(initial=np.inf), t.x.max(initial=-np.inf)))
         for done, frame in enumerate(frames.tolist()):
             rows = by_frame[slice(*recorded[done])]
             x[rows] = _play_frame(sumo, stage, actors, rows)

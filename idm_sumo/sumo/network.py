@@ -64,6 +64,12 @@ def load() -> Any:
     return readNet(str(net_file()), withInternal=False)
 
 
+def mainline_between(low: float, high: float) -> tuple[str, ...]:
+    """Return the main road's edges that hold any ``x`` from ``low`` to ``high`` (m)."""
+    spans = {name: [point[0] for point in load().getEdge(name).getShape()] for name in MAINLINE}
+    return tuple(name for name, along in spans.items() if min(along) <= high and max(along) >= low)
+
+
 @cache
 def route(origin: str, destination: str) -> tuple[str, ...]:
     """Return the edges from one of `ORIGINS` to one of `DESTINATIONS`, both included.

@@ -99,11 +99,7 @@ def replay(
     for part in Parallel(n_jobs=jobs, backend="loky", return_as="generator")(tasks):
         parts.append(part)
         progress("replay in SUMO", sum(len(done.x) for done in parts), len(scenes))
-    return Trajectories(*(np.concatenate(columns) for columns in zip(*map(_columns, parts), strict=True)))
-
-
-def _columns(trajectories: Trajectories) -> tuple[npt.NDArray[Any], ...]:
-    return tuple(getattr(trajectories, name) for name in trajectories.__dataclass_fields__)
+    return Trajectories.joined(parts)
 
 
 def _replay_serially(scenes: Scenes, theta: Floats, limit: Floats, progress: Progress = silent) -> Trajectories:

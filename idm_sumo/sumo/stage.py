@@ -36,14 +36,24 @@ class Stage:
         is how our perception defines a leader.
     routes : mapping of str to sequence of str, optional
         Edges of the vehicles that do not follow the main road.
+    main : sequence of str
+        Edges of the others. SUMO looks through all lanes of a route for the one a moved vehicle
+        is on, so edges that nobody reaches cost time.
     """
 
-    def __init__(self, sumo: Any, *, as_points: bool, routes: Mapping[str, Sequence[str]] | None = None) -> None:
+    def __init__(
+        self,
+        sumo: Any,
+        *,
+        as_points: bool,
+        routes: Mapping[str, Sequence[str]] | None = None,
+        main: Sequence[str] = MAINLINE,
+    ) -> None:
         self._sumo = sumo
         self._as_points = as_points
         self._routes = {} if routes is None else routes
         self._present: dict[str, float] = {}  # where each vehicle's front is (m)
-        sumo.route.add(MAIN, MAINLINE)
+        sumo.route.add(MAIN, main)
         self._known_routes, self._known_types = {MAIN}, set[str]()
 
     def place(
