@@ -58,6 +58,23 @@ def oracle_parameters(fits: pd.DataFrame) -> Figure:
     return figure
 
 
+def flat_directions(moves: pd.DataFrame) -> Figure:
+    """Draw how little ADE it costs to leave the oracle along the direction its window says least about."""
+    figure, (ax,) = new_figure(7, 3.6)
+    by_share = moves.groupby("share")["increase"]
+    shares = by_share.median().index.to_numpy()
+    for low, high, alpha in ((0.1, 0.9, 0.15), (0.25, 0.75, 0.3)):
+        ax.fill_between(shares, by_share.quantile(low), by_share.quantile(high), alpha=alpha, linewidth=0,
+                        color=METHOD_COLOURS["idm_oracle"], label=f"{high - low:.0%} of the drivers")  # fmt: skip
+    ax.plot(
+        shares, by_share.median(), color=METHOD_COLOURS["idm_oracle"], marker="o", markersize=3, label="median driver"
+    )
+    ax.set(xlabel="distance from the oracle along its flattest direction (share of the box of bounds)",
+           ylabel="ADE above the oracle's (m)", ylim=(0, None), xlim=(0, None))  # fmt: skip
+    ax.legend(fontsize=8)
+    return figure
+
+
 def _axis(name: str) -> str:
     return {"a": "a (m/s²)", "b": "b (m/s²)", "T": "T (s)", "d0": "d0 (m)", "d1": "d1 (m)"}[name]
 

@@ -161,6 +161,7 @@ def _write_figures(results: Results, folder: Path) -> None:
     fits = pd.concat([study.train_fits, study.test_fits], ignore_index=True)
     save(figures.oracle_parameters(fits), folder / "oracle_parameters.png")
     save(figures.error_growth(study, results.driven), folder / "error_growth.png")
+    save(figures.flat_directions(tables.flat_directions(study)), folder / "flat_directions.png")
     part, which = _median_driver(results)
     chosen = {name: trajectories[part] for name, trajectories in results.driven.items()}
     save(figures.time_space(study.test.scenes[part], which, chosen), folder / "time_space.png")

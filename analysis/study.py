@@ -9,7 +9,7 @@ import numpy as np
 import numpy.typing as npt
 import pandas as pd
 
-from idm_sumo.calibration import calibrate, pooled
+from idm_sumo.calibration import Population, calibrate, hierarchical, pooled
 from idm_sumo.driving_code import FEATURES, features_of
 from idm_sumo.idm import IDMParameters
 from idm_sumo.prediction import KNNPredictor, average_parameters, first_gap_parameters
@@ -36,6 +36,10 @@ class Study:
         Oracle calibrations, one row a window, in the windows' order.
     pooled : IDMParameters
         The one set that minimises the training drivers' mean ADE.
+    population : Population
+        What the training drivers say of drivers at large.
+    drawn_fits : pandas.DataFrame
+        Test drivers fitted to their whole window and drawn to that population.
     excluded : pandas.DataFrame
         Vehicles without a window: ``period, vehicle, reason``.
     """
@@ -46,6 +50,8 @@ class Study:
     train_fits: pd.DataFrame
     test_fits: pd.DataFrame
     pooled: IDMParameters
+    population: Population
+    drawn_fits: pd.DataFrame
     excluded: pd.DataFrame
 
     @cached_property
@@ -78,15 +84,19 @@ def prepare(source: Source, settings: Settings, window: Window, progress: Progre
     train, excluded_train = source.drivers(source.train, "train", window)
     test, excluded_test = source.drivers(source.test, "test", window)
     train, test = train.sample(settings.max_drivers, rng), test.sample(settings.max_drivers, rng)
-    progress("pooled calibration", 0, 3)
+    progress("calibration", 0, 5)
     one_for_all = pooled(train.scenes, desired_speed=settings.desired_speed)
-    progress("calibration of training drivers", 1, 3)
+    progress("calibration", 1, 5)
     train_fits = _fits(train, settings)
-    progress("calibration of test drivers", 2, 3)
+    progress("calibration", 2, 5)
     test_fits = _fits(test, settings)
-    progress("calibration", 3, 3)
+    progress("calibration", 3, 5)
+    _, population = hierarchical(train.scenes, desired_speed=settings.desired_speed)
+    progress("calibration", 4, 5)
+    drawn_fits, _ = hierarchical(test.scenes, population=population, desired_speed=settings.desired_speed)
+    progress("calibration", 5, 5)
     excluded = pd.concat([excluded_train, excluded_test], ignore_index=True)
-    return Study(settings, train, test, train_fits, test_fits, one_for_all, excluded)
+    return Study(settings, train, test, train_fits, test_fits, one_for_all, population, drawn_fits, excluded)
 
 
 def _fits(drivers: Drivers, settings: Settings) -> pd.DataFrame:
@@ -102,13 +112,19 @@ def predictions(study: Study) -> dict[str, Floats]:
     _, theta = study.library
     n = len(study.test)
     first_gap = [first_gap_parameters(scenes, study.pooled) for scenes in study.test.scenes]
-    oracle = study.test_fits[PARAMETERS].to_numpy()
     one_for_all = np.tile(study.pooled, (n, 1))
+
+    def or_pooled(fits: pd.DataFrame) -> Floats:
+        """Return the fits; a driver whose fit failed keeps the pooled parameters, its status says so."""
+        theta = fits[PARAMETERS].to_numpy()
+        return np.where(np.isfinite(theta), theta, one_for_all)
+
     return {
         "idm_average": np.tile(average_parameters(theta), (n, 1)),
         "idm_prediction": study.neighbours(seen, s.neighbours),
         "idm_first_gap": np.concatenate(first_gap),
         "idm_pooled": one_for_all,
-        # A driver whose fit failed keeps the pooled parameters; the fit's status says so.
-        "idm_oracle": np.where(np.isfinite(oracle), oracle, one_for_all),
+        "idm_typical": np.tile(study.population.typical(), (n, 1)),
+        "idm_hierarchical": or_pooled(study.drawn_fits),
+        "idm_oracle": or_pooled(study.test_fits),
     }

@@ -14,6 +14,8 @@ METHOD_NAMES = {
     "idm_prediction": "IDM, predicted (KNN)",
     "idm_first_gap": "IDM, first gap kept",
     "idm_pooled": "IDM, pooled",
+    "idm_typical": "IDM, typical driver of the population",
+    "idm_hierarchical": "IDM, oracle drawn to the population",
     "idm_oracle": "IDM, oracle",
 }
 # Okabe and Ito's palette, told apart by colour-blind readers too.
@@ -24,6 +26,8 @@ METHOD_COLOURS = {
     "idm_prediction": "#D55E00",
     "idm_first_gap": "#56B4E9",
     "idm_pooled": "#0072B2",
+    "idm_typical": "#882255",
+    "idm_hierarchical": "#117733",
     "idm_oracle": "#009E73",
 }
 RECORDED = "#000000"

@@ -8,6 +8,9 @@ import numpy as np
 import numpy.typing as npt
 import pandas as pd
 
+from idm_sumo.calibration.identifiability import along_flat_direction
+from idm_sumo.calibration.kernel import to_search
+from idm_sumo.calibration.problem import prepare as calibration_problem
 from idm_sumo.driving_code import FEATURES
 from idm_sumo.idm import LOWER, UPPER, IDMParameters
 from idm_sumo.metrics import summary
@@ -19,6 +22,7 @@ from . import paper
 from .drivers import Drive, Drivers
 from .study import Study, predictions
 
+SHARES = (0.02, 0.05, 0.1, 0.2, 0.3, 0.4)  # of the box of parameters, along the flattest direction
 FEATURE_SETS = tuple(chosen for size in (1, 2, 3) for chosen in combinations(FEATURES, size))
 
 
@@ -98,16 +102,26 @@ def beside_paper(
     return ours
 
 
+def flat_directions(study: Study) -> pd.DataFrame:
+    """Return what it costs every test driver's oracle to move along its flattest direction; see the figure of it."""
+    tables = []
+    for scenes, theta in zip(study.test.scenes, study.test.parts(predictions(study)["idm_oracle"]), strict=True):
+        problem = calibration_problem(scenes, desired_speed=study.settings.desired_speed)
+        tables.append(along_flat_direction(problem, to_search(theta), SHARES))
+    return pd.concat(tables, ignore_index=True)
+
+
 def at_bound(study: Study) -> pd.DataFrame:
-    """Return the share of oracle fits in which each parameter sits at a bound of the search."""
+    """Return in how many oracle fits each parameter sits at a bound of the search, or is not determined."""
     fits = pd.concat([study.train_fits, study.test_fits])
-    hits = fits["at_bound"].fillna("").str.split(",")
+    hits, vague = (fits[name].fillna("").str.split(",") for name in ("at_bound", "undetermined"))
     rows = []
     for name in IDMParameters._fields:
         values = fits[name].dropna()
         rows.append({
             "parameter": name, "lower bound": getattr(LOWER, name), "upper bound": getattr(UPPER, name),
             "share at a bound": float(hits.map(lambda found, name=name: name in found).mean()),
+            "share not determined": float(vague.map(lambda found, name=name: name in found).mean()),
             "median": float(values.median()), "mean": float(values.mean()),
             "pooled": getattr(study.pooled, name),
         })  # fmt: skip

@@ -45,10 +45,11 @@ NAMES = idm.IDMParameters._fields
 NORMAL_95 = 1.959964  # standard deviations on either side of a 95 % interval
 UNDETERMINED_SHARE = 0.5  # of the range between the bounds: a 95 % interval wider than this says little
 NEAR_BOUND = 1e-3  # of the range
-# Known drivers behind noise were covered too rarely in short windows, where the fit also takes
-# the slow part of the errors and is far from linear: their scores' variance is raised by this power
-# of what the fit leaves, which gives 90 to 98 % in windows of 10, 30 and 60 s (tests/test_calibration_recovery.py).
-SMALL_SAMPLE = 4
+# Known drivers behind noise were covered too rarely in short windows, where the fit also takes the
+# slow part of the errors and is far from linear: the scores' variance is divided by this power of the
+# share of the errors that the fit leaves, which was chosen on known drivers so that 90 to 98 % are
+# covered in windows of 10, 30 and 60 s (tests/test_calibration_recovery.py), and not below this share.
+SMALL_SAMPLE, LEAST_LEFT = 5, 0.5
 START_SPEED_SD = 2.77  # 1/s: the error of a speed over that of a position, both smoothed by a cubic over 21 frames
 LEAST_ERROR = 1e-3  # m (or the objective's unit), below any measurement: keeps a perfect fit's variance positive
 
@@ -84,7 +85,7 @@ def identify(problem: Problem, z: Floats) -> Identification:
     errors, slopes = sensitivities(problem, z)
     frames = problem.counted.sum(axis=1)
     effective = np.maximum(frames / correlation_times(errors, problem.counted), PARAMETERS + 2.0)
-    left = 1.0 - PARAMETERS / effective  # what the fit leaves of the errors, as independent frames go
+    left = np.maximum(1.0 - PARAMETERS / effective, LEAST_LEFT)  # what the fit leaves of the errors
     variance = np.einsum("nh,nh->n", errors, errors) / np.maximum(frames, 1) / left**2  # squared: HC3
     variance = np.maximum(variance, LEAST_ERROR**2)
     alpha, beta = _expectations(problem, np.sqrt(variance))
