@@ -18,7 +18,6 @@ from idm_sumo import bicycle, road
 from idm_sumo.progress import Progress, silent
 from idm_sumo.rollout import Trajectories, perceive
 from idm_sumo.scenes import Scenes
-from idm_sumo.sumo.network import mainline_between
 from idm_sumo.sumo.replay import advance
 from idm_sumo.sumo.session import simulation
 from idm_sumo.sumo.stage import Cast, Stage, cast, check_on_network
@@ -89,7 +88,7 @@ def _pass(scenes: Scenes, theta: Floats, limit: Floats, progress: Progress = sil
     x = np.full(len(t.x), np.nan)
     with simulation() as sumo:
         check_on_network(sumo, actors)
-        stage = Stage(sumo, as_points=True, main=mainline_between(t.x.min(initial=np.inf), t.x.max(initial=-np.inf)))
+        stage = Stage(sumo, as_points=True, edge_by_edge=True)
         for done, frame in enumerate(frames.tolist()):
             rows = by_frame[slice(*recorded[done])]
             x[rows] = _play_frame(sumo, stage, actors, rows)

@@ -64,10 +64,10 @@ def load() -> Any:
     return readNet(str(net_file()), withInternal=False)
 
 
-def mainline_between(low: float, high: float) -> tuple[str, ...]:
-    """Return the main road's edges that hold any ``x`` from ``low`` to ``high`` (m)."""
-    spans = {name: [point[0] for point in load().getEdge(name).getShape()] for name in MAINLINE}
-    return tuple(name for name, along in spans.items() if min(along) <= high and max(along) >= low)
+@cache
+def mainline_ends() -> tuple[float, ...]:
+    """Return the ``x`` (m) at which each edge of the main road ends, in the order of `MAINLINE`."""
+    return tuple(float(load().getEdge(name).getShape()[-1][0]) for name in MAINLINE)
 
 
 @cache

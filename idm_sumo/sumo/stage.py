@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from bisect import bisect
 from collections.abc import Mapping, Sequence
 from typing import Any, NamedTuple
 
@@ -11,12 +12,11 @@ import numpy.typing as npt
 from idm_sumo import road
 from idm_sumo.errors import InputError
 from idm_sumo.scenes import LEADER_FROM_LANE, Scenes
-from idm_sumo.sumo.network import MAINLINE
+from idm_sumo.sumo.network import MAINLINE, mainline_ends
 
 Floats = npt.NDArray[np.float64]
 Integers = npt.NDArray[np.int64]
 
-MAIN = "main"  # the route along the main road
 ON_ROUTE_AT_EXACT_PLACE = 3  # moveToXY: map to the vehicle's route (1), keep x and y as given (2)
 POINT = 0.001  # m, length and width of what has neither
 EDGE = 1e-9  # m, how far inside its lane a front that lies on the lane's edge is put
@@ -36,9 +36,10 @@ class Stage:
         is how our perception defines a leader.
     routes : mapping of str to sequence of str, optional
         Edges of the vehicles that do not follow the main road.
-    main : sequence of str
-        Edges of the others. SUMO looks through all lanes of a route for the one a moved vehicle
-        is on, so edges that nobody reaches cost time.
+    edge_by_edge : bool
+        Give the others a route of one edge, and a new one on the next. SUMO looks through all
+        lanes of a route for the one a moved vehicle is on, which is most of the time of a move;
+        but on such a route it sees no leader beyond the edge.
     """
 
     def __init__(
@@ -47,14 +48,15 @@ class Stage:
         *,
         as_points: bool,
         routes: Mapping[str, Sequence[str]] | None = None,
-        main: Sequence[str] = MAINLINE,
+        edge_by_edge: bool = False,
     ) -> None:
         self._sumo = sumo
         self._as_points = as_points
         self._routes = {} if routes is None else routes
         self._present: dict[str, float] = {}  # where each vehicle's front is (m)
-        sumo.route.add(MAIN, main)
-        self._known_routes, self._known_types = {MAIN}, set[str]()
+        self._until: dict[str, float] = {}  # where its route ends (m)
+        self._ends = mainline_ends() if edge_by_edge else ()
+        self._known_routes, self._known_types = set[str](), set[str]()
 
     def place(
         self,
@@ -79,13 +81,15 @@ class Stage:
         length, width : sequence of float
             m, looked at when a vehicle enters.
         """
-        move, present = self._sumo.vehicle.moveToXY, self._present
+        move, present, until = self._sumo.vehicle.moveToXY, self._present, self._until
         for name, front, lateral, turn, long, wide in zip(names, x, y, angle, length, width, strict=True):
             last = present.get(name)
-            if last is None or front < last:
+            if last is None or front < last or front >= until[name]:
                 # SUMO sorts a lane before it applies a move backwards, so that it would be out of
                 # order until the next step. Such a vehicle (a jump to another leader) enters anew.
-                self._enter(name, long, wide, anew=last is not None)
+                if last is not None:
+                    self._leave(name)
+                self._enter(name, front, long, wide)
             present[name] = front
             move(name, "", -1, front, lateral, turn, ON_ROUTE_AT_EXACT_PLACE)
         for name in present.keys() - names:
@@ -96,10 +100,8 @@ class Stage:
         for name in list(self._present):
             self._leave(name)
 
-    def _enter(self, name: str, length: float, width: float, *, anew: bool) -> None:
+    def _enter(self, name: str, front: float, length: float, width: float) -> None:
         """Add a vehicle; where it departs does not matter, since it is moved before SUMO steps."""
-        if anew:
-            self._leave(name)
         if self._as_points:
             length = width = POINT
         vehicle_type = f"{length!r} x {width!r}"
@@ -110,13 +112,14 @@ class Stage:
             types.setWidth(vehicle_type, width)
             types.setMinGap(vehicle_type, 0.0)  # getLeader would subtract it from the gap
             self._known_types.add(vehicle_type)
-        self._sumo.vehicle.add(name, self._route(name), vehicle_type)
+        number = bisect(self._ends, front) if name not in self._routes else len(self._ends)
+        on_one_edge = number < len(self._ends)
+        self._until[name] = self._ends[number] if on_one_edge else np.inf
+        edges = MAINLINE[number : number + 1] if on_one_edge else self._routes.get(name, MAINLINE)
+        self._sumo.vehicle.add(name, self._route(edges), vehicle_type)
 
-    def _route(self, name: str) -> str:
-        """Return the route of a vehicle, made known to SUMO."""
-        edges = self._routes.get(name)
-        if edges is None:
-            return MAIN
+    def _route(self, edges: Sequence[str]) -> str:
+        """Return the name of a route, made known to SUMO."""
         if (route := " ".join(edges)) not in self._known_routes:
             self._sumo.route.add(route, edges)
             self._known_routes.add(route)
