@@ -45,7 +45,8 @@ def new_folder(path: Path | str) -> Iterator[Path]:
     """Yield a temporary folder beside ``path`` that takes its place when the block succeeds.
 
     An earlier result of ours (a folder with ``manifest.json``) is replaced, an empty folder
-    too; any other folder is refused before work starts.
+    too; any other folder is refused before work starts. Files of other names that lie in an
+    earlier result stay there.
 
     Raises
     ------
@@ -71,11 +72,14 @@ def new_folder(path: Path | str) -> Iterator[Path]:
 
 
 def _take_place(part: Path, target: Path) -> None:
-    """Move ``part`` to ``target``; what stood there is removed only after the move."""
+    """Move ``part`` to ``target``; what else the user keeps there stays, what it replaces goes after the move."""
     if not target.exists():
         os.replace(part, target)
         return
     old = part.with_name(part.name + ".old")
     os.replace(target, old)
     os.replace(part, target)
+    for entry in old.iterdir():
+        if not (target / entry.name).exists():
+            os.replace(entry, target / entry.name)
     shutil.rmtree(old)

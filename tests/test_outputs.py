@@ -31,13 +31,15 @@ def test_folder_replaces_only_an_earlier_result(tmp_path: Path) -> None:
     for text in ("one", "two"):
         with new_folder(out) as part:
             (part / MANIFEST).write_text(text)
-            (part / text).write_text("")
-    assert sorted(p.name for p in out.iterdir()) == [MANIFEST, "two"]
+            (part / "table").write_text(text)
+        (out / "mine").write_text("kept")
+    assert sorted(p.name for p in out.iterdir()) == [MANIFEST, "mine", "table"]
+    assert (out / "table").read_text() == "two"
     assert [p.name for p in tmp_path.iterdir()] == ["out"]
     (out / MANIFEST).unlink()
     with pytest.raises(InputError, match="not empty"), new_folder(out):
         pass
-    assert (out / "two").exists()
+    assert (out / "mine").exists()
 
 
 def test_interrupt_leaves_nothing(tmp_path: Path) -> None:
