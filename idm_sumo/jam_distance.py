@@ -212,7 +212,9 @@ def jam_distance_costs(drivers: pd.DataFrame, scenes: Scenes | Sequence[Scenes],
         ``ade_linearised_m`` and ``ade_dropped_m`` (``d1`` left out without a replacement), in
         metres, by the compiled kernel; :mod:`idm_sumo.sumo.parity` proves that SUMO drives the same.
     """
-    fitted = refit_table(drivers, scenes, integration=integration, desired_speed=desired_speed)
+    fitted = drivers
+    if not refitted_for(drivers, integration):
+        fitted = refit_table(drivers, scenes, integration=integration, desired_speed=desired_speed)
     tables, first = [], 0
     for part in as_list(scenes):
         theta, problem = parameters_of(drivers, part), prepare(part, desired_speed=desired_speed)
@@ -227,6 +229,11 @@ def jam_distance_costs(drivers: pd.DataFrame, scenes: Scenes | Sequence[Scenes],
         tables.append(keys_of(part).assign(**ade))
         first += len(part)
     return pd.concat(tables, ignore_index=True)
+
+
+def refitted_for(drivers: pd.DataFrame, integration: str) -> bool:
+    """Return whether a driver table holds refits made for an integration."""
+    return REFIT_INTEGRATION in drivers and bool((drivers[REFIT_INTEGRATION] == integration).all())
 
 
 def cost_summary(costs: pd.DataFrame) -> pd.DataFrame:

@@ -32,6 +32,14 @@ def drivers(recording: Path) -> Path:
     return path
 
 
+@pytest.fixture(scope="module")
+def study(recording: Path) -> Path:
+    """The tables of a quick run in SUMO."""
+    out = recording.with_name("study")
+    main(["reproduce", str(recording), "-o", str(out), "--quick"])
+    return out
+
+
 def refused(arguments: list[str], capsys: pytest.CaptureFixture[str]) -> str:
     """Run a command that must fail; return its one line."""
     capsys.readouterr()
@@ -47,7 +55,18 @@ def test_help_of_every_command_teaches(capsys: pytest.CaptureFixture[str]) -> No
     with pytest.raises(SystemExit):
         main(["--help"])
     text = capsys.readouterr().out
-    for command in ("inspect", "surrogate", "fetch", "calibrate", "predict", "replay", "reproduce"):
+    for command in (
+        "inspect",
+        "surrogate",
+        "fetch",
+        "calibrate",
+        "predict",
+        "export",
+        "replay",
+        "reproduce",
+        "compare",
+        "interactive",
+    ):
         assert command in text
         with pytest.raises(SystemExit) as stop:
             main([command, "--help"])
@@ -86,9 +105,9 @@ def test_predict_from_first_frames(recording: Path, drivers: Path, tmp_path: Pat
 @pytest.mark.parametrize("backend", ["sumo", "kernel"])
 def test_replay_leaves_trajectory_and_animation(recording: Path, tmp_path: Path, backend: str) -> None:
     out = tmp_path / "replay"
-    main(["replay", str(recording), "--vehicle", "3", "--backend", backend, "-o", str(out)])
+    main(["replay", str(recording), "--vehicle", "3", "--horizon", "40", "--backend", backend, "-o", str(out)])
     table = pd.read_parquet(out / "trajectory.parquet")
-    assert len(table) == 101
+    assert len(table) == 41
     assert abs(table["x"] - table["recorded_x"]).mean() < 1.0
     assert (out / "replay.gif").read_bytes().startswith(b"GIF8")
     assert json.loads((out / "manifest.json").read_text())["parameters"]["T"] > 0
@@ -96,15 +115,40 @@ def test_replay_leaves_trajectory_and_animation(recording: Path, tmp_path: Path,
 
 def test_replay_of_predicted_parameters(recording: Path, drivers: Path, tmp_path: Path) -> None:
     main(["replay", str(recording), "--vehicle", "3", "--period", "0805-0820", "--drivers", str(drivers),
-          "--backend", "kernel", "-o", str(tmp_path / "out")])  # fmt: skip
+          "--backend", "kernel", "--horizon", "10", "-o", str(tmp_path / "out")])  # fmt: skip
     table = pd.read_parquet(tmp_path / "out" / "trajectory.parquet")
     assert set(table["period"]) == {"0805-0820"}
 
 
-def test_reproduce_writes_the_interface_and_repeats(recording: Path, tmp_path: Path) -> None:
-    first, second = tmp_path / "first", tmp_path / "second"
-    for out in (first, second):
-        main(["reproduce", str(recording), "-o", str(out), "--quick"])
+def test_export_writes_types_and_a_run_that_sumo_takes(
+    drivers: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    main(["export", str(drivers), "-o", str(tmp_path / "fleet.rou.xml")])
+    said = capsys.readouterr().out
+    assert "linearised" in said  # what each choice costs
+    assert "departures are late" in said
+    assert sorted(p.name for p in tmp_path.iterdir()) == ["fleet.net.xml", "fleet.rou.xml", "fleet.sumocfg"]
+    assert (tmp_path / "fleet.rou.xml").read_text().count("<vType ") == 2 * 24
+    main(["export", str(drivers), "--distribution", "-o", str(tmp_path / "fleet.add.xml")])
+    assert "<vTypeDistribution " in (tmp_path / "fleet.add.xml").read_text()
+
+
+def test_export_refuses_impossible_drivers(drivers: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    table = pd.read_parquet(drivers)
+    for column, value in (("T", float("nan")), ("a", -1.0), ("lane", 9)):
+        bad = table.copy()
+        bad[column] = bad[column].astype(float)
+        bad.loc[3, column] = value
+        bad.to_csv(tmp_path / "bad.csv", index=False)
+        assert "bad.csv" in refused(["export", str(tmp_path / "bad.csv"), "-o", str(tmp_path / "x.rou.xml")], capsys)
+    missing = ["export", str(drivers), "-o", str(tmp_path / "x.rou.xml"), "-n", str(tmp_path / "none.net.xml")]
+    assert "none.net.xml" in refused(missing, capsys)
+    assert [p.name for p in tmp_path.iterdir()] == ["bad.csv"]
+
+
+def test_reproduce_writes_the_interface_and_repeats(recording: Path, study: Path, tmp_path: Path) -> None:
+    first, second = study, tmp_path / "second"
+    main(["reproduce", str(recording), "-o", str(second), "--quick"])
     methods = pd.read_csv(first / "tables" / "methods.csv")
     assert list(methods["method"]) == METHODS
     assert list(methods.columns[:7]) == ["method", "ade_m", "ade_se_m", "fde_m", "fde_se_m", "collisions", "vehicles"]
@@ -122,11 +166,10 @@ def test_reproduce_writes_the_interface_and_repeats(recording: Path, tmp_path: P
     assert json.loads((first / "manifest.json").read_text())["largest_backend_difference_m"] < 1e-3
 
 
-def test_sumo_and_kernel_give_the_same_table(recording: Path, tmp_path: Path) -> None:
-    for backend in ("sumo", "kernel"):
-        main(["reproduce", str(recording), "-o", str(tmp_path / backend), "--quick", "--backend", backend])
+def test_sumo_and_kernel_give_the_same_table(recording: Path, study: Path, tmp_path: Path) -> None:
+    main(["reproduce", str(recording), "-o", str(tmp_path / "kernel"), "--quick", "--backend", "kernel"])
     sumo, kernel = (
-        pd.read_csv(tmp_path / b / "tables" / "methods.csv").set_index("method") for b in ("sumo", "kernel")
+        pd.read_csv(folder / "tables" / "methods.csv").set_index("method") for folder in (study, tmp_path / "kernel")
     )
     pd.testing.assert_frame_equal(sumo, kernel, atol=1e-5)
 

@@ -71,7 +71,7 @@ def calibrate(options: argparse.Namespace) -> None:
     from idm_sumo.calibration import calibrate as fit
     from idm_sumo.departures import departures
     from idm_sumo.driving_code import driving_code
-    from idm_sumo.jam_distance import refit_table
+    from idm_sumo.jam_distance import jam_distance_costs, refit_table
 
     scenes, left_out = shared.scenes_of(options, shared.window_of(options, options.every))
     tables = []
@@ -81,8 +81,9 @@ def calibrate(options: argparse.Namespace) -> None:
                 one, objective=options.objective, solver=options.solver, desired_speed=options.desired_speed,
                 seed=options.seed, jobs=options.jobs, progress=report,
             )  # fmt: skip
-            for_sumo = refit_table(fits, one, desired_speed=options.desired_speed)
-            tables.append(_beside(fits, driving_code(one), for_sumo, departures(one)))
+            fits = _beside(fits, refit_table(fits, one, desired_speed=options.desired_speed))
+            costs = jam_distance_costs(fits, one, desired_speed=options.desired_speed)
+            tables.append(_beside(fits, costs, driving_code(one), departures(one)))
     table = pd.concat(tables, ignore_index=True)
     write(table.assign(desired_speed_m_s=options.desired_speed), options.output)
     for reason, count in left_out.items():
@@ -125,6 +126,7 @@ def _beside(table: pd.DataFrame, *more: pd.DataFrame) -> pd.DataFrame:
 def export(options: argparse.Namespace) -> None:
     """Write vehicle types, their vehicles and the run that drives them."""
     from idm_sumo.driver_table import read_drivers
+    from idm_sumo.jam_distance import cost_summary
     from idm_sumo.sumo.distribution import export_distribution
     from idm_sumo.sumo.export import export_routes
     from idm_sumo.sumo.insertion import departure_delays
@@ -148,12 +150,22 @@ def export(options: argparse.Namespace) -> None:
     say(
         f"wrote {exported.route_file}: {len(exported.vehicles)} drivers; run them with `sumo -c {exported.config_file}`"
     )
+    if {"ade_m", "ade_exact_m"} <= set(drivers.columns):
+        say(
+            "what each way to do without d1 costs (m of ADE over the calibration window):",
+            text_table(cost_summary(_costs(drivers))),
+        )
     if not options.no_check:
         delays = departure_delays(exported.config_file)
         late = delays[delays["delay_s"] > 0]
         say(f"{len(late)} of {len(delays)} departures are late, for want of room behind the vehicle ahead")
         if len(late):
             say(text_table(late))
+
+
+def _costs(drivers: pd.DataFrame) -> pd.DataFrame:
+    """Return the columns of the jam distance's costs that a table holds."""
+    return drivers[[name for name in drivers.columns if name.startswith("ade_")]]
 
 
 def write(table: pd.DataFrame, path: Path) -> None:
