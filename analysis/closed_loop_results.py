@@ -76,7 +76,7 @@ def write_results(
     save(time_space(glimpses), figures / "time_space.png")
     measures, distances = shown(comparison)
     render(
-        part / "report.html", "closed_loop.html.j2", title=f"Closed loop: {recorded.source}, {recorded.periods[0]}", figures=figures,
+        part / "report.html", "closed_loop.html.j2", title=f"Closed loop: {Path(settings.recording).name}, {recorded.periods[0]}", figures=figures,
         surrogate=settings.recording == SURROGATE, findings=words.in_words(table), setup=_setup(settings, demand, measured), measures=measures,
         distances=distances, ranks=ranks, insertion=table[table[POPULATION] != RECORDED][["population", "seed", *FIRST[-5:]]],
         bias=bias if len(bias) else None, bias_words=in_words(bias), notes=[*recorded.notes, *comparison.notes],
