@@ -15,7 +15,6 @@ from idm_sumo import road
 from idm_sumo.calibration import calibrate
 from idm_sumo.driver_table import read_drivers
 from idm_sumo.errors import InputError
-from idm_sumo.idm import IDMParameters
 from idm_sumo.metrics import score
 from idm_sumo.outputs import MANIFEST, new_folder
 from idm_sumo.progress import Progress, silent
@@ -26,9 +25,8 @@ from idm_sumo.scenes import Scenes, Window, build_scenes
 from .animation import animate
 from .figures import time_space
 from .manifest import manifest, write_manifest
+from .study import PARAMETERS
 from .style import save
-
-PARAMETERS = list(IDMParameters._fields)
 
 
 @dataclass(frozen=True)

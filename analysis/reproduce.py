@@ -188,7 +188,7 @@ def _write_report(results: Results, part: Path) -> None:
         neighbours=results.neighbours[["k", *COLUMNS_FIRST]],
         other_methods=results.other_methods[["method", *COLUMNS_FIRST]],
         quality=results.methods[QUALITY], at_bound=tables.at_bound(results.study), accounts=left_out(results),
-        excluded=None, frame_start=max(settings.frame_counts), **describe(results),
+        frame_start=max(settings.frame_counts), **describe(results),
     )  # fmt: skip
 
 
