@@ -48,8 +48,8 @@ def smooth(recording: Recording, *, already_smooth: bool = False) -> Recording:
         return recording
     table = recording.table
     starts, lengths = runs(table)
-    x, speed, acceleration = _filtered(table[c.X].to_numpy(), starts, lengths)
-    y, lateral, _ = _filtered(table[c.Y].to_numpy(), starts, lengths)
+    x, speed, acceleration = filter_runs(table[c.X].to_numpy(), starts, lengths)
+    y, lateral, _ = filter_runs(table[c.Y].to_numpy(), starts, lengths)
     motion = {
         c.X: x,
         c.Y: y,
@@ -80,8 +80,8 @@ def runs(table: pd.DataFrame) -> tuple[Integers, Integers]:
     return starts, np.diff(np.append(starts, len(table)))
 
 
-def _filtered(position: Floats, starts: Integers, lengths: Integers) -> tuple[Floats, Floats, Floats]:
-    """Return position, its rate and its second rate, each of shape ``(rows,)``, run by run.
+def filter_runs(position: Floats, starts: Integers, lengths: Integers) -> tuple[Floats, Floats, Floats]:
+    """Return position, its rate and its second rate, each of shape ``(rows,)``, run by run; see :func:`smooth`.
 
     All rows are filtered at once, as if they were one run, which is right except within half
     a window of the ends; these are then redone from the first and last windows of the runs.

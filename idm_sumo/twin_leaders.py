@@ -10,15 +10,13 @@ from typing import NamedTuple
 
 import numpy as np
 import numpy.typing as npt
-from scipy.signal import savgol_filter
 
 from idm_sumo import columns as c
 from idm_sumo import road
 from idm_sumo.recording import Recording
+from idm_sumo.smoothing import SHORTEST, filter_runs
 
 JUMP = 2.5  # m a frame beyond the expected 0.1 s of travel: more than noise, less than a car
-SMOOTHING_FRAMES = 21
-SMOOTHING_ORDER = 3
 
 
 class Leaders(NamedTuple):
@@ -33,13 +31,13 @@ def recorded_leaders(recording: Recording) -> Leaders:
     table = recording.table
     raw = table[c.X].to_numpy() + table[c.HEADWAY].to_numpy()
     first = _first_rows(table[c.VEHICLE].to_numpy(), table[c.FRAME].to_numpy(), raw, table[c.SPEED].to_numpy())
-    position, speed = np.full(len(raw), np.nan), np.full(len(raw), np.nan)
-    own_speed = table[c.SPEED].to_numpy()
-    for begin, end in zip(first, np.append(first[1:], len(raw)), strict=True):
-        if np.isnan(raw[begin]):
-            continue
-        position[begin:end], speed[begin:end] = _smooth_run(raw[begin:end], own_speed[begin:end])
-    return Leaders(position, speed)
+    lengths = np.diff(np.append(first, len(raw)))
+    position, speed, _ = filter_runs(np.nan_to_num(raw), first, lengths)
+    # A glimpse too short for a cubic says nothing of the leader's speed: it takes the follower's.
+    glimpse = np.repeat(lengths < SHORTEST, lengths)
+    speed = np.where(glimpse, table[c.SPEED].to_numpy(), np.maximum(speed, 0.0))
+    seen = np.isfinite(raw)
+    return Leaders(np.where(seen, position, np.nan), np.where(seen, speed, np.nan))
 
 
 def _first_rows(
@@ -54,14 +52,3 @@ def _first_rows(
         jump = np.abs(np.diff(leader_x) - speed[1:] * road.FRAME_STEP) > JUMP
     breaks = (np.diff(vehicle) != 0) | (np.diff(frame) != 1) | (np.diff(known.astype(np.int8)) != 0) | jump
     return np.concatenate([[0], np.flatnonzero(breaks) + 1])
-
-
-def _smooth_run(
-    path: npt.NDArray[np.float64], follower_speed: npt.NDArray[np.float64]
-) -> tuple[npt.NDArray[np.float64], npt.NDArray[np.float64]]:
-    """Smooth one leader's path; a glimpse of under half a second takes the follower's speed."""
-    frames = min(SMOOTHING_FRAMES, len(path) - 1 + len(path) % 2)
-    if frames <= SMOOTHING_ORDER:
-        return path, follower_speed
-    settings = {"window_length": frames, "polyorder": SMOOTHING_ORDER, "delta": road.FRAME_STEP, "mode": "interp"}
-    return savgol_filter(path, **settings), np.maximum(savgol_filter(path, deriv=1, **settings), 0.0)
