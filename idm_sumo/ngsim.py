@@ -1,4 +1,4 @@
-"""Tables with NGSIM's names, in feet, to a :class:`~idm_sumo.recording.Recording`: the only place that knows feet."""
+"""Tables with NGSIM's names, in feet, to a :class:`~idm_sumo.recording.Recording`; beyond :mod:`idm_sumo.pairs` nobody knows feet."""
 
 from __future__ import annotations
 

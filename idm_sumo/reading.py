@@ -5,15 +5,16 @@ from __future__ import annotations
 import json
 import os
 import tempfile
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 
+import pandas as pd
 import pyarrow as pa
 import pyarrow.dataset
 import pyarrow.parquet
 
 from idm_sumo import columns as c
-from idm_sumo import delimited, fcd, ngsim
+from idm_sumo import delimited, fcd, ngsim, pairs
 from idm_sumo.accounting import Accounting, Ledger
 from idm_sumo.errors import InputError
 from idm_sumo.recording import Recording
@@ -35,8 +36,8 @@ def read_recording(path: str | os.PathLike[str], *, location: str = "us-101") ->
     """Read trajectories in any layout the study knows, told by the content, not by the name.
 
     Official 18-column text, the data portal's CSV (both plain or gzip), Parquet with NGSIM's
-    names (columns missing or not), SUMO FCD (XML, plain or gzip, or Parquet), a Parquet
-    written by :func:`write_parquet`, or a folder of Parquet parts.
+    names (columns missing or not), SUMO FCD (XML, plain or gzip, or Parquet), leader-follower
+    pairs (Parquet or CSV, :mod:`idm_sumo.pairs`), a Parquet written by :func:`write_parquet`, or a folder of Parquet parts.
 
     Parameters
     ----------
@@ -86,10 +87,23 @@ def _from_text(path: Path, start: bytes, ledger: Ledger, location: str) -> ReadR
         raise InputError(f"{path}: is not a text file; give NGSIM text, CSV, Parquet or SUMO FCD")
     if delimited.is_official(line):
         raw = delimited.read_official(path, ledger)
+    elif pairs.is_pairs([name.strip() for name in line.split(",")]):
+        return ReadResult(*pairs.to_recording(_pairs_of_csv(path), ledger, source=path.name))
     else:
         _check_header(path, line)
         raw = delimited.read_portal(path, ledger, location=location)
     return ReadResult(*ngsim.to_recording(raw, ledger, source=path.name))
+
+
+def _pairs_of_csv(path: Path) -> pd.DataFrame:
+    """Return pairs from a CSV, the period as the text it is."""
+    try:
+        raw = pd.read_csv(path, dtype={"period": str}, skipinitialspace=True)
+    except (ValueError, *delimited.BROKEN) as error:
+        raise InputError(f"{path}: cannot be read ({str(error).splitlines()[0]})") from None
+    for name in raw.columns.drop("period", errors="ignore"):
+        raw[name] = pd.to_numeric(raw[name], errors="coerce")
+    return raw
 
 
 def _check_header(path: Path, line: str) -> None:
@@ -112,6 +126,8 @@ def _from_parquet(path: Path, ledger: Ledger, location: str) -> ReadResult:
         return _own(table, ledger, path)
     if fcd.is_fcd(names):
         return ReadResult(*fcd.from_parquet(table.to_pandas(), ledger, source=path.name))
+    if pairs.is_pairs(names):
+        return ReadResult(*pairs.to_recording(table.to_pandas(), ledger, source=path.name))
     raw = table.rename_columns([delimited.canonical(name) for name in names])
     ngsim.need(raw.column_names, path.name)
     known = [name for name in raw.column_names if name in (*delimited.NUMBERS, *delimited.LABELS)]
@@ -148,6 +164,8 @@ def _own(table: pa.Table, ledger: Ledger, path: Path) -> ReadResult:
         notes=tuple(kept.get("notes", ())),
         has_leader_rows=bool(kept.get("has_leader_rows", True)),
     )
+    lengths = {(str(period), int(leader)): float(length) for period, leader, length in kept.get("leader_lengths", ())}
+    recording = replace(recording, is_smooth=bool(kept.get("is_smooth", False)), leader_lengths=lengths)
     return ReadResult(recording, ledger.close(len(recording.table), vehicles=recording.vehicle_count))
 
 
@@ -162,7 +180,11 @@ def write_parquet(recording: Recording, path: str | os.PathLike[str]) -> None:
         If the file cannot be written there.
     """
     path = Path(path)
-    kept = {"source": recording.source, "notes": recording.notes, "has_leader_rows": recording.has_leader_rows}
+    kept = {
+        "source": recording.source, "notes": recording.notes, "has_leader_rows": recording.has_leader_rows,
+        "is_smooth": recording.is_smooth,
+        "leader_lengths": [[*leader, length] for leader, length in recording.leader_lengths.items()],
+    }  # fmt: skip
     table = pa.Table.from_pandas(recording.table, preserve_index=False)
     table = table.replace_schema_metadata({**(table.schema.metadata or {}), METADATA: json.dumps(kept).encode()})
     try:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from dataclasses import dataclass, field, replace
 from functools import cache
 from typing import TYPE_CHECKING, Any
@@ -60,12 +61,18 @@ class Recording:
     has_leader_rows : bool
         Whether the vehicles ahead are themselves in the table. If not, all that is known
         of a leader is ``headway``, seen from the recorded follower.
+    is_smooth : bool
+        Whether positions, speeds and accelerations are reconstructed and must not be smoothed again.
+    leader_lengths : mapping of (str, int) to float
+        Lengths (m) of leaders that have no rows, by period and number, where the source tells them.
     """
 
     table: pd.DataFrame
     source: str = ""
     notes: tuple[str, ...] = field(default=())
     has_leader_rows: bool = True
+    is_smooth: bool = False
+    leader_lengths: Mapping[tuple[str, int], float] = field(default_factory=dict)
 
     @classmethod
     def from_table(

@@ -13,7 +13,7 @@ from idm_sumo import columns as c
 from idm_sumo import road
 from idm_sumo.recording import Recording
 from idm_sumo.traffic import Traffic, build_traffic, sort_into_cells
-from idm_sumo.twin_leaders import recorded_leaders
+from idm_sumo.twin_leaders import leader_lengths, recorded_leaders
 
 Floats = npt.NDArray[np.float64]
 Integers = npt.NDArray[np.int64]
@@ -201,7 +201,7 @@ def _private_traffic(recording: Recording, rows: Integers) -> tuple[Traffic, Int
     y = recording.table[c.Y].to_numpy()[taken]
     columns = {
         c.X: leader.x[taken], c.Y: y, c.SPEED: leader.speed[taken], c.HEADING: np.zeros(len(taken)),
-        c.LENGTH: np.full(len(taken), road.CAR_LENGTH), c.WIDTH: np.full(len(taken), road.CAR_WIDTH),
+        c.LENGTH: leader_lengths(recording)[taken], c.WIDTH: np.full(len(taken), road.CAR_WIDTH),
     }  # fmt: skip
     traffic = sort_into_cells(cell, windows * frames, columns, np.zeros(len(taken), dtype=np.int64), 0, frames)
     return traffic, np.arange(windows) * frames

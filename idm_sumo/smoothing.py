@@ -37,14 +37,15 @@ def smooth(recording: Recording, *, already_smooth: bool = False) -> Recording:
     recording : Recording
         As read or cleaned.
     already_smooth : bool, keyword-only
-        Return the recording unchanged (simulated trajectories, whose speed is exact).
+        Return the recording unchanged (simulated trajectories, whose speed is exact), as is done with one that says
+        of itself that it is smooth.
 
     References
     ----------
     A. Savitzky, M. J. E. Golay: Smoothing and differentiation of data by simplified least
     squares procedures. Analytical Chemistry 36(8), 1964.
     """
-    if already_smooth:
+    if already_smooth or recording.is_smooth:
         return recording
     table = recording.table
     starts, lengths = runs(table)

@@ -40,6 +40,17 @@ def recorded_leaders(recording: Recording) -> Leaders:
     return Leaders(np.where(seen, position, np.nan), np.where(seen, speed, np.nan))
 
 
+def leader_lengths(recording: Recording) -> npt.NDArray[np.float64]:
+    """Return the length (m) of each row's leader, shape (rows,), assumed where the source does not tell it."""
+    table, known = recording.table, recording.leader_lengths
+    lengths = np.full(len(table), road.CAR_LENGTH)
+    for period in recording.periods if known else ():
+        here = (table[c.PERIOD] == period).to_numpy()
+        numbers, place = np.unique(table[c.LEADER].to_numpy()[here], return_inverse=True)
+        lengths[here] = np.array([known.get((period, int(number)), road.CAR_LENGTH) for number in numbers])[place]
+    return lengths
+
+
 def _first_rows(
     vehicle: npt.NDArray[np.int64],
     frame: npt.NDArray[np.int64],

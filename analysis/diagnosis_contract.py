@@ -1,0 +1,109 @@
+"""What ``diagnosis.json`` may hold: checked before the file is moved into place."""
+
+from __future__ import annotations
+
+import json
+from pathlib import Path
+from typing import Annotated, Any, Literal, Self
+
+from pydantic import BaseModel, ConfigDict, Field, model_validator
+
+Probability = Annotated[float, Field(ge=0.0, le=1.0)]
+Number = Annotated[float, Field(allow_inf_nan=False)]
+Interval = tuple[Number, Number]
+
+
+class _Part(BaseModel):
+    model_config = ConfigDict(extra="forbid", frozen=True)
+
+
+class Parameter(_Part):
+    """One parameter of a cause, in SI units, with its 95 % interval."""
+
+    value: Number
+    unit: str
+    ci95: Interval
+
+    @model_validator(mode="after")
+    def _ordered(self) -> Self:
+        if self.ci95[0] > self.ci95[1]:
+            raise ValueError(f"ci95 {self.ci95} is not in order")
+        return self
+
+
+class Where(_Part):
+    """A part of the road and of the recording."""
+
+    position_m: Interval | None = None
+    time_s: Interval | None = None
+
+
+class Cause(_Part):
+    """A named cause: its size, its significance and its share of the gain."""
+
+    name: str
+    parameters: dict[str, Parameter]
+    where: Where | None
+    p_value: Probability
+    share_of_gain: Number
+    evidence: Annotated[str, Field(min_length=1)]
+
+
+class Unexplained(_Part):
+    """A pattern that no cause of the catalogue explains."""
+
+    covariate: str
+    range: Interval
+    position_m: Interval | None = None
+    time_s: Interval | None = None
+    p_value: Probability
+
+
+class Gain(_Part):
+    """What the extended model buys on drivers that were never touched."""
+
+    metric: Literal["ade_m"]
+    base: Number
+    extended: Number
+    difference: Number
+    ci95: Interval
+    vehicles: Annotated[int, Field(ge=0)]
+    held_out: Literal[True]
+
+
+class RuledOut(_Part):
+    """A hypothesis that was tested and not kept."""
+
+    name: str
+    p_value: Probability
+    confusable_with: list[str]
+
+
+class Diagnosis(_Part):
+    """The whole of ``diagnosis.json``."""
+
+    verdict: Literal["named", "none", "unknown"]
+    causes: list[Cause]
+    unexplained: list[Unexplained]
+    gain: Gain | None
+    ruled_out: list[RuledOut]
+
+    @model_validator(mode="after")
+    def _consistent(self) -> Self:
+        if (self.verdict == "named") != bool(self.causes):
+            raise ValueError(f"verdict {self.verdict!r} with {len(self.causes)} causes")
+        if self.verdict == "unknown" and not self.unexplained:
+            raise ValueError("verdict 'unknown' must say where in `unexplained`")
+        return self
+
+
+def write_diagnosis(path: Path, content: dict[str, Any]) -> None:
+    """Check the content against the contract and write it as JSON; what does not fit is a defect of ours.
+
+    Raises
+    ------
+    pydantic.ValidationError
+        If it does not fit.
+    """
+    checked = Diagnosis.model_validate(content).model_dump(mode="json")
+    path.write_text(json.dumps(checked, indent=2, allow_nan=False) + "\n", encoding="utf-8")

@@ -1,0 +1,37 @@
+"""What drivers do beyond the IDM: one file an effect, one compiled acceleration for all of them.
+
+How to drive with an extended model, step by step (0.1 s):
+
+1. ``model = ExtendedModel.read(path)``; ``m = model.magnitudes_by_lane()[lane]`` (row 0: no lane limits).
+2. Per vehicle keep ``past``, float64 of shape ``(rows, 3)``: gap (m, infinite without a leader), speed, approach
+   rate (m/s), one row a step, the first rows from the recorded twin's observed frames, so that a delay has something to recall
+   (:data:`reaction_delay.LONGEST` seconds are enough). A rollout may keep all its steps.
+3. Per step write row ``now``; if ``m[slots.DELAY] > 0`` act on ``recall(past, 0|1|2, now, m[slots.DELAY], 0.1)``
+   for gap, speed and approach rate, else on row ``now``. (Where gap is infinite at one of the two rows it is infinite.)
+4. Fill a :class:`Sight` (unknown fields NaN: the effect that needs them is then silent; ``BLIND`` is all NaN) and call
+   ``extended_acceleration(speed, approach_rate, gap, see, a, b, T, d0, d1, desired_speed, m)``: a plain njit function,
+   callable from compiled loops and, slower, from Python.
+
+``Sight.t`` is the time since the first frame of the recording's period. What each cause must see is in its
+:class:`Effect` record (``must_see``), as is how plain SUMO can express it (``sumo``, None if only the Python-driven loop can).
+Events that lie ahead (``until_cut_in``, ``until_own_change``) are known in replay only: in a closed loop they are NaN.
+``jump`` is the old gap minus the new one (m) at the last change of leader, both at the moment of the change;
+``adjacent_speed`` the mean speed of the vehicles within :data:`~idm_sumo.diagnosis.traffic_context.REACH` m in the slower of the adjacent lanes.
+"""
+
+from idm_sumo.effects.acceleration import BLIND, Sight, extended_acceleration
+from idm_sumo.effects.catalogue import BY_NAME, CATALOGUE
+from idm_sumo.effects.extended_model import Cause, ExtendedModel
+from idm_sumo.effects.record import Effect, Parameter
+
+__all__ = [
+    "BLIND",
+    "BY_NAME",
+    "CATALOGUE",
+    "Cause",
+    "Effect",
+    "ExtendedModel",
+    "Parameter",
+    "Sight",
+    "extended_acceleration",
+]

@@ -1,0 +1,154 @@
+"""The IDM with named causes, kept in a file that replay, export and interactive read."""
+
+from __future__ import annotations
+
+import json
+import os
+from dataclasses import dataclass, field
+from pathlib import Path
+
+import numpy as np
+import numpy.typing as npt
+
+from idm_sumo import road
+from idm_sumo.effects import slots
+from idm_sumo.effects.catalogue import BY_NAME
+from idm_sumo.errors import InputError
+from idm_sumo.idm import IDMParameters
+
+FORMAT = "idm-sumo extended model 1"
+LANES = 8  # lane numbers of a recording
+
+
+@dataclass(frozen=True)
+class Cause:
+    """A named cause with its magnitudes.
+
+    Attributes
+    ----------
+    name : str
+        The catalogue's spelling.
+    values : dict of str to float
+        By symbol; a symbol left out takes its typical value.
+    lanes : tuple of int
+        The lanes in which it acts; empty for all.
+    """
+
+    name: str
+    values: dict[str, float]
+    lanes: tuple[int, ...] = ()
+
+    def fill(self, m: npt.NDArray[np.float64]) -> None:
+        """Write the values into a vector of magnitudes."""
+        for parameter in BY_NAME[self.name].parameters:
+            m[parameter.slot] = self.values.get(parameter.symbol, parameter.typical)
+
+
+@dataclass(frozen=True)
+class ExtendedModel:
+    """The base parameters and the causes that were named.
+
+    Attributes
+    ----------
+    parameters : IDMParameters
+        Of the median driver, refitted with the causes.
+    desired_speed : float
+        m/s.
+    causes : tuple of Cause
+    source : str
+        The recording it was found in.
+    """
+
+    parameters: IDMParameters
+    desired_speed: float = road.SPEED_LIMIT
+    causes: tuple[Cause, ...] = field(default=())
+    source: str = ""
+
+    def magnitudes(self, lane: int = 0) -> npt.NDArray[np.float64]:
+        """Return the flat vector of magnitudes in a lane, shape ``(slots.COUNT,)``; 0 ignores the causes' lanes."""
+        m = np.zeros(slots.COUNT)
+        for cause in self.causes:
+            if not cause.lanes or lane == 0 or lane in cause.lanes:
+                cause.fill(m)
+        return m
+
+    def magnitudes_by_lane(self) -> npt.NDArray[np.float64]:
+        """Return the magnitudes for each lane number, shape ``(9, slots.COUNT)``; row 0 is without any lane limit."""
+        return np.stack([self.magnitudes(lane) for lane in range(LANES + 1)])
+
+    def to_json(self) -> str:
+        """Return the model as text."""
+        causes = [
+            {
+                "name": cause.name,
+                "parameters": {
+                    p.symbol: {"value": float(cause.values.get(p.symbol, p.typical)), "unit": p.unit}
+                    for p in BY_NAME[cause.name].parameters
+                },
+                "lanes": list(cause.lanes),
+            }
+            for cause in self.causes
+        ]
+        base = {**self.parameters._asdict(), "desired_speed": self.desired_speed}
+        whole = {"format": FORMAT, "source": self.source, "base": base, "causes": causes}
+        return json.dumps(whole, indent=2) + "\n"
+
+    @classmethod
+    def from_json(cls, text: str, *, name: str = "extended model") -> ExtendedModel:
+        """Return the model of a text.
+
+        Raises
+        ------
+        InputError
+            If it is no such text, or names a cause or symbol that is unknown.
+        """
+        try:
+            whole = json.loads(text)
+            if whole["format"] != FORMAT:
+                raise InputError(
+                    f"{name}: format is {whole['format']!r}, not {FORMAT!r}; write it anew with `diagnose`"
+                )
+            base = dict(whole["base"])
+            limit = float(base.pop("desired_speed"))
+            causes = tuple(_cause(entry, name) for entry in whole["causes"])
+            return cls(
+                IDMParameters(**{k: float(v) for k, v in base.items()}), limit, causes, str(whole.get("source", ""))
+            )
+        except InputError:
+            raise
+        except (KeyError, TypeError, ValueError) as error:
+            raise InputError(f"{name}: is no extended model ({error}); give the file that `diagnose` wrote") from None
+
+    def write(self, path: str | os.PathLike[str]) -> None:
+        """Write the model beside, then move it into place."""
+        path = Path(path)
+        beside = path.with_name(f".{path.name}.{os.getpid()}")
+        beside.write_text(self.to_json(), encoding="utf-8")
+        os.replace(beside, path)
+
+    @classmethod
+    def read(cls, path: str | os.PathLike[str]) -> ExtendedModel:
+        """Read a model.
+
+        Raises
+        ------
+        InputError
+            If the file is absent or is no extended model.
+        """
+        try:
+            return cls.from_json(Path(path).read_text(encoding="utf-8"), name=str(path))
+        except (OSError, UnicodeDecodeError) as error:
+            raise InputError(f"{path}: cannot be read ({error}); give the file that `diagnose` wrote") from None
+
+
+def _cause(entry: dict[str, object], name: str) -> Cause:
+    """Return one cause of a file, its symbols checked."""
+    label = str(entry["name"])
+    if label not in BY_NAME:
+        raise InputError(f"{name}: cause {label!r} is unknown; use one of {', '.join(BY_NAME)}")
+    known = {p.symbol for p in BY_NAME[label].parameters}
+    given = entry["parameters"]
+    if not isinstance(given, dict) or not set(given) <= known:
+        raise InputError(f"{name}: cause {label!r} has the parameters {', '.join(sorted(known))}, not {given!r}")
+    lanes = entry.get("lanes") or ()
+    return Cause(label, {k: float(v["value"]) for k, v in given.items()}, tuple(int(n) for n in lanes))  # type: ignore[attr-defined]

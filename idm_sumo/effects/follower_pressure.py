@@ -1,0 +1,29 @@
+r"""Pressed from behind: a close follower makes the driver accelerate.
+
+.. math:: \dot v \to \dot v + c\,\max\big(0, 1 - d_{rear}/15\,\text{m}\big)
+"""
+
+from __future__ import annotations
+
+from numba import njit
+
+from idm_sumo.effects import slots
+from idm_sumo.effects.record import Effect, Parameter
+
+REACH = 15.0  # m
+
+
+@njit(cache=True, error_model="numpy")
+def pressed(rear_gap: float, strength: float) -> float:
+    r"""Return :math:`c\max(0, 1-d_{rear}/15)` (m/s²); nothing without a follower (infinite or NaN)."""
+    return strength * min(1.0 - rear_gap / REACH, 1.0) if rear_gap < REACH else 0.0
+
+
+EFFECT = Effect(
+    name="follower_pressure",
+    summary="accelerates when pressed from behind",
+    parameters=(Parameter("c", "m/s^2", slots.PRESSURE, -1.0, 1.5, 0.3),),
+    must_see=("rear_gap",),
+    confusable_with=("location", "courtesy_yielding"),
+    source="Herman, Montroll, Potts and Rothery (1959), backward-looking drivers",
+)

@@ -1,0 +1,29 @@
+r"""Leader's class: more distance behind a truck.
+
+.. math:: T \to T(1+\theta) \quad\text{behind a vehicle of class 3}
+"""
+
+from __future__ import annotations
+
+from numba import njit
+
+from idm_sumo.effects import slots
+from idm_sumo.effects.record import Effect, Parameter
+
+TRUCK = 3.0
+
+
+@njit(cache=True, error_model="numpy")
+def behind_truck(leader_class: float, share: float) -> float:
+    r"""Return :math:`1+\theta` behind a truck, else 1: a factor of the time headway."""
+    return 1.0 + share if leader_class == TRUCK else 1.0
+
+
+EFFECT = Effect(
+    name="leader_class",
+    summary="keeps more distance behind trucks",
+    parameters=(Parameter("theta", "1", slots.LEADER_CLASS, -0.5, 2.0, 0.3),),
+    must_see=("leader_class",),
+    confusable_with=("measurement_artefact", "vehicle_class"),
+    source="Sarvi (2013), Heavy commercial vehicles-following behavior",
+)

@@ -1,0 +1,17 @@
+"""Errors of the measurement that look like behaviour: seams between cameras, stops, lengths, smoothing.
+
+Not behaviour, so it has no place in the acceleration; :mod:`idm_sumo.diagnosis` tests for it first.
+"""
+
+from __future__ import annotations
+
+from idm_sumo.effects.record import Effect
+
+EFFECT = Effect(
+    name="measurement_artefact",
+    summary="errors of the measurement, fixed to places, stops or lengths",
+    parameters=(),
+    must_see=("x",),
+    confusable_with=("location", "multi_leader_anticipation", "leader_class"),
+    source="Montanino and Punzo (2015); Coifman and Li (2017), A critical evaluation of NGSIM",
+)

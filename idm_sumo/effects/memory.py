@@ -1,0 +1,29 @@
+r"""Memory, or resignation: the time headway grows in long jams.
+
+.. math:: T \to T\big(1 + m\,(1 - \bar v / v_0)\big)
+
+with :math:`\bar v` the driver's running mean of speed (600 s; a section shows far less of it).
+"""
+
+from __future__ import annotations
+
+from numba import njit
+
+from idm_sumo.effects import slots
+from idm_sumo.effects.record import Effect, Parameter
+
+
+@njit(cache=True, error_model="numpy")
+def resigned(mean_speed: float, desired_speed: float, share: float) -> float:
+    r"""Return :math:`1+m(1-\bar v/v_0)`: a factor of the time headway."""
+    return 1.0 + share * max(0.0, 1.0 - mean_speed / desired_speed) if share != 0.0 else 1.0
+
+
+EFFECT = Effect(
+    name="memory",
+    summary="keeps larger headways after a long time in a jam",
+    parameters=(Parameter("m", "1", slots.MEMORY, 0.0, 2.0, 0.4),),
+    must_see=("mean_speed",),
+    confusable_with=("time_of_day", "speed_dependent_headway"),
+    source="Treiber and Helbing (2003), Physical Review E 68, 046119",
+)

@@ -1,0 +1,28 @@
+r"""Perception threshold: small approach rates are not seen.
+
+.. math:: \Delta v \to 0 \quad\text{where } |\Delta v| < \delta
+"""
+
+from __future__ import annotations
+
+from numba import njit
+
+from idm_sumo.effects import slots
+from idm_sumo.effects.record import Effect, Parameter
+
+
+@njit(cache=True, error_model="numpy")
+def perceived(approach_rate: float, band: float) -> float:
+    """Return the approach rate (m/s) that is seen: nothing inside the band, all of it outside."""
+    return 0.0 if abs(approach_rate) < band else approach_rate
+
+
+EFFECT = Effect(
+    name="perception_threshold",
+    summary="ignores small approach rates",
+    parameters=(Parameter("delta", "m/s", slots.BAND, 0.0, 2.5, 0.6),),
+    must_see=(),
+    confusable_with=("hysteresis", "reaction_delay", "acceleration_asymmetry"),
+    source="Wiedemann (1974), Simulation des Strassenverkehrsflusses",
+    sumo="the W99 or Wiedemann models have it; the driver-state device in part",
+)

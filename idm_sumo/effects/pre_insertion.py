@@ -1,0 +1,28 @@
+r"""Before the own lane change the driver lets the gap grow (or shrink).
+
+.. math:: T \to T(1+c) \quad\text{in the 5 s before the own lane change}
+"""
+
+from __future__ import annotations
+
+from numba import njit
+
+from idm_sumo.effects import slots
+from idm_sumo.effects.courtesy_yielding import before_cut_in
+from idm_sumo.effects.record import Effect, Parameter
+
+
+@njit(cache=True, error_model="numpy")
+def before_own_change(until: float, share: float) -> float:
+    r"""Return :math:`1+c` in the five seconds before, else 1: a factor of the time headway."""
+    return before_cut_in(until, share)
+
+
+EFFECT = Effect(
+    name="pre_insertion",
+    summary="opens or closes the gap before its own lane change",
+    parameters=(Parameter("c", "1", slots.PRE_INSERTION, -0.8, 3.0, 0.4),),
+    must_see=("until_own_change",),
+    confusable_with=("lane_change_relaxation", "courtesy_yielding"),
+    source="Zheng, Ahn, Chen and Laval (2013), The effects of lane-changing on the immediate follower",
+)

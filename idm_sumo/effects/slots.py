@@ -1,0 +1,28 @@
+"""The flat vector of magnitudes: which number stands where. All zero is exactly the plain IDM."""
+
+DELAY = 0  # s
+SECOND_LEADER = 1  # 1
+RELAXATION = 2  # 1
+RELAXATION_TIME = 3  # s
+ASYMMETRY = 4  # 1
+LEADER_CLASS = 5  # 1
+SPEED_HEADWAY = 6  # 1 per 10 m/s
+PIVOT_SPEED = 7  # m/s
+BAND = 8  # m/s
+HYSTERESIS = 9  # 1
+FRICTION = 10  # 1/s
+PLACE = 11  # m/s^2
+PLACE_BEGIN = 12  # m
+PLACE_END = 13  # m
+PERIOD = 14  # 1
+PERIOD_BEGIN = 15  # s
+PERIOD_END = 16  # s
+DESIRED_SPEED = 17  # 1
+DESIRED_SPEED_LANE = 18  # number, 0 for every lane
+OWN_CLASS = 19  # 1
+MEMORY = 20  # 1
+PRESSURE = 21  # m/s^2
+COURTESY = 22  # 1
+PRE_INSERTION = 23  # 1
+
+COUNT = 24

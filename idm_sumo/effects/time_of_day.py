@@ -1,0 +1,32 @@
+r"""Time headway that differs in one interval of time.
+
+.. math:: T \to T(1+\theta) \quad\text{for } t_1 \le t < t_2
+"""
+
+from __future__ import annotations
+
+from numba import njit
+
+from idm_sumo.effects import slots
+from idm_sumo.effects.record import Effect, Parameter
+
+
+@njit(cache=True, error_model="numpy")
+def at_time(t: float, share: float, begin: float, end: float) -> float:
+    r"""Return :math:`1+\theta` between the two times (s), else 1: a factor of the time headway."""
+    return 1.0 + share if begin <= t < end else 1.0
+
+
+EFFECT = Effect(
+    name="time_of_day",
+    summary="drives otherwise for a part of the recording",
+    parameters=(
+        Parameter("theta", "1", slots.PERIOD, -0.8, 2.0, 0.12),
+        Parameter("t_1", "s", slots.PERIOD_BEGIN, -1e9, 1e9, 0.0),
+        Parameter("t_2", "s", slots.PERIOD_END, -1e9, 1e9, 0.0),
+    ),
+    must_see=("t",),
+    confusable_with=("memory", "speed_dependent_headway"),
+    source="Treiber and Helbing (2003), Memory effects in microscopic traffic models",
+    sumo="one vType a departure period",
+)

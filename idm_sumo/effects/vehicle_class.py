@@ -1,0 +1,29 @@
+r"""Own class: trucks keep another time headway than cars.
+
+.. math:: T \to T(1+\theta) \quad\text{of a vehicle of class 3}
+"""
+
+from __future__ import annotations
+
+from numba import njit
+
+from idm_sumo.effects import slots
+from idm_sumo.effects.leader_class import TRUCK
+from idm_sumo.effects.record import Effect, Parameter
+
+
+@njit(cache=True, error_model="numpy")
+def of_truck(own_class: float, share: float) -> float:
+    r"""Return :math:`1+\theta` for a truck, else 1: a factor of the time headway."""
+    return 1.0 + share if own_class == TRUCK else 1.0
+
+
+EFFECT = Effect(
+    name="vehicle_class",
+    summary="trucks drive otherwise themselves",
+    parameters=(Parameter("theta", "1", slots.OWN_CLASS, -0.8, 3.0, 0.3),),
+    must_see=("own_class",),
+    confusable_with=("leader_class",),
+    source="Ossen and Hoogendoorn (2011), Heterogeneity in car-following behavior, Transportation Research C 19",
+    sumo="one vType a class",
+)

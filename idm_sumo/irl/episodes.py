@@ -1,0 +1,110 @@
+"""What the learner drives in: windows of recorded drivers and the traffic around them, for compiled kernels."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from typing import NamedTuple
+
+import numpy as np
+import numpy.typing as npt
+
+from idm_sumo import road
+from idm_sumo.scenes import LEADER_FROM_LANE, Scenes
+
+Floats = npt.NDArray[np.float64]
+Integers = npt.NDArray[np.int64]
+
+
+class Surroundings(NamedTuple):
+    """Recorded vehicles as sorted cells (see :class:`idm_sumo.traffic.Traffic`), of one or more periods.
+
+    Attributes
+    ----------
+    offsets : int64, shape (cells + 1,)
+    front : float64, shape (rows,)
+        Front bumper (m), sorted within a cell.
+    x, y : float64, shape (rows,)
+        Middle of the vehicle (m).
+    heading, speed, length, width : float64, shape (rows,)
+        rad, m/s, m, m.
+    vehicle : int64, shape (rows,)
+    reach : float
+        Length (m) of the longest vehicle.
+    """
+
+    offsets: Integers
+    front: Floats
+    x: Floats
+    y: Floats
+    heading: Floats
+    speed: Floats
+    length: Floats
+    width: Floats
+    vehicle: Integers
+    reach: float
+
+
+class Episodes(NamedTuple):
+    """Starts of simulations, one row a window.
+
+    Attributes
+    ----------
+    start : float64, shape (windows, 4)
+        Front bumper ``x, y`` (m), heading (rad) and speed (m/s) of the recorded twin.
+    length, width : float64, shape (windows,)
+        m.
+    cell : int64, shape (windows,)
+        Cell of the leftmost lane at the start.
+    stride : int64, shape (windows,)
+        From a cell to the one of the next lane to the right at the same frame.
+    lanes : int64, shape (windows,)
+        Number of lanes with traffic; 1 where only the twin's leader is known.
+    own : int64, shape (windows,)
+        Number of the twin, who is not there.
+    """
+
+    start: Floats
+    length: Floats
+    width: Floats
+    cell: Integers
+    stride: Integers
+    lanes: Integers
+    own: Integers
+
+    def rows(self, which: Integers) -> Episodes:
+        """Return some of the windows."""
+        return Episodes(*(np.ascontiguousarray(column[which]) for column in self))
+
+
+def episodes_of(scenes: Sequence[Scenes]) -> tuple[Episodes, Surroundings]:
+    """Put the windows of several periods one behind the other, in their order."""
+    cells = np.cumsum([0] + [len(s.traffic.offsets) - 1 for s in scenes])
+    episodes = [_episodes(s, shift) for s, shift in zip(scenes, cells, strict=False)]
+    whole = Episodes(*(np.concatenate(columns) for columns in zip(*episodes, strict=True)))
+    return whole, _surroundings(scenes)
+
+
+def _episodes(scenes: Scenes, shift: int) -> Episodes:
+    n, first = len(scenes), scenes.start
+    on_lanes = scenes.leader_source == LEADER_FROM_LANE
+    cell = scenes.traffic.cell(1, scenes.first_frame + first) if on_lanes else scenes.cell + first
+    start = np.stack([getattr(scenes, name)[:, first] for name in ("x", "y", "heading", "speed")], axis=1)
+    return Episodes(
+        start, scenes.length, scenes.width, cell + shift, np.full(n, scenes.traffic.frames),
+        np.full(n, road.MAIN_LANES if on_lanes else 1), scenes.vehicle,
+    )  # fmt: skip
+
+
+def _surroundings(scenes: Sequence[Scenes]) -> Surroundings:
+    """Put the traffic of several periods one behind the other."""
+    traffic = [s.traffic for s in scenes]
+    rows = np.cumsum([0] + [len(t.x) for t in traffic])
+    offsets = [t.offsets[:-1] + shift for t, shift in zip(traffic, rows, strict=False)]
+    front, y, heading, speed, length, width, vehicle = (
+        np.concatenate([getattr(t, name) for t in traffic])
+        for name in ("x", "y", "heading", "speed", "length", "width", "vehicle")
+    )
+    return Surroundings(
+        np.concatenate([*offsets, rows[-1:]]), front, front - 0.5 * length * np.cos(heading),
+        y - 0.5 * length * np.sin(heading), heading, speed, length, width, vehicle, float(length.max(initial=0.0)),
+    )  # fmt: skip

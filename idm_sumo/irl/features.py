@@ -1,0 +1,166 @@
+r"""What the reward is made of: smooth functions of the vehicle's state and controls.
+
+The paper names five: distance to the middle of the lane, distance to the boundaries of the
+road, speed forward, heading along the road, and the collision risk of the ellipsoidal
+Gaussian. It gives no formulas; these are ours, each without a unit, about 1 in size where it
+matters, and twice differentiable, since the likelihood of a demonstration needs gradient and
+Hessian. Two more charge the effort of acceleration and steering. Without them the likelihood
+does not exist: along a control that no feature bends (the last acceleration moves nothing
+within the horizon), the exponential of a linear reward has no integral.
+
+Every function returns its value followed by its first and then its second derivatives, so
+that the environment and the inverse control share one formula. The state is that of the
+vehicle's middle: ``x, y`` (m), heading ``psi`` (rad, 0 along the road), speed ``v`` (m/s).
+"""
+
+from __future__ import annotations
+
+from math import cos, exp, pi, sin
+
+import numpy as np
+from numba import njit
+
+from idm_sumo import road
+from idm_sumo.risk import LENGTH_SCALE, WIDTH_SCALE, risk_derivatives
+
+LANE, BOUNDARY, SPEED, HEADING, COLLISION, ACCELERATION, STEERING = range(7)
+NAMES = ("lane", "boundary", "speed", "heading", "collision", "acceleration", "steering")
+COUNT = len(NAMES)
+STATE_FEATURES = 5  # the first ones; the others are of the controls
+
+LANE_SPREAD = 0.25 * road.LANE_WIDTH  # m, standard deviation of the bump over a lane's middle
+BOUNDARY_DECAY = 1.0  # m, within which the nearness of the road's edge falls to 1/e
+HEADING_SCALE = 0.05  # rad, a quick lane change
+ACCELERATION_SCALE = 1.0  # m/s^2
+STEERING_SCALE = 0.01  # rad, a lateral acceleration of 0.9 m/s^2 at 16 m/s
+ROAD_WIDTH = road.MAIN_LANES * road.LANE_WIDTH
+
+# Risk of two cars of usual size that stand in the same place; makes the collision feature -1 there.
+FULL_RISK = 1.0 / (4.0 * pi * LENGTH_SCALE * road.CAR_LENGTH * WIDTH_SCALE * road.CAR_WIDTH)
+SIGHT = 60.0  # m, beyond it a risk is below 1e-12 of the full one for all but the longest trucks
+
+
+@njit(cache=True)
+def lane_middle(y: float) -> tuple[float, float, float]:
+    r"""Return the nearness to the middle of a lane: :math:`\sum_i e^{-(y - y_i)^2 / 2 s^2}`, 1 on a middle."""
+    value = first = second = 0.0
+    for lane in range(road.MAIN_LANES):
+        z = (y + (lane + 0.5) * road.LANE_WIDTH) / LANE_SPREAD
+        bump = exp(-0.5 * z * z)
+        value += bump
+        first -= bump * z / LANE_SPREAD
+        second += bump * (z * z - 1.0) / LANE_SPREAD**2
+    return value, first, second
+
+
+@njit(cache=True)
+def boundaries(y: float) -> tuple[float, float, float]:
+    r"""Return minus the nearness to the road's edges: :math:`-e^{y/s} - e^{-(y + w)/s}`, -1 on an edge, less beyond."""
+    left, right = exp(y / BOUNDARY_DECAY), exp(-(y + ROAD_WIDTH) / BOUNDARY_DECAY)
+    return -left - right, (right - left) / BOUNDARY_DECAY, -(left + right) / BOUNDARY_DECAY**2
+
+
+@njit(cache=True)
+def forward_speed(v: float, psi: float) -> tuple[float, float, float, float, float]:
+    r"""Return :math:`v\cos\psi/v_0` for the speed limit :math:`v_0`, its derivatives by v, psi, v and psi, psi twice."""
+    c, s = cos(psi) / road.SPEED_LIMIT, sin(psi) / road.SPEED_LIMIT
+    return v * c, c, -v * s, -s, -v * c
+
+
+@njit(cache=True)
+def along_road(psi: float) -> tuple[float, float, float]:
+    r"""Return :math:`(\cos\psi - 1)/s^2`, which is :math:`-\psi^2/2s^2` for small headings."""
+    weight = 1.0 / HEADING_SCALE**2
+    return weight * (cos(psi) - 1.0), -weight * sin(psi), -weight * cos(psi)
+
+
+@njit(cache=True)
+def effort(u: float, scale: float) -> tuple[float, float, float]:
+    r"""Return :math:`-\tfrac12 (u/s)^2` of a control."""
+    return -0.5 * (u / scale) ** 2, -u / scale**2, -1.0 / scale**2
+
+
+@njit(cache=True)
+def first_row_from(front, low, high, least):  # type: ignore[no-untyped-def]
+    """Return the first of the sorted rows ``low:high`` whose front is not behind ``least`` (m)."""
+    while low < high:
+        middle = (low + high) >> 1
+        if front[middle] < least:
+            low = middle + 1
+        else:
+            high = middle
+    return low
+
+
+@njit(cache=True)
+def collision(x, y, psi, length, width, cell, stride, lanes, own, around):  # type: ignore[no-untyped-def]
+    """Return minus the summed risk over the full risk of all vehicles in sight, with derivatives by x, y and psi.
+
+    ``cell`` is the leftmost lane's at this frame, the others follow by ``stride``; ``around``
+    is :class:`~idm_sumo.irl.episodes.Surroundings`.
+
+    Returns
+    -------
+    tuple of float
+        Value; x, y, psi; xx, xy, xpsi, yy, ypsi, psipsi.
+    """
+    total = (0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0)
+    for lane in range(lanes):
+        here = cell + lane * stride
+        row, end = around.offsets[here], around.offsets[here + 1]
+        row = first_row_from(around.front, row, end, x - SIGHT)
+        while row < end and around.front[row] < x + SIGHT + around.reach:
+            if around.vehicle[row] != own:
+                r = risk_derivatives(
+                    x - around.x[row], y - around.y[row], psi, length, width,
+                    around.heading[row], around.length[row], around.width[row],
+                )  # fmt: skip
+                total = (
+                    total[0] + r[0], total[1] + r[1], total[2] + r[2], total[3] + r[3], total[4] + r[4],
+                    total[5] + r[5], total[6] + r[6], total[7] + r[7], total[8] + r[8], total[9] + r[9],
+                )  # fmt: skip
+            row += 1
+    f = -1.0 / FULL_RISK
+    return (
+        f * total[0], f * total[1], f * total[2], f * total[3], f * total[4],
+        f * total[5], f * total[6], f * total[7], f * total[8], f * total[9],
+    )  # fmt: skip
+
+
+@njit(cache=True)
+def values(x, y, psi, v, acceleration, steering, length, width, cell, stride, lanes, own, around, out):  # type: ignore[no-untyped-def]
+    """Write all features of a state and of the controls that led to it to ``out``, shape (features,)."""
+    out[LANE] = lane_middle(y)[0]
+    out[BOUNDARY] = boundaries(y)[0]
+    out[SPEED] = forward_speed(v, psi)[0]
+    out[HEADING] = along_road(psi)[0]
+    out[COLLISION] = collision(x, y, psi, length, width, cell, stride, lanes, own, around)[0]
+    out[ACCELERATION] = effort(acceleration, ACCELERATION_SCALE)[0]
+    out[STEERING] = effort(steering, STEERING_SCALE)[0]
+
+
+@njit(cache=True)
+def state_derivatives(x, y, psi, v, length, width, cell, stride, lanes, own, around, gradient, hessian):  # type: ignore[no-untyped-def]
+    """Write gradients, shape (5, 4), and Hessians, shape (5, 4, 4), of the state features by ``x, y, psi, v``."""
+    gradient[:] = 0.0
+    hessian[:] = 0.0
+    _, gradient[LANE, 1], hessian[LANE, 1, 1] = lane_middle(y)
+    _, gradient[BOUNDARY, 1], hessian[BOUNDARY, 1, 1] = boundaries(y)
+    _, gradient[SPEED, 3], gradient[SPEED, 2], cross, hessian[SPEED, 2, 2] = forward_speed(v, psi)
+    hessian[SPEED, 2, 3] = hessian[SPEED, 3, 2] = cross
+    _, gradient[HEADING, 2], hessian[HEADING, 2, 2] = along_road(psi)
+    c = collision(x, y, psi, length, width, cell, stride, lanes, own, around)
+    gradient[COLLISION, 0], gradient[COLLISION, 1], gradient[COLLISION, 2] = c[1], c[2], c[3]
+    h = hessian[COLLISION]
+    h[0, 0], h[1, 1], h[2, 2] = c[4], c[7], c[9]
+    h[0, 1] = h[1, 0] = c[5]
+    h[0, 2] = h[2, 0] = c[6]
+    h[1, 2] = h[2, 1] = c[8]
+
+
+def weights_from(named: dict[str, float]) -> np.ndarray:
+    """Return weights in the order of :data:`NAMES`; a feature that is not named has weight 0."""
+    unknown = set(named) - set(NAMES)
+    if unknown:
+        raise ValueError(f"no feature {sorted(unknown)[0]!r}; there are {', '.join(NAMES)}")
+    return np.array([named.get(name, 0.0) for name in NAMES])

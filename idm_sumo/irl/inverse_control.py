@@ -1,0 +1,258 @@
+r"""Continuous inverse optimal control: the weights under which demonstrations are most likely.
+
+Levine and Koltun (2012). A driver is thought to choose controls :math:`u` with a density
+proportional to :math:`e^{R(u)}` for the reward :math:`R = \theta^\top f` summed over the steps
+(maximum entropy). The reward's second-order expansion about the demonstration makes the density
+Gaussian (Laplace), and with gradient :math:`g` and :math:`A = -H > 0` the log-likelihood is
+
+.. math:: L = -\tfrac12 g^\top A^{-1} g + \tfrac12 \log|A| - \tfrac n2 \log 2\pi .
+
+:math:`g` and :math:`A` are linear in :math:`\theta`, so :math:`L` is concave where it exists: the first
+term is a matrix-fractional function, the second a log-determinant. Newton steps with
+
+.. math:: L_k = -g_k^\top w + \tfrac12 w^\top A_k w + \tfrac12\operatorname{tr}(A^{-1}A_k),\quad
+    L_{kl} = -r_k^\top A^{-1} r_l - \tfrac12\operatorname{tr}(A^{-1}A_k A^{-1}A_l),
+
+:math:`w = A^{-1}g`, :math:`r_k = g_k - A_k w`, find its only maximum.
+
+*Where A is not positive definite* the likelihood is undefined. Levine and Koltun's remedy: a
+dummy feature, minus half the squared deviation from the demonstrated controls, whose gradient is
+zero there and whose Hessian is minus the identity (in units of the controls' scales). Its
+weight starts so large that every :math:`A` is positive definite, and an augmented Lagrangian then
+drives it to zero. What is left of it is in the result.
+
+Standard errors are those of an estimator that knows its model to be wrong (sandwich), with one
+score a demonstration.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+import numpy.typing as npt
+
+from idm_sumo.irl import features
+from idm_sumo.progress import Progress, silent
+
+Floats = npt.NDArray[np.float64]
+
+ITERATIONS = 60
+TOLERANCE = 1e-8  # of the Newton decrement, per demonstration
+DUMMY_GONE = 1e-6
+ROUNDS = 12  # of the augmented Lagrangian
+CHUNK = 64  # demonstrations whose matrices are in memory a second time
+FIRST_GUESS = 1.0
+
+
+@dataclass(frozen=True)
+class Expansion:
+    """The reward's features about each demonstration, to second order.
+
+    Attributes
+    ----------
+    gradient : float64, shape (demonstrations, features, n)
+    hessian : float64, shape (demonstrations, features, n, n)
+    scale : float64, shape (n,)
+        Units of the controls; the dummy feature's.
+    """
+
+    gradient: Floats
+    hessian: Floats
+    scale: Floats
+
+    @classmethod
+    def of(cls, gradient: Floats, hessian: Floats) -> Expansion:
+        """Wrap the result of :func:`idm_sumo.irl.trajectory.derivatives`."""
+        units = [features.ACCELERATION_SCALE, features.STEERING_SCALE]
+        return cls(gradient, hessian, np.tile(units, gradient.shape[2] // 2))
+
+    def __len__(self) -> int:
+        """Return the number of demonstrations."""
+        return len(self.gradient)
+
+
+@dataclass(frozen=True)
+class LearnedReward:
+    """Weights by maximum likelihood.
+
+    Attributes
+    ----------
+    weights, standard_errors : float64, shape (features,)
+        0 for a feature that was left out.
+    covariance : float64, shape (features, features)
+    log_likelihood : float
+        Mean over demonstrations.
+    demonstrations : int
+    dummy : float
+        What is left of the dummy feature's weight.
+    converged : bool
+    """
+
+    weights: Floats
+    standard_errors: Floats
+    covariance: Floats
+    log_likelihood: float
+    demonstrations: int
+    dummy: float
+    converged: bool
+
+    def to_json(self) -> dict[str, object]:
+        """Return plain values, by feature."""
+        return {
+            "weights": dict(zip(features.NAMES, self.weights.tolist(), strict=True)),
+            "standard_errors": dict(zip(features.NAMES, self.standard_errors.tolist(), strict=True)),
+            "log_likelihood": self.log_likelihood, "demonstrations": self.demonstrations,
+            "dummy": self.dummy, "converged": self.converged,
+        }  # fmt: skip
+
+
+def log_likelihood(expansion: Expansion, weights: npt.ArrayLike, dummy: float = 0.0) -> Floats:
+    """Return the log-likelihood of each demonstration; minus infinity where the reward is not concave."""
+    return _evaluate(expansion, np.append(np.asarray(weights, dtype=np.float64), dummy), order=0)[0]
+
+
+def learn(
+    expansion: Expansion, *, use: tuple[str, ...] = features.NAMES, progress: Progress = silent
+) -> LearnedReward:
+    """Find the weights that make the demonstrations most likely.
+
+    Parameters
+    ----------
+    expansion : Expansion
+    use : tuple of str
+        Features with a weight; the others keep 0.
+
+    Returns
+    -------
+    LearnedReward
+        ``converged`` is false if the steps ran out, or if no weights make every demonstration's
+        reward concave without the dummy feature.
+    """
+    free = np.array([features.NAMES.index(name) for name in use])
+    theta = np.zeros(features.COUNT + 1)
+    theta[free] = FIRST_GUESS
+    price, stiffness = 0.0, 0.0
+    if not np.isfinite(_evaluate(expansion, theta, order=0)[0]).all():
+        theta[-1] = _enough_dummy(expansion, theta)
+        price, stiffness = 1.0, 1.0
+    searched = np.append(free, features.COUNT) if theta[-1] else free
+    for round_ in range(ROUNDS):
+        progress("inverse optimal control", round_, ROUNDS)
+        theta, converged = _newton(expansion, theta, searched, price, stiffness)
+        if theta[-1] <= DUMMY_GONE:
+            break
+        price, stiffness = price + stiffness * theta[-1], 4.0 * stiffness
+    progress("inverse optimal control", ROUNDS, ROUNDS)
+    converged = converged and theta[-1] <= DUMMY_GONE
+    if converged and theta[-1]:
+        plain = np.append(theta[:-1], 0.0)
+        if np.isfinite(_evaluate(expansion, plain, order=0)[0]).all():
+            theta, converged = _newton(expansion, plain, free, 0.0, 0.0)
+    return _result(expansion, theta, free, converged)
+
+
+def _enough_dummy(expansion: Expansion, theta: Floats) -> float:
+    """Return a weight of the dummy feature that makes every reward concave."""
+    trial = theta.copy()
+    trial[-1] = 1.0
+    while not np.isfinite(_evaluate(expansion, trial, order=0)[0]).all():
+        trial[-1] *= 2.0
+    return float(2.0 * trial[-1])
+
+
+def _newton(
+    expansion: Expansion, theta: Floats, free: npt.NDArray[np.int64], price: float, stiffness: float
+) -> tuple[Floats, bool]:
+    """Maximise mean likelihood less ``price * dummy + stiffness / 2 * dummy**2`` by damped Newton steps."""
+    value, slope, bend = _objective(expansion, theta, price, stiffness)
+    for _ in range(ITERATIONS):
+        step = np.zeros_like(theta)
+        step[free] = np.linalg.solve(-bend[np.ix_(free, free)], slope[free])
+        decrement = float(slope @ step)
+        if decrement < TOLERANCE:
+            return theta, True
+        size = 1.0
+        while True:
+            trial = theta + size * step
+            trial[-1] = max(trial[-1], 0.0)
+            new = _objective(expansion, trial, price, stiffness, order=0)[0]
+            if new >= value + 0.1 * size * decrement or (trial[-1] == 0.0 < theta[-1] and new > value):
+                break
+            size *= 0.5
+            if size < 1e-10:
+                return theta, False
+        theta = trial
+        if theta[-1] == 0.0 and free[-1] == features.COUNT:
+            return theta, True
+        value, slope, bend = _objective(expansion, theta, price, stiffness)
+    return theta, False
+
+
+def _objective(
+    expansion: Expansion, theta: Floats, price: float, stiffness: float, order: int = 2
+) -> tuple[float, Floats, Floats]:
+    each, slope, bend = _evaluate(expansion, theta, order)
+    value = float(each.mean()) - price * theta[-1] - 0.5 * stiffness * theta[-1] ** 2
+    if order == 0 or not np.isfinite(value):
+        return value, np.zeros_like(theta), np.zeros((len(theta), len(theta)))
+    gradient, hessian = slope.mean(axis=0), bend / len(expansion)
+    gradient[-1] -= price + stiffness * theta[-1]
+    hessian[-1, -1] -= stiffness
+    return value, gradient, hessian
+
+
+def _evaluate(expansion: Expansion, theta: Floats, order: int) -> tuple[Floats, Floats, Floats]:
+    """Return likelihoods (demonstrations,), scores (demonstrations, p) and the sum of second derivatives (p, p)."""
+    n, p = len(expansion), len(theta)
+    each, slope, bend = np.full(n, -np.inf), np.zeros((n, p)), np.zeros((p, p))
+    for begin in range(0, n, CHUNK):
+        part = slice(begin, begin + CHUNK)
+        found = _evaluate_chunk(expansion.gradient[part], expansion.hessian[part], expansion.scale, theta, order)
+        if found is None:
+            break
+        each[part], slope[part] = found[0], found[1]
+        bend += found[2]
+    return each, slope, bend
+
+
+def _evaluate_chunk(
+    gradient: Floats, hessian: Floats, scale: Floats, theta: Floats, order: int
+) -> tuple[Floats, Floats, Floats] | None:
+    n, p, size = len(gradient), len(theta), len(scale)
+    dummy = np.diag(1.0 / scale**2)
+    g = np.einsum("k,ikm->im", theta[:-1], gradient)
+    a = theta[-1] * dummy - np.einsum("k,ikmn->imn", theta[:-1], hessian, optimize=True)
+    try:
+        lower = np.linalg.cholesky(a)
+    except np.linalg.LinAlgError:
+        return None
+    half_log_determinant = np.log(np.diagonal(lower, axis1=1, axis2=2)).sum(axis=1)
+    w = np.linalg.solve(a, g[:, :, None])[:, :, 0]
+    each = -0.5 * np.einsum("im,im->i", g, w) + half_log_determinant - 0.5 * size * np.log(2.0 * np.pi)
+    if order == 0:
+        return each, np.zeros((n, p)), np.zeros((p, p))
+    curvature = np.concatenate([-hessian, np.broadcast_to(dummy, (n, 1, size, size))], axis=1)  # A_k
+    slopes = np.concatenate([gradient, np.zeros((n, 1, size))], axis=1)  # g_k
+    bent = np.einsum("ikmn,in->ikm", curvature, w, optimize=True)  # A_k w
+    inverse = np.linalg.inv(a)
+    solved = inverse[:, None] @ curvature  # A^-1 A_k
+    score = (
+        -np.einsum("ikm,im->ik", slopes, w) + 0.5 * np.einsum("ikm,im->ik", bent, w)
+        + 0.5 * np.trace(solved, axis1=2, axis2=3)
+    )  # fmt: skip
+    rest = slopes - bent
+    flat, turned = solved.reshape(n, p, -1), solved.swapaxes(2, 3).reshape(n, p, -1)
+    second = -(rest @ inverse @ rest.swapaxes(1, 2)) - 0.5 * flat @ turned.swapaxes(1, 2)
+    return each, score, second.sum(axis=0)
+
+
+def _result(expansion: Expansion, theta: Floats, free: npt.NDArray[np.int64], converged: bool) -> LearnedReward:
+    each, score, bend = _evaluate(expansion, theta, order=2)
+    chosen = np.ix_(free, free)
+    inverse = np.linalg.inv(-bend[chosen])
+    covariance = np.zeros((features.COUNT, features.COUNT))
+    covariance[chosen] = inverse @ (score[:, free].T @ score[:, free]) @ inverse
+    return LearnedReward(
+        theta[:-1], np.sqrt(np.diag(covariance)), covariance, float(each.mean()), len(expansion), float(theta[-1]), converged
+    )
