@@ -1,0 +1,15 @@
+"""Recordings with a hidden effect: traffic simulated by code that shares nothing with the finder's.
+
+    chosen = plan(seed=3, effect="hysteresis", size="mid")   # everything not given is drawn from the seed
+    planted = simulate(chosen)                               # true paths, apart from what is measured
+    write(planted, path)                                     # NGSIM's official layout; nothing reveals the plan
+
+Own car-following (an IDM stepped by 0.05 s, ballistic, and a full-velocity-difference model), own lane changes, own
+driver and measurement noise, and for each effect a usual and another form (:mod:`tests.planting.behaviour`).
+"""
+
+from tests.planting.files import write
+from tests.planting.plans import CATALOGUE, OUTSIDE, SIZES, Plan, plan
+from tests.planting.simulation import Planted, simulate
+
+__all__ = ["CATALOGUE", "OUTSIDE", "SIZES", "Plan", "Planted", "plan", "simulate", "write"]

@@ -1,0 +1,73 @@
+"""How a simulated driver accelerates: two car-following models, and the effects by a flat vector ``e``."""
+
+from __future__ import annotations
+
+import numpy as np
+from numba import njit
+
+from tests.planting.plans import SIZES
+
+INDEX = {name: number for number, name in enumerate(SIZES)}
+DELAY, SECOND, RELAX, ASYM, TRUCK_AHEAD, SPEED_T, BAND, HYST, FRICTION, PLACE, TIME, LIMIT, OWN_TRUCK, MEMORY, \
+    PRESSURE, COURTESY, PREPARE, _, DISTRACT, THROTTLE, ENFORCE, BESIDE, LATE = range(len(SIZES))  # fmt: skip
+
+
+@njit(cache=True)
+def base_acceleration(kind, v, s, dv, v0, T, a, b, s0):  # type: ignore[no-untyped-def]
+    """Follow at gap ``s``, closing in by ``dv``; ``kind`` 0 is an IDM, 1 full velocity difference."""
+    s = max(s, 0.3)
+    if kind == 0:
+        want = s0 + max(0.0, v * T + 0.5 * v * dv / np.sqrt(a * b))
+        acc = a * (1.0 - (v / v0) ** 4 - (want / s) ** 2)
+        return max(acc, -8.0)
+    ideal = min(v0, max(0.0, (s - s0) / T))
+    acc = (0.2 + 0.25 * a) * (ideal - v) - 0.35 * b * dv * min(1.0, 40.0 / s)
+    if dv > 0.0 and dv * dv / (2.0 * s) > b:  # would not stop comfortably
+        acc = min(acc, -dv * dv / (2.0 * s))
+    if s < 1.5 and v > 0.3:
+        acc = min(acc, -4.0)
+    return max(-8.0, min(acc, 1.3 * a))
+
+
+@njit(cache=True)
+def ramp(value, low, high, width):  # type: ignore[no-untyped-def]
+    """Return 1 between ``low`` and ``high``, 0 outside, with edges of ``width``."""
+    return min(1.0, max(0.0, (value - low) / width + 0.5)) * min(1.0, max(0.0, (high - value) / width + 0.5))
+
+
+@njit(cache=True)
+def dead(dv, band, other):  # type: ignore[no-untyped-def]
+    """Return the approach rate that is noticed."""
+    if other:  # a soft threshold: small rates fade
+        return dv * dv * dv / (dv * dv + 0.5 * band * band) if band > 0.0 else dv
+    return 0.0 if abs(dv) < band else dv
+
+
+@njit(cache=True)
+def headway(T, v, e, other, al, al_slow, truck_ahead, own_truck, slow_mean, in_time, courteous, preparing):  # type: ignore[no-untyped-def]
+    """Return the time headway with everything that stretches it."""
+    if e[TRUCK_AHEAD] > 0.0 and truck_ahead and not other:
+        T *= 1.0 + e[TRUCK_AHEAD]
+    if e[SPEED_T] > 0.0:
+        lean = (v - 8.0) / 10.0
+        T *= 1.0 + e[SPEED_T] * (1.2 * np.tanh(lean / 1.2) if other else lean)
+    if e[HYST] > 0.0:
+        T *= 1.0 + e[HYST] * np.tanh((al_slow if other else al) / 0.5)
+    T *= 1.0 + e[TIME] * in_time
+    if own_truck:
+        T *= 1.0 + e[OWN_TRUCK]
+    T *= 1.0 + e[MEMORY] * max(0.0, 1.0 - slow_mean / 15.0)
+    if courteous:
+        T *= 1.0 + e[COURTESY]
+    if preparing:
+        T *= 1.0 + e[PREPARE]
+    return max(T, 0.3)
+
+
+@njit(cache=True)
+def credit(e, jump, since, other):  # type: ignore[no-untyped-def]
+    """Return the gap (m) that a driver who was cut in on does not miss yet."""
+    if e[RELAX] == 0.0 or jump <= 0.0:
+        return 0.0
+    fade = max(0.0, 1.0 - since / 24.0) if other else np.exp(-since / 12.0)
+    return e[RELAX] * min(jump, 40.0) * fade
