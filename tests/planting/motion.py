@@ -1,5 +1,7 @@
 """The compiled loop over time: entries, car-following with effects, lane changes, exits."""
 
+# ruff: noqa: NPY002  (compiled code draws from the compiled generator, seeded in `run`)
+
 from __future__ import annotations
 
 import numpy as np
@@ -74,7 +76,7 @@ def run(  # type: ignore[no-untyped-def]
     target, planned, changed, courteous = np.full(n, -1), np.zeros(n), np.full(n, -1e9), np.zeros(n, np.bool_)
     frozen, phase, freezes = np.zeros(n), np.random.rand(n) * 6.283, np.random.rand(n)
     queue, tail = np.zeros(lanes, np.int64), np.full(lanes, -1)
-    limit_factor = np.ones(lanes)
+    limit_factor, enters = np.ones(lanes), lane.copy()
     limit_factor[special_lane] -= effects[act.LIMIT]
     none = np.zeros_like(effects)
     look_beside = effects[act.FRICTION] > 0 or effects[act.BESIDE] > 0
@@ -82,7 +84,7 @@ def run(  # type: ignore[no-untyped-def]
     for step in range(-warm, 2 * frames):
         t = step * DT
         for k in range(lanes):  # who waits at the entry
-            while queue[k] < n and lane[queue[k]] != k:
+            while queue[k] < n and enters[queue[k]] != k:
                 queue[k] += 1
             i, j = queue[k], tail[k]
             room = 1e9 if j < 0 or not on[j] else x[j] - length[j] + before
@@ -110,7 +112,7 @@ def run(  # type: ignore[no-untyped-def]
             delay = e[act.DELAY] + e[act.LATE] * (in_time > 0.5)
             own = v[i]
             if delay > 0.0:
-                ago = (slot - int(round(delay / DT))) % LAGS
+                ago = (slot - round(delay / DT)) % LAGS
                 s, dv = past_s[i, ago], past_d[i, ago]
                 own = v[i] if other else past_v[i, ago]
             leader_acc = acc[j] if j >= 0 else 0.0
