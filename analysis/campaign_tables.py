@@ -8,16 +8,12 @@ from typing import Any
 import matplotlib.pyplot as plt
 import numpy as np
 import pandas as pd
+from matplotlib.figure import Figure
 from scipy import stats
 
 from .style import save
 
 LEVELS = ["small", "mid", "large"]
-PLANTED_PARAMETER = {
-    "reaction_delay": "tau", "multi_leader_anticipation": "w", "lane_change_relaxation": "kappa",
-    "acceleration_asymmetry": "gamma", "leader_class": "theta", "perception_threshold": "band", "hysteresis": "h",
-    "adjacent_lane_friction": "k",
-}  # fmt: skip
 
 
 def summarise(trials: pd.DataFrame, folder: Path) -> None:
@@ -82,12 +78,9 @@ def magnitudes(graded: pd.DataFrame) -> pd.DataFrame:
     for _, trial in graded[(graded["form"] == "usual") & graded["group"].isin(["single"])].iterrows():
         name = trial["name"]
         for cause in trial["found"]["causes"]:
-            first = PLANTED_PARAMETER.get(name) or next(iter(cause["parameters"]), None)
-            if cause["name"] != name or first not in cause["parameters"]:
-                first = next(iter(cause["parameters"]), None) if cause["name"] == name else None
-            if first is None:
+            if cause["name"] != name:
                 continue
-            one, truth = cause["parameters"][first], abs(trial["effects"][name])
+            one, truth = next(iter(cause["parameters"].values())), abs(trial["effects"][name])  # the size comes first
             value, (low, high) = abs(one["value"]), sorted(abs(x) for x in one["ci95"])
             rows.append({"name": name, "error": abs(value / truth - 1.0), "covered": low <= truth <= high})
     table = pd.DataFrame(rows, columns=["name", "error", "covered"])
@@ -97,7 +90,7 @@ def magnitudes(graded: pd.DataFrame) -> pd.DataFrame:
     return out.round(3).reset_index()
 
 
-def power_curves(graded: pd.DataFrame) -> plt.Figure:
+def power_curves(graded: pd.DataFrame) -> Figure:
     """Draw the share of recordings in which the cause was named, against its size, cause by cause."""
     single = graded[graded["group"] == "single"]
     names = list(dict.fromkeys(single["name"]))

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import time
+from copy import deepcopy
 from dataclasses import asdict
 from pathlib import Path
 from typing import Any
@@ -15,6 +16,7 @@ from idm_sumo import columns as c
 from idm_sumo import driver_table as d
 from idm_sumo import road
 from idm_sumo.comparison import compare_portraits, portray
+from idm_sumo.effects import ExtendedModel
 from idm_sumo.errors import InputError
 from idm_sumo.outputs import MANIFEST, new_folder
 from idm_sumo.progress import Progress, silent
@@ -23,11 +25,12 @@ from idm_sumo.smoothing import smooth
 from idm_sumo.sumo.closed_loop import Measured, run_and_measure, write_run
 from idm_sumo.sumo.demand import boundary_speeds, demand_of
 from idm_sumo.sumo.ego import Ego
+from idm_sumo.sumo.extended_loop import ModelDrivers
 from idm_sumo.sumo.gui import gui_binary
 from idm_sumo.sumo.populations import DEFAULTS, SUBLANE, calibrated_types, default_types, lane_change_attributes
 
 from .closed_loop_results import closed_loop_table, write_results
-from .closed_loop_settings import Case, Settings
+from .closed_loop_settings import EXTENDED, Case, Settings
 from .closed_loop_words import RECORDED
 from .comparison import read_all
 from .manifest import manifest, write_manifest
@@ -53,7 +56,9 @@ def interactive(settings: Settings, out: Path, *, command: list[str], progress: 
         recorded, path = _recorded(settings, progress)
         demand = demand_of(recorded)
         _check_ego(settings, demand, recorded)
-        needed = bool(set(settings.types) & set(CALIBRATED)) or settings.ego is not None or settings.bias_sample > 0
+        needed = (
+            bool(set(settings.types) & {*CALIBRATED, EXTENDED}) or settings.ego is not None or settings.bias_sample > 0
+        )
         drivers = (
             drivers_of(recorded, settings.drivers, settings.seed, refit=settings.refit, progress=progress)
             if needed
@@ -73,7 +78,7 @@ def interactive(settings: Settings, out: Path, *, command: list[str], progress: 
         table = closed_loop_table(comparison, measured)
         write_results(part, table, comparison, measured, bias, recorded, demand, settings)
         plain = {key: value for key, value in asdict(settings).items() if key not in ("gui",)}
-        record = manifest(command, plain, [path, *([settings.drivers] if settings.drivers else [])], seconds=round(time.perf_counter() - begin, 1),
+        record = manifest(command, plain, [path, *(file for file in (settings.drivers, settings.model) if file)], seconds=round(time.perf_counter() - begin, 1),
                           integrator="SUMO, Euler with the new speed, 0.1 s", lane_change=lane_change, period=recorded.periods[0],
                           drivers=None if drivers is None else drivers.origin, pooled=None if drivers is None else drivers.pooled._asdict(),
                           pooled_vehicles={case.name: case.pooled for case, _ in measured})  # fmt: skip
@@ -124,14 +129,19 @@ def _cases(
         if population in DEFAULTS:
             types = default_types(demand, population, lane_change)
         elif drivers is not None:
-            theta, pooled = parameters_for(population, drivers, demand, speeds)
+            own = "drivers" if population == EXTENDED else population
+            theta, pooled = parameters_for(own, drivers, demand, speeds)
             types = calibrated_types(demand, theta, lane_change)
+        ours = None
+        if population == EXTENDED and settings.model is not None:
+            model = ExtendedModel.read(settings.model)
+            ours = ModelDrivers(model, demand, theta, model.desired_speed)
         options = SUBLANE.get(settings.lane_change_model, ())
         files = write_run(
             part / "simulation", population, recorded, demand, types, downstream=downstream, options=options
         )
         seeds = [0] if settings.seeds == 1 else range(settings.seed, settings.seed + settings.seeds)
-        cases += [Case(population, seed, files, pooled) for seed in seeds]
+        cases += [Case(population, seed, files, pooled, deepcopy(ours)) for seed in seeds]
     return cases
 
 
@@ -149,7 +159,7 @@ def _run_all(
     jobs = min(settings.jobs or cpu_count(), len(cases))
     work: list[tuple[Case, dict[str, Any]]] = [
         (case, {"fcd": part / "fcd" / f"{case.name.replace(', ', '-').replace(' ', '')}.parquet", "name": case.name,
-                "seed": case.seed or settings.seed, "ego": _ego(settings, demand, drivers), "gui": settings.gui})
+                "seed": case.seed or settings.seed, "ego": _ego(settings, demand, drivers), "ours": case.ours, "gui": settings.gui})
         for case in cases
     ]  # fmt: skip
     clock = Recording(

@@ -7,12 +7,14 @@ from dataclasses import dataclass
 from pathlib import Path
 
 from idm_sumo.sumo.closed_loop import RunFiles
+from idm_sumo.sumo.extended_loop import ModelDrivers
 from idm_sumo.sumo.populations import DEFAULTS
 
 from .populations import CALIBRATED
 from .settings import SURROGATE
 
 POPULATIONS = (*CALIBRATED, *DEFAULTS)
+EXTENDED = "extended"  # the drivers with the causes of a model, driven by our own loop
 
 
 @dataclass(frozen=True)
@@ -47,6 +49,8 @@ class Settings:
         Of the built-in recording.
     location : str
     seed, jobs : int
+    model : Path or None
+        An extended model, for the population ``extended``.
     """
 
     recording: str = SURROGATE
@@ -65,6 +69,7 @@ class Settings:
     location: str = "us-101"
     seed: int = 1
     jobs: int | None = None
+    model: Path | None = None
 
 
 @dataclass(frozen=True)
@@ -75,6 +80,7 @@ class Case:
     seed: int
     files: RunFiles
     pooled: int  # vehicles that drive by the pooled parameters
+    ours: ModelDrivers | None = None  # who drives in place of SUMO's types
 
     @property
     def name(self) -> str:

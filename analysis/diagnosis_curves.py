@@ -41,12 +41,12 @@ COVARIATES = (
     Covariate("gap", "gap (m)", limits=(0.0, 100.0)),
     Covariate("approach_rate", "approach rate (m/s)", limits=(-10.0, 10.0)),
     Covariate("leader_acceleration", "leader's acceleration (m/s²)", limits=(-5.0, 5.0)),
-    Covariate("acceleration", "own acceleration (m/s²)", limits=(-5.0, 5.0)),
-    Covariate("since_leader_change", "time since a leader change (s)", "even", (0.0, 30.0)),
-    Covariate("faster_than_next_lane", "own speed minus the next lane's (m/s)", limits=(-15.0, 15.0)),
-    Covariate("leader_class", "leader's class (1 motorcycle, 2 car, 3 truck)", "labels"),
-    Covariate("vehicle_class", "own class (1 motorcycle, 2 car, 3 truck)", "labels"),
+    Covariate("since_change", "time since a leader change (s)", "even", (0.0, 30.0)),
+    Covariate("adjacent_difference", "own speed minus the slower next lane's (m/s)", limits=(-15.0, 15.0)),
+    Covariate("rear_gap", "gap to the follower (m)", limits=(0.0, 60.0)),
+    Covariate("leader_class", "leader's class (1 motorcycle, 2 car, 3 truck)", "labels", (1.0, 3.0)),
     Covariate("lane", "lane (1 leftmost)", "labels"),
+    Covariate("lag", "time since the start of the window (s)", "even"),
     Covariate("position", "position along the road (m)", "even"),
     Covariate("time", "time of the recording (s)", "even"),
 )
@@ -99,9 +99,13 @@ def _edges(values: Floats, scale: str) -> Floats:
     return np.unique(np.quantile(values, np.linspace(0.01, 0.99, BINS + 1)))
 
 
-def _curve(part: pd.DataFrame, number: npt.NDArray[np.int64], edges: Floats, covariate: Covariate, model: str) -> pd.DataFrame:
+def _curve(
+    part: pd.DataFrame, number: npt.NDArray[np.int64], edges: Floats, covariate: Covariate, model: str
+) -> pd.DataFrame:
     """Return the curve of one model against one covariate."""
-    mean, half, drivers = clustered_mean(part[model].to_numpy(np.float64), part["driver"].to_numpy(), number, len(edges) - 1)
+    mean, half, drivers = clustered_mean(
+        part[model].to_numpy(np.float64), part["driver"].to_numpy(), number, len(edges) - 1
+    )
     labels = covariate.scale == "labels"
     centre = edges[:-1] if labels else 0.5 * (edges[1:] + edges[:-1])
     table = pd.DataFrame({

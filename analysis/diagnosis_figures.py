@@ -2,12 +2,16 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
+
 import numpy as np
 import numpy.typing as npt
 import pandas as pd
 from matplotlib.axes import Axes
 from matplotlib.colors import TwoSlopeNorm
 from matplotlib.figure import Figure
+
+from idm_sumo.diagnosis import Scan
 
 from .diagnosis_curves import COVARIATES, clustered_mean
 from .style import new_figure
@@ -17,11 +21,12 @@ Floats = npt.NDArray[np.float64]
 BASE, EXTENDED = "base", "extended"
 COLOURS = {BASE: "#D55E00", EXTENDED: "#0072B2"}
 NAMES = {BASE: "IDM", EXTENDED: "extended model"}
+SCANNED = {"position_m": "position along the road (m)", "time_s": "time of the recording (s)"}
 MARKED = "#F0E442"  # where a named or unexplained place or time lies
-AHEAD_BEHIND = "too far ahead: red, too far behind: blue"
+SIGN = "measured minus simulated (m)"
 
 
-def residual_curves(curves: pd.DataFrame, unit: str) -> Figure:
+def residual_curves(curves: pd.DataFrame) -> Figure:
     """Draw the residual against each covariate, base and extended, with 95 % bands over drivers."""
     shown = [covariate for covariate in COVARIATES if (curves["covariate"] == covariate.name).any()]
     rows = max(1, -(-len(shown) // 3))
@@ -32,7 +37,7 @@ def residual_curves(curves: pd.DataFrame, unit: str) -> Figure:
         ax.set(xlabel=covariate.label)
     for ax in axes[len(shown) :]:
         ax.axis("off")
-    figure.supylabel(f"simulated minus measured ({unit})", fontsize=9)
+    figure.supylabel(f"{SIGN}; below 0 the simulated car is too far ahead", fontsize=9)
     if shown:
         _legend(figure, axes[0])
     return figure
@@ -44,7 +49,9 @@ def _curve_panel(ax: Axes, curves: pd.DataFrame, *, labels: bool) -> None:
         colour, name = COLOURS[str(model)], NAMES[str(model)]
         if labels:
             half = part["mean"] - part["ci_low"]
-            ax.errorbar(part["centre"] + shift, part["mean"], half, color=colour, fmt="o", markersize=4, capsize=3, label=name)
+            ax.errorbar(
+                part["centre"] + shift, part["mean"], half, color=colour, fmt="o", markersize=4, capsize=3, label=name
+            )
             ax.set_xticks(sorted(curves["centre"].unique()))
         else:
             ax.plot(part["centre"], part["mean"], color=colour, marker="o", markersize=2.5, linewidth=1.5, label=name)
@@ -61,7 +68,6 @@ def where_and_when(
     places: Floats,
     times: Floats,
     marks: list[tuple[tuple[float, float] | None, tuple[float, float] | None]],
-    unit: str,
 ) -> Figure:
     """Draw the mean residual by place and time; named and unexplained places and times are framed.
 
@@ -80,11 +86,13 @@ def where_and_when(
     for ax, (model, field) in zip(axes, maps.items(), strict=True):
         ax.set_facecolor("0.88")
         ax.grid(visible=False)
-        mesh = ax.pcolormesh(times, places, field, cmap="RdBu_r", norm=TwoSlopeNorm(0.0, -limit, limit), rasterized=True)
+        mesh = ax.pcolormesh(
+            times, places, field, cmap="RdBu_r", norm=TwoSlopeNorm(0.0, -limit, limit), rasterized=True
+        )
         for position, time in marks:
             _frame(ax, position or (places[0], places[-1]), time or (times[0], times[-1]))
         ax.set(title=NAMES[model], xlabel="time of the recording (s)", ylabel="position along the road (m)")
-    figure.colorbar(mesh, ax=axes, label=f"simulated minus measured ({unit})\n{AHEAD_BEHIND}", extend="both")
+    figure.colorbar(mesh, ax=axes, label=SIGN, extend="both")
     return figure
 
 
@@ -101,10 +109,10 @@ def gain_per_driver(gains: pd.DataFrame) -> Figure:
     Parameters
     ----------
     gains : pandas.DataFrame
-        ``base_ade_m, extended_ade_m``, one row a held-out driver.
+        ``base_ade, extended_ade`` (m), one row a held-out driver.
     """
     figure, axes = new_figure(10, 3.8, columns=2)
-    base, extended = gains["base_ade_m"].to_numpy(), gains["extended_ade_m"].to_numpy()
+    base, extended = gains["base_ade"].to_numpy(), gains["extended_ade"].to_numpy()
     top = float(np.nanmax([base.max(initial=0.1), extended.max(initial=0.1)])) * 1.05
     axes[0].plot([0, top], [0, top], color="black", linewidth=0.8)
     axes[0].scatter(base, extended, s=9, alpha=0.6, color=COLOURS[EXTENDED], linewidths=0)
@@ -157,16 +165,48 @@ def evidence(tests: pd.DataFrame) -> Figure:
     return figure
 
 
+def free_accelerations(scans: Sequence[Scan]) -> Figure:
+    """Draw the acceleration that the IDM lacks along position and time, with 95 % intervals."""
+    figure, axes = new_figure(11, 3.2, columns=max(len(scans), 1))
+    for ax, scan in zip(axes, scans, strict=False):
+        centre = 0.5 * (scan.edges[1:] + scan.edges[:-1])
+        ax.axhline(0, color="black", linewidth=0.8)
+        half = 1.96 * scan.standard_error
+        ax.step(centre, scan.estimate, where="mid", color=COLOURS[BASE])
+        ax.fill_between(
+            centre, scan.estimate - half, scan.estimate + half, step="mid", color=COLOURS[BASE], alpha=0.2, linewidth=0
+        )
+        ax.set(xlabel=SCANNED.get(scan.covariate, scan.covariate), ylabel="acceleration the IDM lacks (m/s²)")
+    return figure
+
+
 def power_curves(power: pd.DataFrame) -> Figure:
     """Draw how probably an effect of some size would have been seen: ``name, size, unit, probability``."""
-    figure, (ax,) = new_figure(7.5, 4.0)
-    for number, (name, part) in enumerate(power.groupby("name", sort=False)):
-        part = part.sort_values("size")
+    names = list(dict.fromkeys(power["name"]))
+    single = power.groupby("name")["size"].nunique().max() == 1
+    figure, (ax,) = new_figure(7.5, 0.28 * len(names) + 1.0 if single else 4.0)
+    if single:
+        ordered = power.sort_values("probability")
+        y = np.arange(len(ordered))
+        ax.barh(y, ordered["probability"], color="0.6")
+        labels = zip(ordered["name"], ordered["size"], ordered["unit"], strict=True)
+        ax.set_yticks(
+            y, [f"{str(name).replace('_', ' ')}, {size:.2g} {unit}" for name, size, unit in labels], fontsize=8
+        )
+        ax.set(xlabel="probability to be seen", xlim=(0, 1))
+        return figure
+    for number, name in enumerate(names):
+        part = power[power["name"] == name].sort_values("size")
         largest = float(part["size"].max())
         style = ("-", "--", ":", "-.")[number // 10 % 4]
         label = f"{str(name).replace('_', ' ')} (1 = {largest:.3g} {part['unit'].iloc[0]})"
-        ax.plot(part["size"] / largest, part["probability"], style, label=label)
+        ax.plot(part["size"] / largest, part["probability"], style, marker="o", markersize=3, label=label)
     ax.axhline(0.8, color="0.7", linewidth=0.8)
-    ax.set(xlabel="size of the effect, share of the largest shown", ylabel="probability to be seen", ylim=(0, 1.02), xlim=(0, 1))
+    ax.set(
+        xlabel="size of the effect, share of the largest shown",
+        ylabel="probability to be seen",
+        ylim=(0, 1.02),
+        xlim=(0, 1.02),
+    )
     ax.legend(fontsize=7, loc="lower right")
     return figure

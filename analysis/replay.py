@@ -2,19 +2,25 @@
 
 from __future__ import annotations
 
+import json
 from dataclasses import asdict, dataclass
+from dataclasses import replace as changed
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 import numpy.typing as npt
 import pandas as pd
+from scipy.optimize import least_squares
 
 from idm_sumo import columns as c
 from idm_sumo import road
 from idm_sumo.calibration import calibrate
 from idm_sumo.driver_table import read_drivers
+from idm_sumo.effects import ExtendedModel
 from idm_sumo.errors import InputError
+from idm_sumo.extended_rollout import drive_extended
+from idm_sumo.idm import LOWER, UPPER
 from idm_sumo.metrics import score
 from idm_sumo.outputs import MANIFEST, new_folder
 from idm_sumo.progress import Progress, silent
@@ -48,6 +54,9 @@ class Request:
     desired_speed : float
         m/s.
     seed : int
+    model : Path or None
+        An extended model of ``diagnose``; its desired speed counts. Without drivers it is fitted to the vehicle too,
+        beginning at the plain model's fit.
     """
 
     recording: Path
@@ -58,6 +67,7 @@ class Request:
     drivers: Path | None
     desired_speed: float
     seed: int
+    model: Path | None = None
 
 
 def replay_one(
@@ -70,19 +80,51 @@ def replay_one(
     InputError
         If the vehicle is not there, is too short a time, or its parameters are unknown.
     """
+    model = None if request.model is None else ExtendedModel.read(request.model)
+    if model is not None:
+        request = changed(request, desired_speed=model.desired_speed)
     scenes = _scene_of(recording, request)
     theta, origin = _parameters(request, scenes)
-    trajectories = _drive(request, scenes, theta)
-    scores = score(scenes, trajectories)
+    driven = {f"idm_{origin}": _drive(request, scenes, theta)}
+    parameters = {f"idm_{origin}": theta[0].tolist()}
+    if model is not None:
+        extension = (recording.of_period(scenes.period), model)
+        if request.drivers is None:
+            theta = fit_extended(scenes, *extension, theta)
+        driven["extended"] = _drive(request, scenes, theta, extension)
+        parameters["extended"] = theta[0].tolist()
+    scores = pd.concat([score(scenes, one).assign(model=name) for name, one in driven.items()], ignore_index=True)
+    shown = list(driven.values())[-1]
     with new_folder(out) as part:
-        trajectory_table(scenes, trajectories).to_parquet(part / "trajectory.parquet", index=False)
+        trajectory_table(scenes, shown).to_parquet(part / "trajectory.parquet", index=False)
         scores.to_csv(part / "scores.csv", index=False)
-        save(time_space(scenes, 0, {f"idm_{origin}": trajectories}), part / "time_space.png")
-        animate(recording, scenes, trajectories, part / "replay.gif", progress)
-        parameters = dict(zip(PARAMETERS, theta[0].tolist(), strict=True))
-        record = manifest(command, asdict(request), [request.recording], parameters=parameters, parameters_from=origin)
+        save(time_space(scenes, 0, driven), part / "time_space.png")
+        animate(recording, scenes, shown, part / "replay.gif", progress)
+        named = {name: dict(zip(PARAMETERS, values, strict=True)) for name, values in parameters.items()}
+        causes = {} if model is None else {"model_file": json.loads(model.to_json())}
+        inputs = [request.recording, *([request.model] if request.model else [])]
+        last = list(named)[-1]
+        record = manifest(command, asdict(request), inputs, parameters=named[last], parameters_from=origin,
+                          parameters_by_model=named, **causes)  # fmt: skip
         write_manifest(part / MANIFEST, record)
-    return scores[[c.PERIOD, c.VEHICLE, "ade_m", "fde_m", "collision", "at_fault", "min_gap_m"]]
+    columns = [c.PERIOD, c.VEHICLE, "ade_m", "fde_m", "collision", "at_fault", "min_gap_m"]
+    return scores[columns if model is None else ["model", *columns]]
+
+
+def fit_extended(
+    scenes: Scenes, recording: Recording, model: ExtendedModel, start: npt.NDArray[np.float64]
+) -> npt.NDArray[np.float64]:
+    """Return the parameters, shape (1, 5), with which one driver of an extended model stays nearest to its recording."""
+    span = slice(scenes.start, scenes.start + scenes.window.horizon + 1)
+    lower, upper = np.array(LOWER), np.array(UPPER)
+
+    def distances(theta: npt.NDArray[np.float64]) -> npt.NDArray[np.float64]:
+        driven = drive_extended(scenes, recording, model, theta, desired_speed=model.desired_speed)
+        return np.asarray((driven.x - scenes.x[:, span])[0])
+
+    inside = np.clip(start[0], lower + 1e-6, upper - 1e-6)
+    found = least_squares(distances, inside, bounds=(lower, upper), x_scale=upper - lower, max_nfev=200)
+    return np.asarray(found.x)[None]
 
 
 def _scene_of(recording: Recording, request: Request) -> Scenes:
@@ -119,13 +161,20 @@ def _parameters(request: Request, scenes: Scenes) -> tuple[npt.NDArray[np.float6
     return own[PARAMETERS].to_numpy()[:1], "prediction"
 
 
-def _drive(request: Request, scenes: Scenes, theta: npt.NDArray[np.float64]) -> Trajectories:
+def _drive(
+    request: Request,
+    scenes: Scenes,
+    theta: npt.NDArray[np.float64],
+    extension: tuple[Recording, ExtendedModel] | None = None,
+) -> Trajectories:
     """Drive it in SUMO or in the kernel."""
     if request.backend == "kernel":
+        if extension is not None:
+            return drive_extended(scenes, *extension, theta, desired_speed=request.desired_speed)
         return drive_idm(scenes, theta, desired_speed=request.desired_speed)
     from idm_sumo.sumo.replay import replay
 
-    return replay(scenes, theta, desired_speed=request.desired_speed)
+    return replay(scenes, theta, desired_speed=request.desired_speed, extension=extension)
 
 
 def trajectory_table(scenes: Scenes, trajectories: Trajectories) -> pd.DataFrame:

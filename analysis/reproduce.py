@@ -15,7 +15,7 @@ from idm_sumo.progress import Progress, silent
 from idm_sumo.rollout import Trajectories, drive_idm
 from idm_sumo.scenes import LEADER_OF_TWIN
 
-from . import figures, paper, tables
+from . import agent_figures, agent_words, agents, figures, paper, tables
 from .drivers import Drive
 from .manifest import manifest, write_manifest
 from .report import render
@@ -26,6 +26,7 @@ from .style import save
 from .words import describe
 
 COLUMNS_FIRST = ["ade_m", "ade_se_m", "fde_m", "fde_se_m", "collisions", "vehicles"]
+QUICK_AGENT_STEPS = 100_000  # shows that it works; far from trained
 QUALITY = ["method", "min_gap_m", "critical_ttc_share", "hard_acceleration_share", "jerk_rms_m_s3",
            "lane_departure_share", "gap_rmse_m", "speed_rmse_m_s", "contacts"]  # fmt: skip
 
@@ -44,6 +45,7 @@ class Results:
     neighbours: pd.DataFrame
     other_methods: pd.DataFrame
     backend_difference_m: float
+    agents: agents.Agents | None
 
 
 def reproduce(
@@ -76,6 +78,11 @@ def compute(settings: Settings, jobs: int = 1, progress: Progress = silent) -> R
     study = prepare(source, settings, settings.window, progress)
     drive = _driver(settings, jobs)
     methods, driven, scores = tables.methods(study, drive, progress)
+    learned = _agents(study, settings, progress)
+    if learned is not None:
+        methods = pd.concat([methods[:1], agents.rows(learned), methods[1:]], ignore_index=True)
+        driven |= {name: seeds[0] for name, seeds in learned.driven.items()}
+        scores |= {name: seeds[0] for name, seeds in learned.scores.items()}
     progress("tables", 0, 4)
     by_features = tables.features(study)
     progress("tables", 1, 4)
@@ -89,8 +96,20 @@ def compute(settings: Settings, jobs: int = 1, progress: Progress = silent) -> R
     progress("tables", 4, 4)
     return Results(
         source, study, _ordered(methods), scores, driven, _ordered(by_features), _ordered(by_frames),
-        _ordered(by_neighbours), _ordered(other_methods), _backend_difference(study, driven, settings),
+        _ordered(by_neighbours), _ordered(other_methods), _backend_difference(study, driven, settings), learned,
     )  # fmt: skip
+
+
+def _agents(study: Study, settings: Settings, progress: Progress) -> agents.Agents | None:
+    """Learn from the training drivers and drive the test drivers, if the settings want it."""
+    if settings.agent_seeds == 0 and not settings.agent:
+        return None
+    learners = (
+        agents.read_learners(Path(settings.agent))
+        if settings.agent
+        else agents.learners_of(study.train, settings, None, progress)
+    )
+    return agents.drive_agents(study.test, learners, in_sumo=settings.backend == "sumo", progress=progress)
 
 
 def _kernel(settings: Settings) -> Drive:
@@ -136,6 +155,15 @@ def _write_tables(results: Results, folder: Path) -> None:
     left_out(results).to_csv(folder / "left_out.csv", index=False)
     fits = pd.concat({"train": results.study.train_fits, "test": results.study.test_fits}, names=["side"])
     fits.reset_index(level=0).to_csv(folder / "oracle.csv", index=False, float_format="%.6g")
+    if results.agents is not None:
+        agents.by_seed(results.study.test, results.agents).to_csv(
+            folder / "agents.csv", index=False, float_format="%.6g"
+        )
+        agents.weights_table(results.agents.learners.reward).to_csv(
+            folder / "reward.csv", index=False, float_format="%.6g"
+        )
+        if not results.agents.learners.curve.empty:
+            results.agents.learners.curve.to_csv(folder / "learning_curve.csv", index=False, float_format="%.6g")
 
 
 def left_out(results: Results) -> pd.DataFrame:
@@ -165,6 +193,17 @@ def _write_figures(results: Results, folder: Path) -> None:
     part, which = _median_driver(results)
     chosen = {name: trajectories[part] for name, trajectories in results.driven.items()}
     save(figures.time_space(study.test.scenes[part], which, chosen), folder / "time_space.png")
+    if results.agents is not None:
+        _write_agent_figures(results, results.agents, part, which, folder)
+
+
+def _write_agent_figures(results: Results, learned: agents.Agents, part: int, which: int, folder: Path) -> None:
+    weights = np.array(list(learned.learners.reward["wanted"]["weights"].values()))
+    save(agent_figures.reward_maps(results.study.test.scenes[part], which, weights), folder / "reward_maps.png")
+    against = {name: (results.driven[name], results.scores[name]) for name in ("idm_prediction", "constant_velocity")}
+    save(agent_figures.approaches(results.study.test, learned, against), folder / "approaches.png")
+    if not learned.learners.curve.empty:
+        save(agent_figures.learning_curve(learned.learners.curve), folder / "learning_curve.png")
 
 
 def _median_driver(results: Results) -> tuple[int, int]:
@@ -188,8 +227,20 @@ def _write_report(results: Results, part: Path) -> None:
         neighbours=results.neighbours[["k", *COLUMNS_FIRST]],
         other_methods=results.other_methods[["method", *COLUMNS_FIRST]],
         quality=results.methods[QUALITY], at_bound=tables.at_bound(results.study), accounts=left_out(results),
-        frame_start=max(settings.frame_counts), **describe(results),
+        frame_start=max(settings.frame_counts), **_agent_section(results), **describe(results),
     )  # fmt: skip
+
+
+def _agent_section(results: Results) -> dict[str, object]:
+    """Return what the report shows of the learner."""
+    learned, test = results.agents, results.study.test
+    if learned is None:
+        return {"agents": None}
+    return {
+        "agents": agents.by_seed(test, learned), "weights": agents.weights_table(learned.learners.reward),
+        "has_curve": not learned.learners.curve.empty, "agent_clone": agent_words.clone_sentence(learned),
+        **agent_words.describe(test, learned),
+    }  # fmt: skip
 
 
 def _write_manifest(results: Results, path: Path, command: list[str], seconds: float) -> None:
@@ -209,4 +260,7 @@ def quick(settings: Settings) -> Settings:
     """Return a smaller run that shows all parts in seconds: fewer drivers, a shorter built-in recording."""
     fewer = tuple(k for k in settings.neighbour_counts if k in (1, 4, 8, 16, 20, 50)) or settings.neighbour_counts[:3]
     most = min(settings.max_drivers or 200, 200)
-    return replace(settings, neighbour_counts=fewer, max_drivers=most, minutes=min(settings.minutes, 9.0))
+    return replace(
+        settings, neighbour_counts=fewer, max_drivers=most, minutes=min(settings.minutes, 9.0),
+        agent_seeds=min(settings.agent_seeds, 1), agent_steps=min(settings.agent_steps, QUICK_AGENT_STEPS),
+    )  # fmt: skip

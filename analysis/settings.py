@@ -44,6 +44,12 @@ class Settings:
         Rows of the tables.
     backend : str
         What drives the vehicles of the table of methods.
+    agent_seeds : int
+        Agents (IRL + PPO) and clones to train, with ``seed`` and the next ones; 0 for none.
+    agent_steps : int
+        Environment steps of each agent's training.
+    agent : str
+        Folder of ``idm-sumo irl train`` whose agents are driven; empty to train them.
     max_drivers : int or None
         At most so many drivers on each side, drawn with ``seed``.
     minutes : float
@@ -64,6 +70,9 @@ class Settings:
     frame_counts: tuple[int, ...] = (2, 4, 6, 10, 20)
     neighbour_counts: tuple[int, ...] = (1, 2, 3, 4, 5, 6, 8, 10, 12, 15, 20, 25, 30, 35, 40, 45, 50)
     backend: Literal["sumo", "kernel"] = "sumo"
+    agent_seeds: int = Field(default=3, ge=0)
+    agent_steps: int = Field(default=1_200_000, ge=1)
+    agent: str = ""
     max_drivers: int | None = Field(default=None, ge=2)
     minutes: float = Field(default=45.0, gt=0)
     seed: int = 1

@@ -10,6 +10,7 @@ from matplotlib.figure import Figure
 METHOD_NAMES = {
     "constant_velocity": "constant velocity",
     "irl_rl": "IRL + PPO",
+    "behaviour_cloning": "behaviour cloning",
     "idm_average": "IDM, average of oracles",
     "idm_prediction": "IDM, predicted (KNN)",
     "idm_first_gap": "IDM, first gap kept",
@@ -17,11 +18,13 @@ METHOD_NAMES = {
     "idm_typical": "IDM, typical driver of the population",
     "idm_hierarchical": "IDM, oracle drawn to the population",
     "idm_oracle": "IDM, oracle",
+    "extended": "extended model",
 }
 # Okabe and Ito's palette, told apart by colour-blind readers too.
 METHOD_COLOURS = {
     "constant_velocity": "#999999",
     "irl_rl": "#CC79A7",
+    "behaviour_cloning": "#AA4499",
     "idm_average": "#E69F00",
     "idm_prediction": "#D55E00",
     "idm_first_gap": "#56B4E9",
@@ -29,6 +32,7 @@ METHOD_COLOURS = {
     "idm_typical": "#882255",
     "idm_hierarchical": "#117733",
     "idm_oracle": "#009E73",
+    "extended": "#332288",
 }
 RECORDED = "#000000"
 TRAFFIC = "#BBBBBB"

@@ -10,7 +10,7 @@ import pandas as pd
 from idm_sumo import columns as c
 from idm_sumo.scenes import LEADER_OF_TWIN
 
-from .settings import SURROGATE
+from .settings import SURROGATE, Settings
 
 if TYPE_CHECKING:
     from .reproduce import Results
@@ -68,6 +68,25 @@ def paired_difference(one: pd.DataFrame, other: pd.DataFrame) -> tuple[float, fl
     return float(by_vehicle.mean()), float(error)
 
 
+def _on_agents(results: Results) -> str:
+    learned = results.agents
+    if learned is None:
+        return "The paper's learned agent (IRL + PPO) is not part of this run."
+    if learned.learners.missing:
+        return f"{learned.learners.missing}."
+    steps = int(learned.learners.curve["steps"].max())
+    short = (
+        " (a short training: it shows that it runs, not how well an agent drives)"
+        if steps < Settings.agent_steps
+        else ""
+    )
+    return (
+        f"Learned agents and clones are means over {len(learned.scores['irl_rl'])} training seeds; an agent's training took "
+        f"{steps:,} steps{short}. They are driven by the compiled kernel; SUMO differs by "
+        f"{learned.sumo_difference_m * 1000:.2g} mm at most on the same actions."
+    )
+
+
 def _caption(results: Results) -> str:
     settings = results.study.settings
     leaders = {scenes.leader_source for scenes in results.study.test.scenes}
@@ -85,5 +104,5 @@ def _caption(results: Results) -> str:
     ]
     if settings.backend == "sumo":
         parts.append(f"SUMO and the compiled kernel differ by {results.backend_difference_m * 1000:.2g} mm at most.")
-    parts.append("The paper's learned agent (IRL + PPO) is not part of this run.")
+    parts.append(_on_agents(results))
     return " ".join(parts)

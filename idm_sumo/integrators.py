@@ -9,12 +9,13 @@ from __future__ import annotations
 
 import numpy as np
 import numpy.typing as npt
-from numba import njit, prange
+from numba import njit
 
 from idm_sumo import idm, road
 from idm_sumo.calibration.kernel import look_ahead
 from idm_sumo.calibration.problem import Problem
 from idm_sumo.errors import InputError
+from idm_sumo.threads import in_threads
 
 Floats = npt.NDArray[np.float64]
 
@@ -101,18 +102,16 @@ def ade_one(p, i, theta, scheme):  # type: ignore[no-untyped-def]
     return total / frames if frames else np.nan
 
 
-@njit(cache=True, parallel=True)
-def _drive_all(p, theta, scheme, x, speed):  # type: ignore[no-untyped-def]
-    for i in prange(theta.shape[0]):
+@njit(cache=True, nogil=True)
+def _drive_all(first, last, p, theta, scheme, x, speed):  # type: ignore[no-untyped-def]
+    for i in range(first, last):
         drive_one(p, i, theta[i], scheme, x[i], speed[i])
 
 
-@njit(cache=True, parallel=True)
-def _ade_all(p, theta, scheme):  # type: ignore[no-untyped-def]
-    values = np.empty(theta.shape[0])
-    for i in prange(theta.shape[0]):
+@njit(cache=True, nogil=True)
+def _ade_all(first, last, p, theta, scheme, values):  # type: ignore[no-untyped-def]
+    for i in range(first, last):
         values[i] = ade_one(p, i, theta[i], scheme)
-    return values
 
 
 def drive(problem: Problem, parameters: npt.ArrayLike, integration: str) -> tuple[Floats, Floats]:
@@ -134,19 +133,21 @@ def drive(problem: Problem, parameters: npt.ArrayLike, integration: str) -> tupl
     theta = as_parameters(problem, parameters)
     n, h = problem.target.shape
     x, speed = np.empty((n, h + 1)), np.empty((n, h + 1))
-    _drive_all(problem, theta, code(integration), x, speed)
+    in_threads(_drive_all, n, problem, theta, code(integration), x, speed)
     return x, speed
 
 
 def ades(problem: Problem, parameters: npt.ArrayLike, integration: str) -> Floats:
     """Return every driver's ADE (m), shape ``(n,)``; arguments as in :func:`drive`. The problem's objective is the ADE."""
-    return np.asarray(_ade_all(problem, as_parameters(problem, parameters), code(integration)))
+    values = np.empty(len(problem.start_x))
+    in_threads(_ade_all, len(values), problem, as_parameters(problem, parameters), code(integration), values)
+    return values
 
 
 def as_parameters(problem: Problem, parameters: npt.ArrayLike) -> Floats:
     """Return one contiguous row of five parameters a driver."""
     theta = np.asarray(parameters, dtype=np.float64)
-    return np.ascontiguousarray(np.broadcast_to(theta, (len(problem.start_x), 5)))
+    return np.array(np.broadcast_to(theta, (len(problem.start_x), 5)), order="C")
 
 
 def code(integration: str) -> int:

@@ -7,11 +7,12 @@ from dataclasses import dataclass, fields
 
 import numpy as np
 import numpy.typing as npt
-from numba import njit, prange
+from numba import njit
 
 from idm_sumo import bicycle, idm, road
 from idm_sumo.scenes import Scenes
 from idm_sumo.steering import lookahead_distance, pure_pursuit
+from idm_sumo.threads import in_threads
 from idm_sumo.traffic import NOBODY, leader_row
 
 Floats = npt.NDArray[np.float64]
@@ -86,13 +87,13 @@ def drive_idm(
         By the paper's transition model: Euler with the old speed.
     """
     n = len(scenes)
-    theta = np.ascontiguousarray(np.broadcast_to(np.asarray(parameters, dtype=np.float64), (n, 5)))
-    limit = np.ascontiguousarray(np.broadcast_to(np.asarray(desired_speed, dtype=np.float64), (n,)))
+    theta = np.array(np.broadcast_to(parameters, (n, 5)), dtype=np.float64, order="C")  # no view: one type to numba
+    limit = np.array(np.broadcast_to(desired_speed, (n,)), dtype=np.float64)
     out = Trajectories.empty(n, scenes.window.horizon)
     first, t = scenes.start, scenes.traffic
     start = np.stack([getattr(scenes, name)[:, first] for name in ("x", "y", "heading", "speed")], axis=1)
-    _drive_all(
-        theta, limit, start, scenes.length, road.lane_center(scenes.lane), scenes.cell + first, scenes.vehicle,
+    in_threads(
+        _drive_all, n, theta, limit, start, scenes.length, road.lane_center(scenes.lane), scenes.cell + first, scenes.vehicle,
         t.offsets, t.x, t.speed, t.length, t.vehicle,
         out.x, out.y, out.heading, out.speed, out.acceleration, out.steering, out.gap, out.leader,
     )  # fmt: skip
@@ -131,21 +132,26 @@ def control(x, y, heading, speed, gap, leader_speed, theta, desired_speed, lengt
     acceleration = idm.acceleration(
         speed, approach_rate, gap, theta[0], theta[1], theta[2], theta[3], theta[4], desired_speed
     )
+    return acceleration, steer(y, heading, speed, length, lane_y)
+
+
+@njit(cache=True)
+def steer(y, heading, speed, length, lane_y):  # type: ignore[no-untyped-def]
+    """Return the steering (rad) that leads the centre of mass at ``y`` (m) to the middle of the lane."""
     axles = bicycle.wheelbase(length)
     heading_x, heading_y = np.cos(heading), np.sin(heading)
     rear_y = y - bicycle.REAR_SHARE * axles * heading_y
-    steering = pure_pursuit(heading_x, heading_y, lookahead_distance(speed), lane_y - rear_y, axles)
-    return acceleration, steering
+    return pure_pursuit(heading_x, heading_y, lookahead_distance(speed), lane_y - rear_y, axles)
 
 
-@njit(cache=True, parallel=True)
+@njit(cache=True, nogil=True)
 def _drive_all(  # type: ignore[no-untyped-def]
-    theta, limit, start, length, lane_y, first_cell, own,
+    begin, end, theta, limit, start, length, lane_y, first_cell, own,
     offsets, traffic_x, traffic_speed, traffic_length, traffic_vehicle,
     x, y, heading, speed, acceleration, steering, gap, leader,
 ):  # fmt: skip
     steps = acceleration.shape[1]
-    for i in prange(theta.shape[0]):
+    for i in range(begin, end):
         x[i, 0], y[i, 0], psi, v = start[i]
         heading[i, 0], speed[i, 0] = psi, v
         cx, cy = bicycle.center_of_front(x[i, 0], y[i, 0], psi, length[i])

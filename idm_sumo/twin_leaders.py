@@ -40,6 +40,14 @@ def recorded_leaders(recording: Recording) -> Leaders:
     return Leaders(np.where(seen, position, np.nan), np.where(seen, speed, np.nan))
 
 
+def leader_runs(recording: Recording) -> npt.NDArray[np.int64]:
+    """Return for each row of one period the number of its stretch with one leader, shape (rows,)."""
+    table = recording.table
+    raw = table[c.X].to_numpy() + table[c.HEADWAY].to_numpy()
+    first = _first_rows(table[c.VEHICLE].to_numpy(), table[c.FRAME].to_numpy(), raw, table[c.SPEED].to_numpy())
+    return np.repeat(np.arange(len(first)), np.diff(np.append(first, len(raw))))
+
+
 def leader_lengths(recording: Recording) -> npt.NDArray[np.float64]:
     """Return the length (m) of each row's leader, shape (rows,), assumed where the source does not tell it."""
     table, known = recording.table, recording.leader_lengths

@@ -122,7 +122,7 @@ def test_the_leader_is_the_one_ahead_of_where_it_drives_now():
 def test_gradients_are_finite_differences(known, theta, driver, objective, loss):
     scenes, _ = known
     problem = prepare(scenes.subset(np.array([driver])), objective=objective, loss=loss)
-    z, h = kernel.to_search(theta)[None], 1e-5
+    z, h = kernel.to_search(theta)[None], 1e-7  # small: among clips and kinks a rollout bends sharply
     values, gradient, normal = kernel.costs_and_derivatives(problem, z, 0.1)
     assume(np.isfinite(values).all())
     steps = h * np.concatenate([np.eye(5), -np.eye(5)])

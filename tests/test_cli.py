@@ -11,6 +11,8 @@ import pandas as pd
 import pytest
 
 from idm_sumo.cli import main
+from idm_sumo.effects import Cause, ExtendedModel
+from idm_sumo.idm import TEXTBOOK
 from tests.ngsim_files import official
 from tests.platoons import platoon_recording
 
@@ -286,3 +288,38 @@ def test_interrupted_run_leaves_nothing(recording: Path, tmp_path: Path) -> None
     assert done.returncode == 2
     assert "interrupted" in done.stderr.splitlines()[-1]
     assert list(tmp_path.iterdir()) == []
+
+
+def test_replay_with_an_extended_model_is_the_same_in_both_back_ends(
+    recording: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    model = tmp_path / "model.json"
+    ExtendedModel(TEXTBOOK, causes=(Cause("reaction_delay", {"tau": 0.5}),)).write(model)
+    for backend in ("sumo", "kernel"):
+        main(
+            [
+                "replay",
+                str(recording),
+                "--vehicle",
+                "4",
+                "--model",
+                str(model),
+                "--backend",
+                backend,
+                "-o",
+                str(tmp_path / backend),
+            ]
+        )
+    one, other = (pd.read_parquet(tmp_path / backend / "trajectory.parquet") for backend in ("sumo", "kernel"))
+    assert (one["x"] - other["x"]).abs().max() < 1e-3
+    scores = pd.read_csv(tmp_path / "sumo" / "scores.csv")
+    assert scores["model"].tolist() == ["idm_oracle", "extended"]
+    assert scores["ade_m"].nunique() == 2
+    kept = json.loads((tmp_path / "sumo" / "manifest.json").read_text())
+    assert kept["model_file"]["causes"][0]["name"] == "reaction_delay"
+    model.write_text("{")
+    line = refused(
+        ["replay", str(recording), "--vehicle", "4", "--model", str(model), "-o", str(tmp_path / "no")], capsys
+    )
+    assert "model.json" in line
+    assert not (tmp_path / "no").exists()

@@ -13,7 +13,10 @@ CHUNK = 4096  # windows: about 30 MB of 10 s windows
 
 
 def chunks(scenes: Scenes, size: int = CHUNK) -> Iterator[tuple[slice, Scenes]]:
-    """Yield slices of the windows and their scenes, each with its own part of the traffic."""
+    """Yield slices of the windows and their scenes, each with its own part of the traffic; one that is all is not copied."""
+    if len(scenes) <= size:
+        yield slice(0, len(scenes)), scenes
+        return
     for first in range(0, len(scenes), size):
         piece = slice(first, min(first + size, len(scenes)))
         yield piece, with_needed_traffic(scenes.subset(np.arange(piece.start, piece.stop)))

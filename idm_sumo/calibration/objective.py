@@ -18,8 +18,6 @@ from idm_sumo.idm import SMALLEST_GAP
 ADE, GAP, SPEED, LOG_GAP = 0, 1, 2, 3
 CODES = {"ade": ADE, "gap": GAP, "speed": SPEED, "log-gap": LOG_GAP}
 
-NEARLY_ZERO = 1e-12  # m, keeps a weight finite
-
 SQUARED, HUBER, SOFT_L1 = 0, 1, 2
 LOSSES = {"squared": SQUARED, "huber": HUBER, "soft-l1": SOFT_L1}
 
@@ -54,16 +52,6 @@ def robust_weight(error: float, loss: int, scale: float) -> float:
 
 
 @njit(cache=True, error_model="numpy")
-def robust_curvature(error: float, loss: int, scale: float) -> float:
-    """Return the second derivative of :func:`robust_cost`."""
-    if loss == SQUARED:
-        return 1.0
-    if loss == HUBER:
-        return 1.0 if abs(error) <= scale else 0.0
-    return (scale / sqrt(error * error + scale * scale)) ** 3
-
-
-@njit(cache=True, error_model="numpy")
 def measured(objective: int, x: float, speed: float, rear: float) -> float:
     """Return what an objective compares: position (m), gap (m), speed (m/s) or the gap's logarithm."""
     if objective == ADE:
@@ -85,23 +73,3 @@ def measured_partials(objective: int, x: float, rear: float) -> tuple[float, flo
         return -1.0, 0.0
     gap = rear - x
     return (-1.0 / gap, 0.0) if gap > SMALLEST_GAP else (0.0, 0.0)
-
-
-@njit(cache=True, error_model="numpy")
-def frame_cost(objective: int, loss: int, scale: float, error: float, lateral: float, smoothing: float) -> float:
-    """Return what an error costs in one frame."""
-    if objective == ADE:
-        return distance(error, lateral, smoothing)
-    return robust_cost(error, loss, scale)
-
-
-@njit(cache=True, error_model="numpy")
-def frame_weights(
-    objective: int, loss: int, scale: float, error: float, lateral: float, smoothing: float
-) -> tuple[float, float]:
-    """Return two weights of an error: the cost's derivative divided by the error, and the cost's curvature."""
-    if objective == ADE:
-        fixed = distance(0.0, lateral, smoothing)
-        off = max(distance(error, fixed, 0.0), NEARLY_ZERO)
-        return 1.0 / off, fixed * fixed / (off * off * off)
-    return robust_weight(error, loss, scale), robust_curvature(error, loss, scale)

@@ -17,8 +17,10 @@ from idm_sumo.calibration.kernel import (
     costs_of_designs,
     from_search,
 )
+from idm_sumo.calibration.lanes import LANES
 from idm_sumo.calibration.problem import Problem, prepare
-from idm_sumo.calibration.solver import SMOOTHING, damped_step, design_of_starts
+from idm_sumo.calibration.solver import SMOOTHING, design_of_starts
+from idm_sumo.calibration.steps import steps_from
 from idm_sumo.errors import InputError
 from idm_sumo.idm import IDMParameters
 from idm_sumo.scenes import Scenes
@@ -27,9 +29,10 @@ Floats = npt.NDArray[np.float64]
 
 STARTS = 64
 CANDIDATES = 3
-ITERATIONS = 60
+ITERATIONS = 40
 SMALLEST_DROP = 1e-6  # relative
-DAMPING_MOST = 1e6
+FAN = 10.0 ** np.linspace(-2.0, 5.0, LANES)  # times the last damping
+DAMPING_LEAST = 1e-4
 REACH = (0.1, 0.002)  # of the last compass search, in search coordinates
 
 
@@ -105,18 +108,17 @@ class Together:
 
 
 def _refine(together: Together, start: Floats) -> Floats:
-    """Refine one start by damped Gauss-Newton steps over all drivers."""
-    z, trial, work, damping = start.copy(), np.empty(PARAMETERS), np.empty((14, PARAMETERS)), 1e-2
-    best, gradient, normal = together.derivatives(z)
+    """Refine one start by damped Gauss-Newton steps over all drivers, the best of a fan of dampings at a time."""
+    z, damping, best = start, 1e-1, np.inf
     for _ in range(ITERATIONS):
-        if damping > DAMPING_MOST or not damped_step(z, gradient, normal, damping, trial, work):
+        _, gradient, normal = together.derivatives(z)
+        trials = steps_from(z, gradient, normal, damping * FAN)
+        values = together.screen(trials)
+        q = int(np.argmin(values))
+        if not values[q] < best:
             break
-        value, new_gradient, new_normal = together.derivatives(trial)
-        if value >= best:
-            damping *= 6.0
-            continue
-        drop, damping = best - value, damping * 0.2
-        z, best, gradient, normal = trial.copy(), value, new_gradient, new_normal
+        drop, best = best - values[q], float(values[q])
+        z, damping = trials[q], max(damping * FAN[q], DAMPING_LEAST)
         if drop < SMALLEST_DROP * best:
             break
     return z

@@ -6,7 +6,7 @@ from typing import NamedTuple
 
 import numpy as np
 import numpy.typing as npt
-from numba import njit, prange
+from numba import njit
 
 from idm_sumo import bicycle, road
 from idm_sumo.calibration.objective import ADE, CODES, GAP, LOG_GAP, LOSSES, SPEED, SQUARED
@@ -14,6 +14,7 @@ from idm_sumo.errors import InputError
 from idm_sumo.idm import SMALLEST_GAP
 from idm_sumo.scenes import LEADER_FROM_LANE, Scenes
 from idm_sumo.steering import lookahead_distance, pure_pursuit
+from idm_sumo.threads import in_threads
 from idm_sumo.traffic import NOBODY, leader_row
 
 Floats = npt.NDArray[np.float64]
@@ -107,11 +108,11 @@ def prepare(
     corridor = tuple(np.empty((n, h + 1)) for _ in range(4))
     x = np.ascontiguousarray(scenes.x[:, frames])
     cell = scenes.cell + first
-    _fill_corridor(x, cell, scenes.vehicle, t.offsets, t.x, t.length, t.speed, t.vehicle, *corridor)
+    in_threads(_fill_corridor, n, x, cell, scenes.vehicle, t.offsets, t.x, t.length, t.speed, t.vehicle, *corridor)
     forward, lateral = np.ones((n, h)), np.zeros((n, h))
     start = np.stack([getattr(scenes, name)[:, first] for name in ("x", "y", "heading")], axis=1)
     y, speed = (np.ascontiguousarray(getattr(scenes, name)[:, frames]) for name in ("y", "speed"))
-    _drive_laterally(start, y, speed, scenes.length, road.lane_center(scenes.lane), forward, lateral)
+    in_threads(_drive_laterally, n, start, y, speed, scenes.length, road.lane_center(scenes.lane), forward, lateral)
     if code == ADE:
         target = x[:, 1:]
     elif code == SPEED:
@@ -161,13 +162,13 @@ def _counted(scenes: Scenes, mask: npt.NDArray[np.bool_] | None) -> npt.NDArray[
     return counted if mask is None else counted & mask[:, simulated]
 
 
-@njit(cache=True, parallel=True)
+@njit(cache=True, nogil=True)
 def _fill_corridor(  # type: ignore[no-untyped-def]
-    x, first_cell, own, offsets, traffic_x, traffic_length, traffic_speed, traffic_vehicle,
+    first, last, x, first_cell, own, offsets, traffic_x, traffic_length, traffic_speed, traffic_vehicle,
     behind, ahead, rear, leader_speed,
 ):  # fmt: skip
     """Note between which two cars the recorded twin drives; an empty corridor where it is not recorded."""
-    for i in prange(x.shape[0]):
+    for i in range(first, last):
         for k in range(x.shape[1]):
             cell = first_cell[i] + k
             row = leader_row(offsets, traffic_x, traffic_vehicle, cell, x[i, k], own[i])
@@ -185,14 +186,14 @@ def _fill_corridor(  # type: ignore[no-untyped-def]
                 behind[i, k] = np.inf
 
 
-@njit(cache=True, parallel=True)
-def _drive_laterally(start, y, speed, length, lane_y, forward, lateral):  # type: ignore[no-untyped-def]
+@njit(cache=True, nogil=True)
+def _drive_laterally(first, last, start, y, speed, length, lane_y, forward, lateral):  # type: ignore[no-untyped-def]
     """Steer along the lane with the recorded speeds: what is lateral hardly depends on the IDM's parameters.
 
     Fills the metres along the road per metre driven, and the lateral error (m) against the
     recorded twin. Where a speed is not recorded the last known one is kept.
     """
-    for i in prange(start.shape[0]):
+    for i in range(first, last):
         front_x, front_y, psi = start[i]
         v = speed[i, 0]
         cx, cy = bicycle.center_of_front(front_x, front_y, psi, length[i])

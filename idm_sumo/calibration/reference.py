@@ -37,10 +37,8 @@ def value_and_difference_gradient(p, i, z):  # type: ignore[no-untyped-def]
 @njit(cache=True)
 def value_and_gradient(p, i, z):  # type: ignore[no-untyped-def]
     """Return the cost and its gradient by forward sensitivities."""
-    h, gradient, matrices = p.target.shape[1], np.empty(PARAMETERS), np.empty((2, PARAMETERS, PARAMETERS))
-    value = cost_and_derivatives(
-        p, i, z, 0.0, gradient, matrices[0], matrices[1], np.empty(h), np.empty((PARAMETERS, h))
-    )
+    gradient = np.empty(PARAMETERS)
+    value = cost_and_derivatives(p, i, z, 0.0, gradient, np.empty((PARAMETERS, PARAMETERS)))
     return value, gradient
 
 

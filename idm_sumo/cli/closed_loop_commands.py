@@ -90,6 +90,8 @@ def _add_interactive(commands: Any) -> None:
     )
     parser.add_argument("--replay-bias", type=int, default=150, metavar="N",
                         help="vehicles driven with replayed and with reacting followers (default 150, 0: none)")  # fmt: skip
+    parser.add_argument("--model", type=Path, metavar="FILE",
+                        help="extended model of `diagnose`: adds the population `extended`, our own loop driving all on the main lanes")  # fmt: skip
     parser.set_defaults(jobs=None)
     shared.output_argument(parser, "DIR", "tables/, figures/, fcd/, simulation/, report.html, manifest.json go there")
 
@@ -108,11 +110,16 @@ def interactive(options: argparse.Namespace) -> None:
     module = study_module("closed_loop")
     single = options.gui or options.ego is not None  # one population is all that can be watched or driven among
     types = tuple(dict.fromkeys(options.types or (TYPES[:1] if single else TYPES)))
+    if options.model is not None:
+        from idm_sumo.effects import ExtendedModel
+
+        ExtendedModel.read(options.model)  # before hours of simulation
+        types = ("extended",) if single and not options.types else (*types, "extended")
     settings = study_module("closed_loop_settings").Settings(
         recording=options.recording, period=options.period, drivers=options.drivers, types=types, refit=options.jam_distance == "refit",
         lane_change_model=options.lane_change_model, lane_change=dict(options.lane_change), ego=options.ego, gui=options.gui,
         downstream_speed=not options.no_downstream_speed, seeds=options.seeds, bias_sample=0 if single else options.replay_bias,
-        minutes=options.minutes, location=options.location, seed=options.seed, jobs=options.jobs,
+        minutes=options.minutes, location=options.location, seed=options.seed, jobs=options.jobs, model=options.model,
     )  # fmt: skip
     with progress_bar() as report:
         table = module.interactive(settings, options.output, command=sys.argv, progress=report)

@@ -61,6 +61,8 @@ def add(commands: Any) -> None:
     parser.add_argument(
         "--representatives", type=int, metavar="N", help="with --distribution: only so many typical drivers"
     )
+    parser.add_argument("--model", type=Path, metavar="FILE",
+                        help="extended model of `diagnose`: what SUMO's types can hold of it goes into them, the rest is said")  # fmt: skip
     parser.add_argument("--no-check", action="store_true", help="do not run SUMO once to see who departs late")
 
 
@@ -126,6 +128,8 @@ def _beside(table: pd.DataFrame, *more: pd.DataFrame) -> pd.DataFrame:
 def export(options: argparse.Namespace) -> None:
     """Write vehicle types, their vehicles and the run that drives them."""
     from idm_sumo.driver_table import read_drivers
+    from idm_sumo.effects import ExtendedModel
+    from idm_sumo.errors import InputError
     from idm_sumo.jam_distance import cost_summary
     from idm_sumo.sumo.distribution import export_distribution
     from idm_sumo.sumo.export import export_routes
@@ -135,7 +139,10 @@ def export(options: argparse.Namespace) -> None:
         read_drivers(options.drivers),
         {"jam_distance": options.jam_distance, "integration": options.integration},
     )
+    model = None if options.model is None else ExtendedModel.read(options.model)
     if options.distribution:
+        if model is not None:
+            raise InputError("--model: a distribution is for any network and time; leave out --distribution")
         written = export_distribution(
             drivers, options.output, representatives=options.representatives, seed=options.seed,
             source=str(options.drivers), **shared_options,
@@ -143,7 +150,7 @@ def export(options: argparse.Namespace) -> None:
         say(f"wrote {written}")
         return
     exported = export_routes(
-        drivers, options.output, net_file=options.net_file, source=str(options.drivers), **shared_options
+        drivers, options.output, net_file=options.net_file, model=model, source=str(options.drivers), **shared_options
     )
     for line in exported.notes:
         note(line)

@@ -8,7 +8,7 @@ from pathlib import Path
 from typing import Any
 
 from idm_sumo.cli import options as shared
-from idm_sumo.cli.console import progress_bar, say, study_module, text_table
+from idm_sumo.cli.console import note, progress_bar, say, study_module, text_table
 
 SHOWN = ["method", "ade_m", "ade_se_m", "fde_m", "fde_se_m", "collisions", "vehicles"]
 
@@ -25,6 +25,8 @@ def add(commands: Any) -> None:
     )
     parser.add_argument("--drivers", type=Path, metavar="FILE",
                         help="parameters from `calibrate` or `predict`; by default this driver's own fit (oracle)")  # fmt: skip
+    parser.add_argument("--model", type=Path, metavar="FILE",
+                        help="extended model of `diagnose` (model.json), driven beside the plain one")  # fmt: skip
     shared.output_argument(parser, "DIR", "trajectory, picture, animation and scores go there")
 
     parser = shared.command(commands, "reproduce", reproduce, "the paper's tables and figures, with report and manifest",
@@ -53,6 +55,10 @@ def add(commands: Any) -> None:
     parser.add_argument("--neighbours", type=int, metavar="K")
     parser.add_argument("--desired-speed", type=float, metavar="M_S", help="v0 (default: the speed limit)")
     parser.add_argument("--backend", choices=("sumo", "kernel"), help="what drives the table of methods (default sumo)")
+    learner = parser.add_mutually_exclusive_group()
+    learner.add_argument("--agents", type=Path, metavar="DIR",
+                         help="drive by the agents of `irl train` there (default: train them, kept in the user's cache)")  # fmt: skip
+    learner.add_argument("--no-agents", action="store_true", help="leave the learned agents and clones out")
     parser.set_defaults(seed=None)
 
 
@@ -61,7 +67,7 @@ def replay(options: argparse.Namespace) -> None:
     module = study_module("replay")
     request = module.Request(
         options.recording, options.vehicle, tuple(options.period or ()), shared.window_of(options), options.backend,
-        options.drivers, options.desired_speed, options.seed,
+        options.drivers, options.desired_speed, options.seed, options.model,
     )  # fmt: skip
     _, _, recording = shared.load(options)
     with progress_bar() as report:
@@ -76,7 +82,8 @@ def reproduce(options: argparse.Namespace) -> None:
         "recordings": tuple(str(path) for path in options.recording) or None,
         "train": options.train, "test": options.test, "rollout_start": options.rollout_start,
         "neighbours": options.neighbours, "desired_speed": options.desired_speed, "backend": options.backend,
-        "seed": options.seed,
+        "seed": options.seed, "agent": str(options.agents) if options.agents else None,
+        "agent_seeds": 0 if options.no_agents else None,
     }  # fmt: skip
     run = options.configuration_file or (None if options.recording else settings_module.DEFAULT_RUN)
     settings = settings_module.load_settings(run, overrides)
@@ -84,4 +91,6 @@ def reproduce(options: argparse.Namespace) -> None:
         settings = module.quick(settings)
     with progress_bar() as report:
         table = module.reproduce(settings, options.output, command=sys.argv, jobs=options.jobs, progress=report)
+    if not options.no_agents and (missing := study_module("agents").missing_row(table)):
+        note(missing)
     say(text_table(table[SHOWN]), f"open {options.output / 'report.html'}")

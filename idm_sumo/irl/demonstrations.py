@@ -21,13 +21,17 @@ from idm_sumo.scenes import Scenes
 
 Floats = npt.NDArray[np.float64]
 
-SLOWEST = 1.0  # m/s: steering does nothing to a standing car, and its speed has a kink
+SLOWEST = 3.0  # m/s: steering does little to a slow car, its recorded heading is noise, and at rest speed has a kink
 POSITION_ERROR = 0.1  # m, of a smoothed recorded position
 HEADING_ERROR = 0.02  # rad
 SPEED_ERROR = 0.3  # m/s
 ACCELERATION_DEPARTURE = 0.5  # m/s^2, of the controls from what speed and heading suggest
 STEERING_DEPARTURE = 0.01  # rad
-PASSES = 6
+PASSES = 8
+WEIGHT = np.array([POSITION_ERROR, POSITION_ERROR, HEADING_ERROR, SPEED_ERROR]) ** -2
+EFFORT = np.array([ACCELERATION_DEPARTURE, STEERING_DEPARTURE]) ** -2
+CRAWLING = 1.0  # m/s, taken for slower speeds where headings are turned into steering
+SHARPEST = 0.2  # rad, of slip
 
 
 class Demonstrations(NamedTuple):
@@ -67,103 +71,112 @@ def demonstrations_of(scenes: Scenes) -> Demonstrations:
     half = 0.5 * scenes.length[:, None]
     target[:, :, 0] -= half * np.cos(target[:, :, 2])
     target[:, :, 1] -= half * np.sin(target[:, :, 2])
-    n, steps = len(scenes), scenes.window.horizon
-    state, control = np.empty((n, steps + 1, 4)), np.empty((n, steps, 2))
-    _track_all(np.ascontiguousarray(target), scenes.length, state, control)
+    state, control = _track(target, bicycle.wheelbase(1.0) * scenes.length)
     distance = np.hypot(state[:, :, 0] - target[:, :, 0], state[:, :, 1] - target[:, :, 1])
     return Demonstrations(state, control, np.sqrt(np.mean(distance**2, axis=1)))
 
 
 def rollout(episodes: Episodes, control: Floats) -> Floats:
     """Return the states, shape (windows, steps + 1, 4), that controls of shape (windows, steps, 2) lead to."""
-    n, steps = control.shape[:2]
-    state = np.empty((n, steps + 1, 4))
-    for i in range(n):
-        state[i, 0] = start_state(episodes.start[i], episodes.length[i])
-        drive(control[i], bicycle.wheelbase(episodes.length[i]), state[i])
-    return state
+    start = np.array([start_state(*row) for row in zip(*episodes.start.T, episodes.length, strict=True)])
+    about = np.empty((*control.shape[:1], control.shape[1] + 1, 4))
+    about[:] = start[:, None]
+    axles = bicycle.wheelbase(1.0) * episodes.length
+    return _follow(start, control, about, np.zeros((*control.shape, 4)), axles)[0]
 
 
 @njit(cache=True)
-def start_state(start, length):  # type: ignore[no-untyped-def]
+def start_state(front_x, front_y, heading, speed, length):  # type: ignore[no-untyped-def]
     """Return the state of the middle for a start given at the front bumper."""
-    x, y = bicycle.center_of_front(start[0], start[1], start[2], length)
-    return x, y, start[2], start[3]
+    x, y = bicycle.center_of_front(front_x, front_y, heading, length)
+    return x, y, heading, speed
 
 
-@njit(cache=True)
-def drive(control, axles, state):  # type: ignore[no-untyped-def]
-    """Fill ``state``, shape (steps + 1, 4), whose first row is given."""
-    for k in range(control.shape[0]):
-        x, y, psi, v = state[k]
-        state[k + 1] = bicycle.step(x, y, psi, v, control[k, 0], control[k, 1], axles, road.FRAME_STEP)
-
-
-@njit(cache=True)
-def _suggested(target, axles, control):  # type: ignore[no-untyped-def]
-    """Write the controls that recorded speeds and headings suggest."""
+def _suggested(target: Floats, axles: Floats) -> Floats:
+    """Return the controls that recorded speeds and headings suggest, shape (windows, steps, 2)."""
     dt = road.FRAME_STEP
-    for k in range(control.shape[0]):
-        v = max(target[k, 3], SLOWEST)
-        control[k, 0] = (target[k + 1, 3] - target[k, 3]) / dt
-        turn = (target[k + 1, 2] - target[k, 2]) * bicycle.REAR_SHARE * axles / (v * dt)
-        control[k, 1] = np.arctan(np.tan(np.arcsin(min(max(turn, -0.2), 0.2))) / bicycle.REAR_SHARE)
+    speed = np.maximum(target[:, :-1, 3], CRAWLING)
+    turn = np.diff(target[:, :, 2], axis=1) * bicycle.REAR_SHARE * axles[:, None] / (speed * dt)
+    slip = np.arcsin(np.clip(turn, -SHARPEST, SHARPEST))
+    return np.stack([np.diff(target[:, :, 3], axis=1) / dt, np.arctan(np.tan(slip) / bicycle.REAR_SHARE)], axis=2)
 
 
-@njit(cache=True)
-def _cost(state, control, target, suggested, weight, effort):  # type: ignore[no-untyped-def]
-    return np.sum(weight * (state[1:] - target[1:]) ** 2) + np.sum(effort * (control - suggested) ** 2)
+def _track(target: Floats, axles: Floats) -> tuple[Floats, Floats]:
+    """Return states and controls whose cost is least, by Gauss-Newton steps of all windows side by side."""
+    suggested = _suggested(target, axles)
+    control, state = suggested.copy(), np.empty_like(target)
+    no_feedback = np.zeros((*control.shape, 4))
+    state = _follow(target[:, 0], control, target, no_feedback, axles)[0]
+    cost = _cost(state, control, target, suggested)
+    size = np.ones(len(target))
+    for _ in range(PASSES):
+        shift, feedback = _improvement(state, control, target, suggested, axles)
+        tried_state, tried = _follow(target[:, 0], control + size[:, None, None] * shift, state, feedback, axles)
+        new = _cost(tried_state, tried, target, suggested)
+        better = new < cost
+        state[better], control[better], cost[better] = tried_state[better], tried[better], new[better]
+        size = np.where(better, 1.0, 0.5 * size)  # a step that went too far is tried again, half as long
+    return state, control
 
 
-@njit(cache=True)
-def _improve(state, control, target, suggested, axles, weight, effort, shift, feedback):  # type: ignore[no-untyped-def]
-    """Fill the Gauss-Newton step: ``shift`` (steps, 2) and ``feedback`` (steps, 2, 4), backwards."""
-    jacobian = np.empty((4, 6))
-    last = control.shape[0]
-    value, slope = np.diag(weight), weight * (state[last] - target[last])
-    for k in range(last - 1, -1, -1):
-        step_jacobian(state[k, 2], state[k, 3], control[k, 0], control[k, 1], axles, jacobian)
-        a, b = np.ascontiguousarray(jacobian[:, :4]), np.ascontiguousarray(jacobian[:, 4:])
-        bend = np.ascontiguousarray(b.T) @ value
-        solved = np.linalg.inv(np.diag(effort) + bend @ b)
-        shift[k] = -solved @ (effort * (control[k] - suggested[k]) + np.ascontiguousarray(b.T) @ slope)
-        feedback[k] = -solved @ (bend @ a)
-        back = np.ascontiguousarray(a.T)
-        slope = back @ (slope + value @ (b @ shift[k]))
-        value = back @ value @ (a + b @ feedback[k])
-        value = 0.5 * (value + value.T)
+def _cost(state: Floats, control: Floats, target: Floats, suggested: Floats) -> Floats:
+    away, departure = (state - target)[:, 1:], control - suggested
+    return np.asarray((WEIGHT * away**2).sum(axis=(1, 2)) + (EFFORT * departure**2).sum(axis=(1, 2)))
+
+
+def _follow(start: Floats, control: Floats, about: Floats, feedback: Floats, axles: Floats) -> tuple[Floats, Floats]:
+    """Drive by controls plus feedback of the distance from the states ``about``; return states and controls."""
+    state, done = np.empty_like(about), np.empty_like(control)
+    state[:, 0] = start
+    for k in range(control.shape[1]):
+        away = (state[:, k] - about[:, k])[:, :, None]
+        done[:, k] = control[:, k] + (feedback[:, k] @ away)[:, :, 0]
+        _step_all(np.ascontiguousarray(state[:, k]), np.ascontiguousarray(done[:, k]), axles, state, k + 1)
+    return state, done
+
+
+def _improvement(
+    state: Floats, control: Floats, target: Floats, suggested: Floats, axles: Floats
+) -> tuple[Floats, Floats]:
+    """Return the Gauss-Newton step, shape (windows, steps, 2), and its feedback (windows, steps, 2, 4), by Riccati's recursion."""
+    jacobian = np.empty((*control.shape[:2], 4, 6))
+    _jacobians(state, control, axles, jacobian)
+    shift, feedback = np.empty_like(control), np.empty((*control.shape, 4))
+    away, departure = WEIGHT * (state - target), EFFORT * (control - suggested)
+    value, slope = np.broadcast_to(np.diag(WEIGHT), (len(state), 4, 4)), away[:, -1]
+    for k in range(control.shape[1] - 1, -1, -1):
+        a, b = jacobian[:, k, :, :4], jacobian[:, k, :, 4:]
+        bend = b.swapaxes(1, 2) @ value
+        solved = np.linalg.inv(np.diag(EFFORT) + bend @ b)
+        push = departure[:, k, :, None] + b.swapaxes(1, 2) @ slope[:, :, None]
+        shift[:, k] = -(solved @ push)[:, :, 0]
+        feedback[:, k] = -solved @ (bend @ a)
+        pulled = slope[:, :, None] + value @ (b @ shift[:, k, :, None])
+        slope = (a.swapaxes(1, 2) @ pulled)[:, :, 0]
+        value = a.swapaxes(1, 2) @ value @ (a + b @ feedback[:, k])
         if k > 0:
-            value, slope = value + np.diag(weight), slope + weight * (state[k] - target[k])
+            value, slope = value + np.diag(WEIGHT), slope + away[:, k]
+    return shift, feedback
 
 
 @njit(cache=True)
-def _track_all(target, length, state, control):  # type: ignore[no-untyped-def]
-    weight = np.array([1 / POSITION_ERROR**2, 1 / POSITION_ERROR**2, 1 / HEADING_ERROR**2, 1 / SPEED_ERROR**2])
-    effort = np.array([1 / ACCELERATION_DEPARTURE**2, 1 / STEERING_DEPARTURE**2])
-    steps = control.shape[1]
-    shift, feedback = np.empty((steps, 2)), np.empty((steps, 2, 4))
-    suggested, tried, tried_state = np.empty((steps, 2)), np.empty((steps, 2)), np.empty((steps + 1, 4))
-    for i in range(target.shape[0]):
-        axles = bicycle.wheelbase(length[i])
-        _suggested(target[i], axles, suggested)
-        control[i], state[i, 0], tried_state[0] = suggested, target[i, 0], target[i, 0]
-        drive(control[i], axles, state[i])
-        cost = _cost(state[i], control[i], target[i], suggested, weight, effort)
-        for _ in range(PASSES):
-            _improve(state[i], control[i], target[i], suggested, axles, weight, effort, shift, feedback)
-            size = 1.0
-            while size > 0.05:
-                for k in range(steps):
-                    tried[k] = control[i, k] + size * shift[k] + feedback[k] @ (tried_state[k] - state[i, k])
-                    x, y, psi, v = tried_state[k]
-                    tried_state[k + 1] = bicycle.step(x, y, psi, v, tried[k, 0], tried[k, 1], axles, road.FRAME_STEP)
-                new = _cost(tried_state, tried, target[i], suggested, weight, effort)
-                if new < cost:
-                    break
-                size *= 0.5
-            if new >= cost:
-                break
-            gained, cost = cost - new, new
-            control[i], state[i] = tried, tried_state
-            if gained < 1e-6 * cost:
-                break
+def _jacobians(state, control, axles, out):  # type: ignore[no-untyped-def]
+    for i in range(control.shape[0]):
+        for k in range(control.shape[1]):
+            step_jacobian(state[i, k, 2], state[i, k, 3], control[i, k, 0], control[i, k, 1], axles[i], out[i, k])
+
+
+@njit(cache=True)
+def _step_all(before, control, axles, state, k):  # type: ignore[no-untyped-def]
+    """Write the states after one step to ``state[:, k]``."""
+    for i in range(before.shape[0]):
+        state[i, k, 0], state[i, k, 1], state[i, k, 2], state[i, k, 3] = bicycle.step(
+            before[i, 0],
+            before[i, 1],
+            before[i, 2],
+            before[i, 3],
+            control[i, 0],
+            control[i, 1],
+            axles[i],
+            road.FRAME_STEP,
+        )

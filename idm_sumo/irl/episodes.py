@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 import numpy.typing as npt
@@ -73,7 +73,8 @@ class Episodes(NamedTuple):
 
     def rows(self, which: Integers) -> Episodes:
         """Return some of the windows."""
-        return Episodes(*(np.ascontiguousarray(column[which]) for column in self))
+        columns: list[Any] = [np.ascontiguousarray(column[which]) for column in self]
+        return Episodes(*columns)
 
 
 def episodes_of(scenes: Sequence[Scenes]) -> tuple[Episodes, Surroundings]:

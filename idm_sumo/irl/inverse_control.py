@@ -112,9 +112,22 @@ def log_likelihood(expansion: Expansion, weights: npt.ArrayLike, dummy: float = 
     return _evaluate(expansion, np.append(np.asarray(weights, dtype=np.float64), dummy), order=0)[0]
 
 
-def learn(
-    expansion: Expansion, *, use: tuple[str, ...] = features.NAMES, progress: Progress = silent
-) -> LearnedReward:
+def learn_wanted(expansion: Expansion, progress: Progress = silent) -> LearnedReward:
+    """Find the most likely weights none of which is negative.
+
+    Every feature is written so that a driver is thought to want more of it. A weight that comes
+    out negative is set to 0, the most negative first, and the others are learned anew.
+    """
+    use: tuple[str, ...] = features.NAMES
+    while True:
+        learned = learn(expansion, use=use, progress=progress)
+        worst = int(np.argmin(learned.weights))
+        if learned.weights[worst] >= 0.0:
+            return learned
+        use = tuple(name for name in use if name != features.NAMES[worst])
+
+
+def learn(expansion: Expansion, *, use: tuple[str, ...] = features.NAMES, progress: Progress = silent) -> LearnedReward:
     """Find the weights that make the demonstrations most likely.
 
     Parameters
@@ -254,5 +267,11 @@ def _result(expansion: Expansion, theta: Floats, free: npt.NDArray[np.int64], co
     covariance = np.zeros((features.COUNT, features.COUNT))
     covariance[chosen] = inverse @ (score[:, free].T @ score[:, free]) @ inverse
     return LearnedReward(
-        theta[:-1], np.sqrt(np.diag(covariance)), covariance, float(each.mean()), len(expansion), float(theta[-1]), converged
+        theta[:-1],
+        np.sqrt(np.diag(covariance)),
+        covariance,
+        float(each.mean()),
+        len(expansion),
+        float(theta[-1]),
+        converged,
     )

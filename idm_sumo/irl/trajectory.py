@@ -16,7 +16,7 @@ from __future__ import annotations
 
 import numpy as np
 import numpy.typing as npt
-from numba import njit, prange
+from numba import njit
 
 from idm_sumo.bicycle import wheelbase
 from idm_sumo.irl import features
@@ -29,7 +29,7 @@ Floats = npt.NDArray[np.float64]
 
 def feature_sums(demonstrations: Demonstrations, episodes: Episodes, around: Surroundings) -> Floats:
     """Return every feature summed over the steps of each demonstration, shape (windows, features)."""
-    return step_features(demonstrations, episodes, around).sum(axis=1)
+    return np.asarray(step_features(demonstrations, episodes, around).sum(axis=1))
 
 
 def step_features(demonstrations: Demonstrations, episodes: Episodes, around: Surroundings) -> Floats:
@@ -40,9 +40,7 @@ def step_features(demonstrations: Demonstrations, episodes: Episodes, around: Su
     return out
 
 
-def derivatives(
-    demonstrations: Demonstrations, episodes: Episodes, around: Surroundings
-) -> tuple[Floats, Floats]:
+def derivatives(demonstrations: Demonstrations, episodes: Episodes, around: Surroundings) -> tuple[Floats, Floats]:
     """Return the derivatives of every feature's sum by the controls.
 
     Returns
@@ -65,21 +63,21 @@ def derivatives(
 def _step_features(state, control, length, width, cell, stride, lanes, own, around, out):  # type: ignore[no-untyped-def]
     for i in range(state.shape[0]):
         for k in range(control.shape[1]):
-            x, y, psi, v = state[i, k + 1]
+            x, y, psi, v = state[i, k + 1, 0], state[i, k + 1, 1], state[i, k + 1, 2], state[i, k + 1, 3]
             features.values(
                 x, y, psi, v, control[i, k, 0], control[i, k, 1], length[i], width[i],
                 cell[i] + k + 1, stride[i], lanes[i], own[i], around, out[i, k],
             )  # fmt: skip
 
 
-@njit(cache=True, parallel=True)
+@njit(cache=True)
 def _derivatives(state, control, length, width, cell, stride, lanes, own, around, gradient, hessian):  # type: ignore[no-untyped-def]
-    for i in prange(state.shape[0]):
+    for i in range(state.shape[0]):
         steps = control.shape[1]
         first = np.empty((steps + 1, features.STATE_FEATURES, 4))
         second = np.empty((steps + 1, features.STATE_FEATURES, 4, 4))
         for t in range(1, steps + 1):
-            x, y, psi, v = state[i, t]
+            x, y, psi, v = state[i, t, 0], state[i, t, 1], state[i, t, 2], state[i, t, 3]
             features.state_derivatives(
                 x, y, psi, v, length[i], width[i], cell[i] + t, stride[i], lanes[i], own[i], around, first[t], second[t]
             )
@@ -104,17 +102,24 @@ def _along(state, control, axles):  # type: ignore[no-untyped-def]
                 for inner in range(4):
                     weight = jacobian[t, row, inner]
                     if weight != 0.0:
-                        sensitivity[t + 1, row, : 2 * t] += weight * sensitivity[t, inner, : 2 * t]
-                sensitivity[t + 1, row, 2 * t : 2 * t + 2] = jacobian[t, row, 4:]
+                        for u in range(2 * t):
+                            sensitivity[t + 1, row, u] += weight * sensitivity[t, inner, u]
+                for u in range(2):
+                    sensitivity[t + 1, row, 2 * t + u] = jacobian[t, row, 4 + u]
     return jacobian, sensitivity
 
 
 @njit(cache=True)
 def _one_feature(state, control, axles, jacobian, sensitivity, first, second, gradient, hessian):  # type: ignore[no-untyped-def]
     steps = control.shape[0]
-    costate, value = first[steps].copy(), second[steps].copy()
+    costate, value, both = np.empty(4), np.empty((4, 4)), np.empty((6, 6))
+    earlier = np.empty(4)
+    for p in range(4):
+        costate[p] = first[steps, p]
+        for q in range(4):
+            value[p, q] = second[steps, p, q]
     for t in range(steps - 1, -1, -1):
-        both = np.zeros((6, 6))  # second derivatives by state and controls of this step
+        # Second derivatives by state and controls of this step.
         for row in range(6):
             for column in range(row, 6):
                 total = 0.0
@@ -123,19 +128,34 @@ def _one_feature(state, control, axles, jacobian, sensitivity, first, second, gr
                         total += jacobian[t, p, row] * value[p, q] * jacobian[t, q, column]
                 both[row, column] = both[column, row] = total
         add_step_curvature(state[t, 2], state[t, 3], control[t, 1], axles, costate, both)
-        here = 2 * t
-        for u in range(2):
-            gradient[here + u] = np.sum(jacobian[t, :, 4 + u] * costate)
-            hessian[here + u, here : here + 2] = both[4 + u, 4:]
-            for p in range(4):
-                hessian[here + u, :here] += both[4 + u, p] * sensitivity[t, p, :here]
-            hessian[:here, here + u] = hessian[here + u, :here]
+        _write_controls(t, jacobian, sensitivity, costate, both, gradient, hessian)
         if t > 0:
-            earlier = first[t].copy()
             for p in range(4):
-                earlier += jacobian[t, p, :4] * costate[p]
-            costate = earlier
-            value = second[t] + both[:4, :4]
+                total = first[t, p]
+                for q in range(4):
+                    total += jacobian[t, q, p] * costate[q]
+                    value[p, q] = second[t, p, q] + both[p, q]
+                earlier[p] = total
+            for p in range(4):
+                costate[p] = earlier[p]
+
+
+@njit(cache=True)
+def _write_controls(t, jacobian, sensitivity, costate, both, gradient, hessian):  # type: ignore[no-untyped-def]
+    """Write the derivatives by the controls of step ``t``, and by them and all earlier ones."""
+    for u in range(2):
+        row = 2 * t + u
+        total = 0.0
+        for p in range(4):
+            total += jacobian[t, p, 4 + u] * costate[p]
+        gradient[row] = total
+        for other in range(2):
+            hessian[row, 2 * t + other] = both[4 + u, 4 + other]
+        for column in range(2 * t):
+            total = 0.0
+            for p in range(4):
+                total += both[4 + u, p] * sensitivity[t, p, column]
+            hessian[row, column] = hessian[column, row] = total
 
 
 @njit(cache=True)

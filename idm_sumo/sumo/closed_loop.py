@@ -24,6 +24,7 @@ from idm_sumo.sumo import network, run_recipe
 from idm_sumo.sumo.demand import SAFE, write_boundary, write_routes
 from idm_sumo.sumo.ego import Ego
 from idm_sumo.sumo.entrance import Entrance
+from idm_sumo.sumo.extended_loop import ModelDrivers
 from idm_sumo.sumo.gui import gui_simulation
 from idm_sumo.sumo.session import ALWAYS, simulation
 from idm_sumo.sumo.translation import save
@@ -145,8 +146,9 @@ def _complete(root: Element, additional: Path | None, duration: float, options: 
 
 
 def run(
-    files: RunFiles, fcd: Path, *, seed: int = 1, ego: Ego | None = None, gui: bool = False, progress: Progress = silent
-) -> Outcome:
+    files: RunFiles, fcd: Path, *, seed: int = 1, ego: Ego | None = None, ours: ModelDrivers | None = None,
+    gui: bool = False, progress: Progress = silent,
+) -> Outcome:  # fmt: skip
     """Let SUMO run a population over the recorded time.
 
     Parameters
@@ -158,6 +160,8 @@ def run(
         SUMO's.
     ego : Ego, optional
         A vehicle of the demand that we drive.
+    ours : ModelDrivers, optional
+        Drives everybody on the main lanes in place of SUMO's types.
     gui : bool
         Show it in sumo-gui.
 
@@ -185,13 +189,13 @@ def run(
         options += ["--additional-files", str(files.additional)]
     start = gui_simulation if gui else simulation
     with start(options, net=files.net) as sumo:
-        departed, collisions, arrived = _loop(sumo, files, ego, progress)
+        departed, collisions, arrived = _loop(sumo, files, ego, ours, progress)
     table = _departures(files, departed)
     return Outcome(fcd, table, len(collisions), arrived, None if ego is None else ego.table())
 
 
 def _loop(
-    sumo: Any, files: RunFiles, ego: Ego | None, progress: Progress
+    sumo: Any, files: RunFiles, ego: Ego | None, ours: ModelDrivers | None, progress: Progress
 ) -> tuple[dict[str, float], set[tuple[str, str]], int]:
     """Step through the run; return departures (s), colliding pairs, and how many arrived."""
     departed: dict[str, float] = {}
@@ -205,6 +209,8 @@ def _loop(
         arrived += sumo.simulation.getArrivedNumber()
         if sumo.simulation.getCollidingVehiclesNumber():
             collisions |= {(hit.collider, hit.victim) for hit in sumo.simulation.getCollisions()}
+        if ours is not None:
+            ours.drive(sumo, step)
         if ego is not None:
             ego.drive(sumo, step)
         entrance.admit(sumo, step * road.FRAME_STEP)
@@ -273,11 +279,11 @@ class Measured:
 
 
 def run_and_measure(
-    files: RunFiles, fcd: Path, recorded: Recording, *, name: str, seed: int, ego: Ego | None = None, gui: bool = False,
-    progress: Progress = silent,
+    files: RunFiles, fcd: Path, recorded: Recording, *, name: str, seed: int, ego: Ego | None = None,
+    ours: ModelDrivers | None = None, gui: bool = False, progress: Progress = silent,
 ) -> Measured:  # fmt: skip
     """Run a population and measure it; for a process of its own, since libsumo holds one simulation."""
-    outcome = run(files, fcd, seed=seed, ego=ego, gui=gui, progress=progress)
+    outcome = run(files, fcd, seed=seed, ego=ego, ours=ours, gui=gui, progress=progress)
     recording = as_recording(outcome, recorded, files.demand, name)
     return Measured(outcome, portray(recording), glimpse_of(recording))
 

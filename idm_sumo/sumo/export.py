@@ -8,7 +8,7 @@ from contextlib import ExitStack
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
-from xml.etree.ElementTree import Element, SubElement
+from xml.etree.ElementTree import Comment, Element, SubElement
 
 import numpy as np
 import numpy.typing as npt
@@ -18,11 +18,14 @@ from idm_sumo import columns as c
 from idm_sumo import driver_table as d
 from idm_sumo.departures import DESTINATION, THROUGH
 from idm_sumo.departures import departures as departures_of
+from idm_sumo.effects import ExtendedModel
 from idm_sumo.errors import InputError
+from idm_sumo.idm import TEXTBOOK
 from idm_sumo.outputs import new_file
 from idm_sumo.recording import Recording
 from idm_sumo.scenes import Scenes
 from idm_sumo.sumo import network, run_recipe
+from idm_sumo.sumo.extended_types import Expressed, express
 from idm_sumo.sumo.translation import desired_speeds, driver_type, identifiers, save, sumo_parameters, with_parameters
 from idm_sumo.sumo.vtypes import number, type_element
 
@@ -61,6 +64,7 @@ def export_routes(
     integration: str = "euler",
     desired_speed: float | None = None,
     net_file: Path | str | None = None,
+    model: ExtendedModel | None = None,
     source: str = "drivers",
 ) -> Exported:
     """Write one vehicle type a driver with its vehicle, the ``.sumocfg`` that runs them, and the network.
@@ -84,6 +88,9 @@ def export_routes(
         ``desired_speed_m_s``, or without one the speed limit.
     net_file : Path or str, optional
         A build of our network, say with another speed limit; by default the one that comes along.
+    model : ExtendedModel, optional
+        Causes beyond the IDM; those that SUMO's types can hold go into them (:mod:`idm_sumo.sumo.extended_types`), of the
+        others notes and a comment in the file say that they do not.
     source : str
         How messages name the drivers.
 
@@ -106,10 +113,13 @@ def export_routes(
     table, speed_notes = _not_above(table)
     table = table.assign(depart=_simulation_times(table), id=identifiers(table), **_places(table, source))
     order = np.lexsort((table["id"], table["depart"]))
-    root = _routes(table.iloc[order], theta[order])
+    if model is None:
+        model = ExtendedModel(TEXTBOOK)
+    held = express(model, table, theta, table[d.DESIRED_SPEED].to_numpy(dtype=np.float64))
+    root = _routes(table.iloc[order], held._replace(theta=held.theta[order], maximum_speed=held.maximum_speed[order]))
     files = _write(Path(path), root, net, integration)
     vehicles = table.iloc[order][[c.PERIOD, c.VEHICLE, "id", "depart"]].rename(columns={"depart": d.DEPART})
-    return Exported(*files, vehicles.reset_index(drop=True), fit_notes + notes + speed_notes)
+    return Exported(*files, vehicles.reset_index(drop=True), fit_notes + notes + speed_notes + held.notes)
 
 
 def _checked_net(net_file: Path | str | None, desired_speed: float) -> Path:
@@ -205,17 +215,19 @@ def _places(table: pd.DataFrame, source: str) -> dict[str, Any]:
     return {"edge": where.edge, "lane_index": where.lane_index, "position": where.position}
 
 
-def _routes(table: pd.DataFrame, theta: Floats) -> Element:
+def _routes(table: pd.DataFrame, held: Expressed) -> Element:
     """Return ``<routes>``: routes, then types, then vehicles in the order of departure."""
     root = Element("routes")
+    for note in held.notes:
+        root.append(Comment(f" {note.replace('--', '- -')} "))  # no double hyphen within a comment
     ends = table[DESTINATION] if DESTINATION in table else pd.Series(THROUGH, index=table.index)
     ends = ends.where(table["edge"] != network.OFF_RAMP, network.OFF_RAMP)
     names = {way: f"{way[0]}.to.{way[1]}" for way in dict.fromkeys(zip(table["edge"], ends, strict=True))}
     for way, name in names.items():
         SubElement(root, "route", id=name, edges=" ".join(network.route(str(way[0]), str(way[1]))))
     rows = [row for _, row in table.iterrows()]
-    for row, values in zip(rows, theta, strict=True):
-        type_element(driver_type(row, row["id"], values, float(row[d.DESIRED_SPEED])), root)
+    for row, values, fastest in zip(rows, held.theta, held.maximum_speed.tolist(), strict=True):
+        type_element(driver_type(row, row["id"], values, fastest), root, **held.extra)
     for row, end in zip(rows, ends, strict=True):
         SubElement(
             root, "vehicle", id=row["id"], type=row["id"], route=names[row["edge"], end], depart=number(row["depart"]),

@@ -9,7 +9,8 @@ nor by its lane-changing models.
 
 from __future__ import annotations
 
-from typing import Any
+from collections.abc import Callable
+from typing import Any, NamedTuple
 
 import numpy as np
 import numpy.typing as npt
@@ -17,9 +18,12 @@ from joblib import Parallel, delayed
 from numba import njit
 
 from idm_sumo import bicycle, road
+from idm_sumo.effects import ExtendedModel
 from idm_sumo.errors import InputError
+from idm_sumo.extended_rollout import decide, set_out
 from idm_sumo.progress import Progress, silent
-from idm_sumo.rollout import Trajectories, control
+from idm_sumo.recording import Recording
+from idm_sumo.rollout import Trajectories, control, steer
 from idm_sumo.scenes import LEADER_FROM_LANE, Scenes
 from idm_sumo.sumo.perception import lane_strip, leader_in_lane
 from idm_sumo.sumo.session import simulation
@@ -41,6 +45,7 @@ def replay(
     *,
     desired_speed: npt.ArrayLike = road.SPEED_LIMIT,
     which: npt.NDArray[np.bool_] | Integers | None = None,
+    extension: tuple[Recording, ExtendedModel] | None = None,
     jobs: int = 1,
     progress: Progress = silent,
 ) -> Trajectories:
@@ -55,6 +60,9 @@ def replay(
         m/s.
     which : array, optional
         Mask or numbers of the windows to replay; by default all.
+    extension : tuple of Recording and ExtendedModel, optional
+        Causes beyond the IDM, and the period in which their drivers are looked up
+        (:mod:`idm_sumo.extended_rollout`). What they see beside the leader is where SUMO shows it.
     jobs : int
         Processes; the results do not depend on it.
     progress : Progress
@@ -92,9 +100,9 @@ def replay(
     if which is not None:
         scenes, theta, limit = scenes.subset(which), theta[which], limit[which]
     if jobs == 1 or len(scenes) < 2:
-        return _replay_serially(scenes, theta, limit, progress)
+        return _replay_serially(scenes, theta, limit, extension, progress)
     chunks = np.array_split(np.arange(len(scenes)), min(len(scenes), jobs * CHUNKS_A_JOB))
-    tasks = (delayed(_replay_serially)(scenes.subset(part), theta[part], limit[part]) for part in chunks)
+    tasks = (delayed(_replay_serially)(scenes.subset(part), theta[part], limit[part], extension) for part in chunks)
     parts = []
     for part in Parallel(n_jobs=jobs, backend="loky", return_as="generator")(tasks):
         parts.append(part)
@@ -102,18 +110,76 @@ def replay(
     return Trajectories.joined(parts)
 
 
-def _replay_serially(scenes: Scenes, theta: Floats, limit: Floats, progress: Progress = silent) -> Trajectories:
+def _replay_serially(
+    scenes: Scenes,
+    theta: Floats,
+    limit: Floats,
+    extension: tuple[Recording, ExtendedModel] | None = None,
+    progress: Progress = silent,
+) -> Trajectories:
     """Replay one window after the other in one simulation, whose road is empty between them."""
     out, actors = Trajectories.empty(len(scenes), scenes.window.horizon), cast(scenes)
     with simulation() as sumo:
+        drive = _plain(scenes, theta, limit) if extension is None else _extended(sumo, scenes, theta, limit, *extension)
         check_on_network(sumo, actors)
         stage, strips = Stage(sumo, as_points=True), [lane_strip(sumo, lane + 1) for lane in range(road.MAIN_LANES)]
         for i in range(len(scenes)):
             strip = strips[int(scenes.lane[i]) - 1]
-            _replay_one(sumo, stage, strip, actors, scenes, i, np.ascontiguousarray(theta[i]), float(limit[i]), out)
+            _replay_one(sumo, stage, strip, actors, scenes, i, drive, out)
             stage.clear()
             progress("replay in SUMO", i + 1, len(scenes))
     return out
+
+
+class Moment(NamedTuple):
+    """A driver, its step, what SUMO shows of it, and where it is."""
+
+    i: int
+    k: int
+    names: list[str]
+    rows: Integers
+    leader: int
+    gap: float
+    cx: float
+    cy: float
+    heading: float
+    speed: float
+    x: float
+
+
+Advance = Callable[[Moment], tuple[float, float, float, float, float, float, float, float]]
+
+
+def _plain(scenes: Scenes, theta: Floats, limit: Floats) -> Advance:
+    """Return what drives by the IDM."""
+    theta, lane_y, t = np.ascontiguousarray(theta), road.lane_center(scenes.lane), scenes.traffic
+
+    def drive(now: Moment) -> Any:
+        i, leader_speed = now.i, float(t.speed[now.leader]) if now.leader != NOBODY else now.speed
+        return advance(
+            now.cx, now.cy, now.heading, now.speed, now.gap, leader_speed, theta[i], float(limit[i]),
+            float(scenes.length[i]), float(lane_y[i]),
+        )  # fmt: skip
+
+    return drive
+
+
+def _extended(
+    sumo: Any, scenes: Scenes, theta: Floats, limit: Floats, recording: Recording, model: ExtendedModel
+) -> Advance:
+    """Return what drives by an extended model, among the vehicles where SUMO shows them."""
+    minds, ground, body = set_out(scenes, recording, model, theta, limit)
+    shown = ground._replace(x=ground.x.copy())
+
+    def drive(now: Moment) -> Any:
+        if now.names:
+            shown.x[now.rows] = [sumo.vehicle.getPosition(name)[0] for name in now.names]
+        acceleration = decide(now.i, now.k, now.x, now.speed, now.leader, now.gap, minds, shown, body)
+        length = float(body.length[now.i])
+        steering = steer(now.cy, now.heading, now.speed, length, float(body.lane_y[now.i]))
+        return moved(now.cx, now.cy, now.heading, now.speed, acceleration, steering, length)
+
+    return drive
 
 
 def _replay_one(
@@ -123,13 +189,12 @@ def _replay_one(
     actors: Cast,
     scenes: Scenes,
     i: int,
-    theta: Floats,
-    limit: float,
+    drive: Advance,
     out: Trajectories,
 ) -> None:
     """Drive window ``i`` and write it to ``out``."""
     length, lane, t = float(scenes.length[i]), int(scenes.lane[i]), scenes.traffic
-    lane_y, end = float(road.lane_center(lane)), sumo.simulation.getNetBoundary()[1][0]
+    end = sumo.simulation.getNetBoundary()[1][0]
     right, left = inside_lane([-np.inf, np.inf], lane).tolist()
     x, y, heading, speed = start_of(scenes, i)
     cx, cy = bicycle.center_of_front(x, y, heading, length)
@@ -148,9 +213,8 @@ def _replay_one(
         out.leader[i, k], out.gap[i, k] = row, gap
         if k == out.acceleration.shape[1]:
             break
-        leader_speed = t.speed[row] if row != NOBODY else speed
-        out.acceleration[i, k], out.steering[i, k], cx, cy, heading, speed, x, y = advance(
-            cx, cy, heading, speed, gap, leader_speed, theta, limit, length, lane_y
+        out.acceleration[i, k], out.steering[i, k], cx, cy, heading, speed, x, y = drive(
+            Moment(i, k, names, rows, row, gap, cx, cy, heading, speed, x)
         )
 
 
@@ -197,6 +261,12 @@ def _rows_in_reach(offsets, x, vehicle, cells, front, own):  # type: ignore[no-u
 def advance(cx, cy, heading, speed, gap, leader_speed, theta, limit, length, lane_y):  # type: ignore[no-untyped-def]
     """Return controls, centre of mass, heading, speed and front bumper one frame later."""
     acceleration, steering = control(cx, cy, heading, speed, gap, leader_speed, theta, limit, length, lane_y)
+    return moved(cx, cy, heading, speed, acceleration, steering, length)
+
+
+@njit(cache=True)
+def moved(cx, cy, heading, speed, acceleration, steering, length):  # type: ignore[no-untyped-def]
+    """Return the same for given controls."""
     axles = bicycle.wheelbase(length)
     cx, cy, heading, speed = bicycle.step(cx, cy, heading, speed, acceleration, steering, axles, road.FRAME_STEP)
     x, y = bicycle.front_of_center(cx, cy, heading, length)

@@ -1,0 +1,136 @@
+"""A diagnosis in sentences, every number computed."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+import pandas as pd
+
+from idm_sumo.diagnosis import CauseFound, Diagnosis, Gain, Region
+
+MEASURES = {
+    "ade_m": "mean displacement error (m)", "fde_m": "displacement error at the end (m)", "gap_m": "gap error (m)",
+    "gap_rmse_m": "gap error, RMSE (m)", "speed_m_s": "speed error (m/s)", "speed_rmse_m_s": "speed error, RMSE (m/s)",
+    "log_gap": "gap error (of its logarithm)", "speed_mps": "speed error (m/s)",
+    "collisions": "collisions (share of windows)",
+}  # fmt: skip
+
+
+def plain(name: str) -> str:
+    """Return a catalogue name as words."""
+    return name.replace("_", " ")
+
+
+def sentence(text: str) -> str:
+    """Return a text as a sentence."""
+    return f"{text[:1].upper()}{text[1:]}" + ("" if text.endswith(".") else ".")
+
+
+def p_value(p: float) -> str:
+    """Return a p-value as one reads it."""
+    return "p < 0.0001" if p < 1e-4 else f"p = {p:.2g}"
+
+
+def headline(found: Diagnosis) -> str:
+    """Say the verdict in one sentence."""
+    if found.verdict == "named":
+        names = " and ".join(_sized(cause) for cause in found.causes)
+        return f"Named: {names}."
+    if found.verdict == "unknown":
+        places = "; ".join(
+            f"{plain(one.covariate)} from {one.range[0]:.4g} to {one.range[1]:.4g}{_where(one.position_m, one.time_s)} "
+            f"({p_value(one.p_value)})"
+            for one in found.unexplained
+        )
+        return f"Unknown: something is wrong that no effect of the catalogue explains, at {places}."
+    return "None: nothing beyond the IDM is shown by these data."
+
+
+def _sized(cause: CauseFound) -> str:
+    sizes = ", ".join(
+        f"{symbol} = {one.value:.3g}{_unit(one.unit)} (95 %: {one.ci95[0]:.3g} to {one.ci95[1]:.3g})"
+        for symbol, one in cause.parameters.items()
+    )
+    region = cause.where
+    place = "" if region is None else _where(region.position_m, region.time_s) + _lanes(region)
+    return f"{plain(cause.name)}{place} ({sizes}; {p_value(cause.p_value)}; {cause.share_of_gain:.0%} of the gain)"
+
+
+def _unit(unit: str) -> str:
+    return "" if unit in ("1", "", "number") else f" {unit}"
+
+
+def _where(position: tuple[float, float] | None, time: tuple[float, float] | None) -> str:
+    place = "" if position is None else f" between {position[0]:.0f} and {position[1]:.0f} m"
+    return place + ("" if time is None else f" between {time[0]:.0f} and {time[1]:.0f} s")
+
+
+def _lanes(region: Region) -> str:
+    return "" if region.lanes is None else f" in lane {', '.join(map(str, region.lanes))}"
+
+
+def gain_sentence(gain: Gain | None) -> str:
+    """Say what the extension buys on drivers that were never touched."""
+    if gain is None:
+        return "Too few drivers to hold some out: no gain was measured."
+    if gain.difference == 0.0:
+        return f"The IDM's mean displacement error is {gain.base:.2f} m on {gain.vehicles} held-out drivers; the model is not extended."
+    share = gain.difference / gain.base if gain.base else 0.0
+    sure = "" if gain.ci95[0] > 0 else " That interval holds zero: significance and gain are different things."
+    return (
+        f"On {gain.vehicles} held-out drivers the mean displacement error falls from {gain.base:.3f} to {gain.extended:.3f} m, by "
+        f"{gain.difference:.3f} m or {share:.1%} (95 %: {gain.ci95[0]:.3f} to {gain.ci95[1]:.3f} m).{sure}"
+    )
+
+
+def gains_table(gains: Sequence[Gain | None]) -> pd.DataFrame:
+    """Return all measures of the gain."""
+    return pd.DataFrame(
+        [
+            {
+                "measure": MEASURES.get(one.metric, one.metric), "IDM": f"{one.base:.4g}", "extended": f"{one.extended:.4g}",
+                "difference": f"{one.difference:.3g}", "95 %": f"{one.ci95[0]:.3g} to {one.ci95[1]:.3g}", "vehicles": one.vehicles,
+            }
+            for one in gains if one is not None
+        ]
+    )  # fmt: skip
+
+
+def causes_table(causes: Sequence[CauseFound]) -> pd.DataFrame:
+    """Return causes, one row a parameter."""
+    return pd.DataFrame(
+        [
+            {
+                "cause": plain(cause.name), "symbol": symbol, "value": f"{one.value:.3g}{_unit(one.unit)}",
+                "95 %": f"{one.ci95[0]:.3g} to {one.ci95[1]:.3g}", "p": f"{cause.p_value:.2g}",
+                "share of the gain": f"{cause.share_of_gain:.0%}",
+                "where and when": "everywhere" if cause.where is None
+                else (_where(cause.where.position_m, cause.where.time_s) + _lanes(cause.where)).strip() or "everywhere",
+                "cannot be told from": ", ".join(map(plain, cause.inseparable_from)) or "–",
+            }
+            for cause in causes for symbol, one in (cause.parameters.items() or {})
+        ]
+    )  # fmt: skip
+
+
+def ruled_out_table(found: Diagnosis) -> pd.DataFrame:
+    """Return what was tested and not kept, with what it could be confused with."""
+    return pd.DataFrame(
+        [
+            {
+                "effect": plain(one.name), "p": f"{one.p_value:.2g}",
+                "estimated size": "–" if one.estimate is None else f"{one.estimate.value:.2g}{_unit(one.estimate.unit)}",
+                "95 %": "–" if one.estimate is None else f"{one.estimate.ci95[0]:.2g} to {one.estimate.ci95[1]:.2g}",
+                "confusable with": ", ".join(map(plain, one.confusable_with)) or "–",
+            }
+            for one in found.ruled_out
+        ]
+    )  # fmt: skip
+
+
+def power_sentences(found: Diagnosis) -> list[str]:
+    """Say for each effect which size would have been seen how probably."""
+    return [
+        f"{plain(one.name)} of {one.symbol} = {one.size:.3g}{_unit(one.unit)} would have been seen with probability {one.probability:.2f}"
+        for one in found.power
+    ]

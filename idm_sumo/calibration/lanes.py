@@ -1,0 +1,233 @@
+"""Rollouts of one driver with several parameter sets side by side, with and without derivatives.
+
+The state is one flat array, a row a quantity, a column a parameter set, so that the compiler
+uses vector instructions: eight rollouts with all derivatives take as long as one after the
+other without vectors. A loop over lanes is written only where it is long enough for that, and
+whatever does not depend on the lane is a scalar before it.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+from numba import njit
+
+from idm_sumo import idm, road
+from idm_sumo.calibration import objective as o
+from idm_sumo.calibration.coordinates import D_UNIT, PARAMETERS, T_UNIT, parameters_at
+from idm_sumo.rollout import perceive
+from idm_sumo.traffic import NOBODY
+
+DT = road.FRAME_STEP
+LANES = L = 8  # parameter sets side by side: two vectors of four
+START = np.int64(0)  # a literal 0 would be one more type to numba
+PAIRS = PARAMETERS * (PARAMETERS + 1) // 2  # of a symmetric matrix, row by row of its lower triangle
+
+# Rows of a plain rollout, and further ones for derivatives: of position and speed by the
+# parameters (DX, DV), of the error (DE); the frame's weights; sums over frames.
+X, V, REAR, AHEAD, OUT, A, W, T, D0, D1, TOTAL = (row * L for row in range(11))
+PLAIN = 11 * L
+DX, DV, DE = 11 * L, 16 * L, 21 * L
+PULL, WEIGHT = 26 * L, 27 * L
+GRADIENT, NORMAL = 28 * L, 33 * L
+WHOLE = NORMAL + PAIRS * L
+
+
+@njit(cache=True)
+def look_ahead(p, i, k, x):  # type: ignore[no-untyped-def]
+    """Return rear bumper (m) and speed (m/s) of who is ahead of ``x`` at frame ``k``; infinite and 0 without anybody."""
+    if p.behind[i, k] <= x < p.ahead[i, k]:
+        return p.rear[i, k], p.leader_speed[i, k]
+    row, _ = perceive(p.first_cell[i] + k, x, p.own[i], p.offsets, p.x, p.length, p.vehicle)
+    if row == NOBODY:
+        return np.inf, 0.0
+    return p.x[row] - p.length[row], p.speed[row]
+
+
+@njit(cache=True, error_model="numpy")
+def start_lanes(p, i, z, first, s):  # type: ignore[no-untyped-def]
+    """Fill every lane's start and parameters; lanes beyond ``z`` repeat its last row. The rest of ``s`` becomes 0."""
+    for row in range(PLAIN, s.shape[0]):
+        s[row] = 0.0
+    for j in range(L):
+        s[X + j], s[V + j], s[TOTAL + j] = p.start_x[i], p.start_speed[i], 0.0
+        s[A + j], b, s[T + j], s[D0 + j], s[D1 + j] = parameters_at(z[min(first + j, z.shape[0] - 1)])
+        s[W + j] = idm.closing_weight(s[A + j], b)
+        s[REAR + j], s[AHEAD + j] = look_ahead(p, i, START, s[X + j])
+
+
+@njit(cache=True, error_model="numpy", forceinline=True)
+def look_outside(p, i, k, s):  # type: ignore[no-untyped-def]
+    """Search the traffic for the lanes that left the corridor (:class:`~idm_sumo.calibration.problem.Problem`)."""
+    outside = 0.0
+    for j in range(L):
+        outside += s[OUT + j]
+    if outside > 0.0:
+        for j in range(L):
+            if s[OUT + j] > 0.0:
+                s[REAR + j], s[AHEAD + j] = look_ahead(p, i, k, s[X + j])
+
+
+@njit(cache=True, error_model="numpy")
+def roll_lanes(p, i, z, first, smoothing, s):  # type: ignore[no-untyped-def]
+    """Roll out ``LANES`` parameter sets, from row ``first`` of ``z``; their mean costs end in row ``TOTAL`` of ``s``."""
+    is_ade, loss, scale, inverse, frames = p.objective == o.ADE, p.loss, p.scale, 1.0 / p.desired_speed[i], 0
+    start_lanes(p, i, z, first, s)
+    for k in range(p.forward.shape[1]):
+        low, high, rear, speed = p.behind[i, k + 1], p.ahead[i, k + 1], p.rear[i, k + 1], p.leader_speed[i, k + 1]
+        target, lateral, travelled = p.target[i, k], p.lateral[i, k], p.forward[i, k] * DT
+        counts = 1.0 if p.counted[i, k] and is_ade else 0.0
+        frames += p.counted[i, k]
+        for j in range(L):
+            v = s[V + j]
+            acceleration = idm.acceleration_of(
+                v, v - s[AHEAD + j], s[REAR + j] - s[X + j], s[A + j], s[W + j], s[T + j], s[D0 + j], s[D1 + j], inverse
+            )
+            x = s[X + j] + v * travelled
+            s[X + j], s[V + j], s[REAR + j], s[AHEAD + j] = x, max(0.0, v + acceleration * DT), rear, speed
+            s[OUT + j] = 0.0 if (x >= low) & (x < high) else 1.0
+            s[TOTAL + j] += counts * o.distance(x - target, lateral, smoothing)
+        look_outside(p, i, k + 1, s)
+        if p.counted[i, k] and not is_ade:
+            for j in range(L):
+                error = o.measured(p.objective, s[X + j], s[V + j], s[REAR + j]) - target
+                s[TOTAL + j] += o.robust_cost(error, loss, scale)
+    for j in range(L):
+        s[TOTAL + j] /= frames
+
+
+@njit(cache=True, error_model="numpy", fastmath={"contract"}, forceinline=True)
+def step_with_tangents(s, inverse, travelled, low, high, rear, speed, target, lateral, smoothing, floor, counts):  # type: ignore[no-untyped-def]
+    r"""Move every lane by one step, and its derivatives by those of the step.
+
+    Forward sensitivities: with :math:`s = \partial(x, v)/\partial z`, differentiating the
+    Euler step gives :math:`s_x' = s_x + s_v\,dt` and :math:`s_v' = s_v + (\dot v_v s_v -
+    \dot v_d s_x + \dot v_z)\,dt`, or 0 where the speed is held at 0. Where the leader
+    changes, position and speed are continuous and so are the sensitivities.
+
+    Then note the distance from the recorded twin, if it ``counts`` (1 or 0): the frame's
+    weight, and its pull, weight times error.
+    """
+    for j in range(L):
+        v = s[V + j]
+        rate, gap, a, weight = v - s[AHEAD + j], s[REAR + j] - s[X + j], s[A + j], s[W + j]
+        new = v + DT * idm.acceleration_of(v, rate, gap, a, weight, s[T + j], s[D0 + j], s[D1 + j], inverse)
+        by_v, by_d, by_a, by_b, by_T, by_d0, by_d1 = idm.acceleration_partials(
+            v, rate, gap, a, weight, s[T + j], s[D0 + j], s[D1 + j], inverse
+        )
+        moves = 1.0 if new > 0.0 else 0.0
+        x = s[X + j] + v * travelled
+        s[X + j], s[V + j], s[REAR + j], s[AHEAD + j] = x, max(0.0, new), rear, speed
+        s[OUT + j] = 0.0 if (x >= low) & (x < high) else 1.0
+        dx, dv = s[DX + j], s[DV + j]
+        s[DX + j] = s[DE + j] = dx + dv * travelled
+        s[DV + j] = moves * (dv + DT * (by_v * dv - by_d * dx + by_a))
+        dx, dv = s[DX + L + j], s[DV + L + j]
+        s[DX + L + j] = s[DE + L + j] = dx + dv * travelled
+        s[DV + L + j] = moves * (dv + DT * (by_v * dv - by_d * dx + by_b))
+        dx, dv = s[DX + 2 * L + j], s[DV + 2 * L + j]
+        s[DX + 2 * L + j] = s[DE + 2 * L + j] = dx + dv * travelled
+        s[DV + 2 * L + j] = moves * (dv + DT * (by_v * dv - by_d * dx + T_UNIT * by_T))
+        dx, dv = s[DX + 3 * L + j], s[DV + 3 * L + j]
+        s[DX + 3 * L + j] = s[DE + 3 * L + j] = dx + dv * travelled
+        s[DV + 3 * L + j] = moves * (dv + DT * (by_v * dv - by_d * dx + D_UNIT * by_d0))
+        dx, dv = s[DX + 4 * L + j], s[DV + 4 * L + j]
+        s[DX + 4 * L + j] = s[DE + 4 * L + j] = dx + dv * travelled
+        s[DV + 4 * L + j] = moves * (dv + DT * (by_v * dv - by_d * dx + D_UNIT * by_d1))
+        off = o.distance(x - target, lateral, smoothing)
+        weight = counts / max(off, floor)
+        s[TOTAL + j] += counts * off
+        s[WEIGHT + j], s[PULL + j] = weight, weight * (x - target)
+
+
+@njit(cache=True, error_model="numpy")
+def measure_error(s, objective, loss, scale, target):  # type: ignore[no-untyped-def]
+    """Note every lane's error by another objective than the ADE, and the error's derivatives."""
+    for j in range(L):
+        x, v, rear = s[X + j], s[V + j], s[REAR + j]
+        error = o.measured(objective, x, v, rear) - target
+        by_x, by_v = o.measured_partials(objective, x, rear)
+        weight = o.robust_weight(error, loss, scale)
+        s[TOTAL + j] += o.robust_cost(error, loss, scale)
+        s[WEIGHT + j], s[PULL + j] = weight, weight * error
+        for m in range(PARAMETERS):
+            s[DE + m * L + j] = by_x * s[DX + m * L + j] + by_v * s[DV + m * L + j]
+
+
+@njit(cache=True, error_model="numpy", fastmath={"contract"}, forceinline=True)
+def add_frame(s):  # type: ignore[no-untyped-def]
+    """Add a frame to every lane's gradient and to its matrix of weighted products."""
+    for j in range(L):
+        pull, weight = s[PULL + j], s[WEIGHT + j]
+        e0, e1, e2 = s[DE + j], s[DE + L + j], s[DE + 2 * L + j]
+        e3, e4 = s[DE + 3 * L + j], s[DE + 4 * L + j]
+        s[GRADIENT + j] += pull * e0
+        s[GRADIENT + L + j] += pull * e1
+        s[GRADIENT + 2 * L + j] += pull * e2
+        s[GRADIENT + 3 * L + j] += pull * e3
+        s[GRADIENT + 4 * L + j] += pull * e4
+        w0, w1, w2, w3, w4 = weight * e0, weight * e1, weight * e2, weight * e3, weight * e4
+        s[NORMAL + j] += w0 * e0
+        s[NORMAL + L + j] += w1 * e0
+        s[NORMAL + 2 * L + j] += w1 * e1
+        s[NORMAL + 3 * L + j] += w2 * e0
+        s[NORMAL + 4 * L + j] += w2 * e1
+        s[NORMAL + 5 * L + j] += w2 * e2
+        s[NORMAL + 6 * L + j] += w3 * e0
+        s[NORMAL + 7 * L + j] += w3 * e1
+        s[NORMAL + 8 * L + j] += w3 * e2
+        s[NORMAL + 9 * L + j] += w3 * e3
+        s[NORMAL + 10 * L + j] += w4 * e0
+        s[NORMAL + 11 * L + j] += w4 * e1
+        s[NORMAL + 12 * L + j] += w4 * e2
+        s[NORMAL + 13 * L + j] += w4 * e3
+        s[NORMAL + 14 * L + j] += w4 * e4
+
+
+@njit(cache=True, error_model="numpy")
+def roll_with_derivatives(p, i, z, smoothing, floor, s):  # type: ignore[no-untyped-def]
+    """Roll out ``z``, shape ``(LANES, 5)``; mean costs, gradients and matrices by search coordinates end in ``s``.
+
+    The matrix is the mean over frames of weight times the product of the error's derivatives:
+    that of reweighted least squares. ``floor`` is the distance (m) below which a frame's weight grows no more.
+    """
+    objective = p.objective
+    is_ade, inverse, frames = objective == o.ADE, 1.0 / p.desired_speed[i], 0
+    start_lanes(p, i, z, START, s)
+    for k in range(p.forward.shape[1]):
+        low, high, rear, speed = p.behind[i, k + 1], p.ahead[i, k + 1], p.rear[i, k + 1], p.leader_speed[i, k + 1]
+        counts = 1.0 if p.counted[i, k] and is_ade else 0.0
+        step_with_tangents(
+            s,
+            inverse,
+            p.forward[i, k] * DT,
+            low,
+            high,
+            rear,
+            speed,
+            p.target[i, k],
+            p.lateral[i, k],
+            smoothing,
+            floor,
+            counts,
+        )
+        look_outside(p, i, k + 1, s)
+        if p.counted[i, k]:
+            frames += 1
+            if not is_ade:
+                measure_error(s, objective, p.loss, p.scale, p.target[i, k])
+            add_frame(s)
+    share = 1.0 / frames
+    for j in range(L):
+        s[TOTAL + j] *= share
+    for row in range(GRADIENT, WHOLE):
+        s[row] *= share
+
+
+@njit(cache=True, error_model="numpy")
+def costs_of(p, i, z, smoothing, values):  # type: ignore[no-untyped-def]
+    """Fill ``values`` with the mean cost of driver ``i`` at each row of search coordinates ``z``; NaN if no frame counts."""
+    lanes = np.empty(PLAIN)
+    for first in range(0, z.shape[0], L):
+        roll_lanes(p, i, z, first, smoothing, lanes)
+        for j in range(min(L, z.shape[0] - first)):
+            values[first + j] = lanes[TOTAL + j]

@@ -1,0 +1,125 @@
+"""``irl learn``, ``irl train`` and ``irl evaluate``: a reward from recorded drivers, agents trained on it, their errors."""
+
+from __future__ import annotations
+
+import argparse
+from pathlib import Path
+from typing import Any
+
+from idm_sumo.cli import options as shared
+from idm_sumo.cli.console import note, progress_bar, say, study_module, text_table
+
+STEPS = 1_200_000
+SEEDS = 3
+
+
+def add(commands: Any) -> None:
+    """Add the commands of this module."""
+    group = commands.add_parser(
+        "irl", help="the paper's less constrained learner: learn a reward, train agents, evaluate them"
+    )
+    actions = group.add_subparsers(title="commands", metavar="COMMAND", required=True, parser_class=type(group))
+    parser = shared.command(actions, "learn", learn, "learn the reward's weights from the training drivers (inverse optimal control)",
+                            "idm-sumo irl learn surrogate -o reward.json")  # fmt: skip
+    _source_arguments(parser)
+    parser.add_argument(
+        "--demonstrations", type=int, default=200, metavar="N", help="drivers to learn from (default 200)"
+    )
+    parser.add_argument(
+        "--steps", type=int, default=50, metavar="FRAMES", help="of each demonstration (default 50, 5 s)"
+    )
+    shared.output_argument(parser, "FILE", "weights with standard errors, as JSON")
+
+    parser = shared.command(actions, "train", train, "learn the reward, then train agents on it by PPO, and clones beside them",
+                            "idm-sumo irl train surrogate -o agents")  # fmt: skip
+    _source_arguments(parser)
+    parser.add_argument(
+        "--agent-steps",
+        type=int,
+        default=STEPS,
+        metavar="N",
+        help=f"environment steps of each agent (default {STEPS:,})",
+    )
+    parser.add_argument(
+        "--seeds", type=int, default=SEEDS, metavar="N", help=f"agents, with --seed and the next ones (default {SEEDS})"
+    )
+    shared.output_argument(
+        parser, "DIR", "reward, policies, learning curve; interrupted, the same command goes on from its checkpoints"
+    )
+
+    parser = shared.command(actions, "evaluate", evaluate, "drive the test drivers by trained agents and clones, and score them",
+                            "idm-sumo irl evaluate surrogate --agents agents -o scores.csv")  # fmt: skip
+    _source_arguments(parser)
+    parser.add_argument("--agents", type=Path, required=True, metavar="DIR", help="folder of `irl train`")
+    shared.output_argument(parser, "FILE", "one row a method and seed, as CSV")
+
+
+def _source_arguments(parser: argparse.ArgumentParser) -> None:
+    parser.add_argument(
+        "recording", metavar="RECORDING", nargs="+", help="NGSIM or SUMO FCD, or `surrogate` for the built-in recording"
+    )
+    parser.add_argument(
+        "--train", action="append", metavar="PERIOD", help="training period; may be repeated (default: the first)"
+    )
+    parser.add_argument(
+        "--test", action="append", metavar="PERIOD", help="test period; may be repeated (default: all later ones)"
+    )
+    parser.add_argument(
+        "--rollout-start",
+        choices=("observed", "entry"),
+        help="simulate from the last observed frame (default), or from entry",
+    )
+    parser.add_argument(
+        "--quick", action="store_true", help="fewer drivers, a shorter built-in recording and a short training"
+    )
+
+
+def _settings(options: argparse.Namespace) -> Any:
+    """Return the settings of the study these options ask for; the same as those of `reproduce`."""
+    module = study_module("settings")
+    named = options.recording == [module.SURROGATE]
+    overrides = {
+        "recordings": None if named else tuple(options.recording), "train": options.train, "test": options.test,
+        "rollout_start": options.rollout_start, "seed": options.seed, "agent_steps": getattr(options, "agent_steps", None),
+        "agent_seeds": getattr(options, "seeds", None),
+    }  # fmt: skip
+    settings = module.load_settings(module.DEFAULT_RUN if named else None, overrides)
+    return study_module("reproduce").quick(settings) if options.quick else settings
+
+
+def learn(options: argparse.Namespace) -> None:
+    """Learn the reward."""
+    module = study_module("agent_study")
+    with progress_bar() as report:
+        table, words = module.learn(
+            _settings(options),
+            options.output,
+            demonstrations=options.demonstrations,
+            steps=options.steps,
+            progress=report,
+        )
+    say(text_table(table), words, f"wrote {options.output}")
+
+
+def train(options: argparse.Namespace) -> None:
+    """Train agents."""
+    from idm_sumo.irl.learning import require_rl
+
+    require_rl()
+    module = study_module("agent_study")
+    with progress_bar() as report:
+        table = module.train(_settings(options), options.output, progress=report)
+    say(
+        text_table(table),
+        f"wrote {options.output}; evaluate it with `idm-sumo irl evaluate ... --agents {options.output}`",
+    )
+
+
+def evaluate(options: argparse.Namespace) -> None:
+    """Score agents."""
+    module = study_module("agent_study")
+    with progress_bar() as report:
+        table, missing = module.evaluate(_settings(options), options.agents, options.output, progress=report)
+    if missing:
+        note(missing)
+    say(text_table(table), f"wrote {options.output}")

@@ -1,0 +1,18 @@
+"""What the simulation gets wrong, and why: :func:`diagnose` a recording."""
+
+from idm_sumo.diagnosis.diagnose import diagnose
+from idm_sumo.diagnosis.result import (
+    CauseFound,
+    Diagnosis,
+    Estimate,
+    Gain,
+    Power,
+    Region,
+    RuledOut,
+    Scan,
+    Unexplained,
+)
+
+__all__ = [
+    "CauseFound", "Diagnosis", "Estimate", "Gain", "Power", "Region", "RuledOut", "Scan", "Unexplained", "diagnose",
+]  # fmt: skip

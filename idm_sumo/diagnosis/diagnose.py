@@ -1,0 +1,159 @@
+"""From a recording to its diagnosis."""
+
+from __future__ import annotations
+
+import itertools
+import time
+from collections.abc import Mapping
+from dataclasses import replace
+
+import numpy as np
+from numba import get_num_threads, set_num_threads
+
+from idm_sumo.diagnosis import atoms as at
+from idm_sumo.diagnosis import evidence as ev
+from idm_sumo.diagnosis import noise as no
+from idm_sumo.diagnosis import statements, tables, twins
+from idm_sumo.diagnosis.fit import Fit, first_guess, fit_drivers, for_others
+from idm_sumo.diagnosis.gain import all_gains, errors
+from idm_sumo.diagnosis.result import NAMED, NONE, UNKNOWN, Diagnosis
+from idm_sumo.diagnosis.rollout import PLAIN
+from idm_sumo.diagnosis.search import Found, search
+from idm_sumo.diagnosis.windows import Windows, cut_windows
+from idm_sumo.progress import Progress, silent
+from idm_sumo.recording import Recording
+
+HELD_OUT = 4  # every fourth block of neighbours takes no part in naming and fitting
+LEAST_DRIVERS = 24  # that name and fit
+LEAST_WINDOWS = 60
+ROUNDS = 7
+
+
+def diagnose(recording: Recording, *, seed: int = 0, jobs: int = 1, progress: Progress = silent) -> Diagnosis:
+    """Show what the simulation gets wrong, name the cause, extend the model, measure the gain.
+
+    Parameters
+    ----------
+    recording : Recording
+        As read (not smoothed).
+    seed : int
+        Of the split into drivers, the twins and the bootstrap.
+    jobs : int
+        Threads of the compiled rollouts.
+    progress : callable
+
+    Returns
+    -------
+    Diagnosis
+
+    Notes
+    -----
+    Drivers of whole blocks of neighbours are held out before anything is looked at. Too little data gives the
+    verdict none, with a note.
+    """
+    before = get_num_threads()
+    set_num_threads(max(1, min(jobs, before)))
+    try:
+        return _diagnose(recording, np.random.default_rng(seed), progress)
+    finally:
+        set_num_threads(before)
+
+
+def _diagnose(recording: Recording, rng: np.random.Generator, progress: Progress) -> Diagnosis:
+    clock = [("start", time.perf_counter())]
+    progress("cutting windows", 0, 1)
+    windows = cut_windows(recording)
+    train, held = _split(windows, rng)
+    clock.append(("windows", time.perf_counter()))
+    if train.drivers < LEAST_DRIVERS or len(train.seen) < LEAST_WINDOWS:
+        return _too_little(windows, train, clock)
+    progress("fitting drivers", 0, 1)
+    measurement = no.measurement_noise(recording)
+    drawn = no.smoothed(measurement.draw(400, 200, rng))
+    base = fit_drivers(train, PLAIN.copy(), np.array([drawn[0].var() + 1e-4, drawn[1].var() + 1e-4]), rounds=ROUNDS)
+    clock.append(("fit", time.perf_counter()))
+    driver = twins.driver_noise(train, base, measurement, rng, is_smooth=recording.is_smooth)
+    subject = ev.Subject(train, measurement, driver, at.grid_of(windows), recording.is_smooth)
+    found = search(subject, base, rng, progress)
+    clock.append(("search", time.perf_counter()))
+    progress("measuring the gain", 0, 1)
+    return _told(recording, windows, held, found, measurement, clock, rng)
+
+
+def _split(windows: Windows, rng: np.random.Generator) -> tuple[Windows, Windows]:
+    """Return the drivers that name and fit, and those held out, by blocks of neighbours."""
+    blocks = np.unique(windows.platoon)
+    chosen = rng.permutation(blocks)[: max(1, len(blocks) // HELD_OUT)] if len(blocks) > 1 else blocks[:0]
+    is_held = np.isin(windows.platoon, chosen)
+    return windows.of_drivers(np.flatnonzero(~is_held)), windows.of_drivers(np.flatnonzero(is_held))
+
+
+def _seconds(clock: list[tuple[str, float]]) -> dict[str, float]:
+    return {name: now - then for (_, then), (name, now) in itertools.pairwise(clock)}
+
+
+def _too_little(windows: Windows, train: Windows, clock: list[tuple[str, float]]) -> Diagnosis:
+    """Return the verdict none for a recording that cannot say anything."""
+    fit = first_guess(train, PLAIN.copy(), np.array([0.01, 0.04]))
+    note = (
+        f"too little to say anything: {windows.drivers} drivers with {len(windows.seen)} windows of car-following "
+        f"(at least {LEAST_DRIVERS} and {LEAST_WINDOWS} are needed to name and fit); an effect of any size may be there"
+    )
+    model = statements.model_of(fit, (), "")
+    return Diagnosis(
+        NONE, (), (), (), None, (), (), dict.fromkeys(statements.NAMES, "too few drivers"), (), model, model,
+        tables.residuals(windows, None, None), tables.drivers(windows, {}), (), dict(windows.excluded), (note,),
+        _seconds(clock),
+    )  # fmt: skip
+
+
+def _told(
+    recording: Recording, windows: Windows, held: Windows, found: Found, measurement: no.Noise,
+    clock: list[tuple[str, float]], rng: np.random.Generator,
+) -> Diagnosis:  # fmt: skip
+    """Measure the gain on the held-out drivers and put everything into words."""
+    base, extended = for_others(held, found.base), for_others(held, found.fit)
+    base_errors = errors(held, base)
+    extended_errors = errors(held, extended) if found.accepted else base_errors
+    gains = all_gains(base_errors, extended_errors, held.platoon, rng)
+    shares = _shares(held, found, base_errors.ade_m.mean(), extended_errors.ade_m.mean())
+    verdict = NAMED if found.accepted else UNKNOWN if found.unexplained else NONE
+    clock.append(("gain", time.perf_counter()))
+    known = {
+        "vehicle": held.vehicle, "period": held.period, "base": base_errors.ade_m, "extended": extended_errors.ade_m,
+    }  # fmt: skip
+    return Diagnosis(
+        verdict=verdict,
+        causes=statements.causes(found, shares),
+        without_gain=statements.without_gain(found),
+        unexplained=statements.unexplained(found, at.grid_of(windows)),
+        gain=gains[0],
+        other_gains=gains[1:],
+        ruled_out=statements.ruled_out(found),
+        untestable=statements.untestable(recording, windows, found),
+        power=statements.power(found),
+        model=statements.model_of(found.fit, found.accepted, recording.source),
+        base_model=statements.model_of(found.base, (), recording.source),
+        residuals=tables.residuals(held, base_errors.residual, extended_errors.residual),
+        drivers=tables.drivers(windows, known),
+        scans=statements.scans(found.first),
+        excluded=dict(windows.excluded),
+        notes=statements.notes(recording, windows, measurement, found),
+        seconds=_seconds(clock),
+    )
+
+
+def _shares(held: Windows, found: Found, base: float, extended: float) -> Mapping[str, float]:
+    """Return each cause's share of the gain: what is lost when it alone is left out, scaled to sum to one."""
+    names = [a.candidate.name for a in found.accepted]
+    if len(names) < 2:
+        return dict.fromkeys(names, 1.0)
+    lost = {
+        a.candidate.name: max(_ade_without(held, found.fit, a.candidate.name) - extended, 1e-6) for a in found.accepted
+    }
+    return {name: value / sum(lost.values()) for name, value in lost.items()}
+
+
+def _ade_without(held: Windows, fit: Fit, name: str) -> float:
+    by_lane = statements.without_cause(fit.by_lane, name)
+    return float(errors(held, for_others(held, replace(fit, by_lane=by_lane))).ade_m.mean())

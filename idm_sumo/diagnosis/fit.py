@@ -1,0 +1,181 @@
+r"""Drivers as random effects: an empirical-Bayes fit of the closed-loop rollouts.
+
+Gauss-Newton over the rollouts' Jacobians, EM over the population's mean and covariance and the residuals' pooled covariance;
+windows that fit badly count less (Student-like weights).
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+
+import numpy as np
+import numpy.typing as npt
+
+from idm_sumo.diagnosis import gls
+from idm_sumo.diagnosis.rollout import PARAMETERS, positions
+from idm_sumo.diagnosis.windows import EVERY, Windows
+from idm_sumo.road import FRAME_STEP
+
+Floats = npt.NDArray[np.float64]
+
+STEP = 0.03  # of a log-parameter, for the Jacobian
+LONGEST_STEP = 0.5  # of a log-parameter in one Gauss-Newton step
+TEXTBOOK = np.log([1.2, 1.8, 1.2, 2.2, 28.0])  # a, b, T, d0, v0
+BELIEF = np.array([0.7, 0.7, 0.5, 0.5, 0.15])  # sd of the population's mean around it
+LOWER, UPPER = np.log([0.15, 0.15, 0.2, 0.3, 12.0]), np.log([6.0, 8.0, 4.5, 9.0, 50.0])
+FREEDOM = 10.0  # of the weights: fewer punish outliers harder
+
+
+@dataclass(frozen=True)
+class Fit:
+    """Fitted drivers, and the linear model around them.
+
+    Attributes
+    ----------
+    mean, spread : float64, shapes (5,), (5, 5)
+        Of the drivers' log-parameters a, b, T, d0, v0.
+    own : float64, shape (drivers, 5)
+        Log-parameters of each driver.
+    residual : float64, shape (moments, moments)
+        Pooled covariance of the residuals (m²).
+    weight : float64, shape (windows,)
+    start_variance : float64, shape (2,)
+        Of the recorded start: m², m²/s².
+    by_lane : float64, shape (9, slots.COUNT)
+        Accepted magnitudes.
+    """
+
+    mean: Floats
+    spread: Floats
+    own: Floats
+    residual: Floats
+    weight: Floats
+    start_variance: Floats
+    by_lane: Floats
+
+    @property
+    def theta(self) -> Floats:
+        """Parameters of each driver in SI units, shape ``(drivers, 5)``."""
+        return np.exp(self.own)
+
+
+@dataclass(frozen=True)
+class Linear:
+    """Rollouts linearised at the fitted drivers, shapes ``(windows, moments, ...)``."""
+
+    error: Floats  # recorded minus simulated, plus what the drivers' deviation from the mean explains
+    jacobian: Floats
+    start: Floats
+    covariance: Floats
+    simulated: Floats
+
+
+def linearise(windows: Windows, fit: Fit) -> Linear:
+    """Return the linear model of the windows around a fit."""
+    base = positions(windows, fit.theta, fit.by_lane)
+    jacobian = np.empty((*base.shape, PARAMETERS))
+    for p in range(PARAMETERS):
+        moved = fit.own.copy()
+        moved[:, p] += STEP
+        jacobian[:, :, p] = (positions(windows, np.exp(moved), fit.by_lane) - base) / STEP
+    start = np.stack(
+        [
+            (positions(windows, fit.theta, fit.by_lane, dx=0.2) - base) / 0.2,
+            (positions(windows, fit.theta, fit.by_lane, dv=0.2) - base) / 0.2,
+        ],
+        axis=2,
+    )
+    deviation = (fit.own - fit.mean)[windows.driver]
+    error = windows.target - base + np.einsum("wkp,wp->wk", jacobian, deviation)
+    covariance = fit.residual / fit.weight[:, None, None] + np.einsum(
+        "wks,s,wls->wkl", start, fit.start_variance, start, optimize=True
+    )
+    return Linear(error, jacobian, start, covariance, base)
+
+
+def first_guess(windows: Windows, by_lane: Floats, start_variance: Floats) -> Fit:
+    """Return textbook drivers with wide spreads."""
+    moments = windows.target.shape[1]
+    lag = EVERY * FRAME_STEP * (1.0 + np.arange(moments))
+    rough = 0.3 * 0.05 * np.minimum.outer(lag, lag) ** 2 + 0.1 * np.eye(moments)
+    spread = np.diag([0.3, 0.3, 0.3, 0.3, 0.1]) ** 2
+    own = np.tile(TEXTBOOK, (windows.drivers, 1))
+    return Fit(TEXTBOOK.copy(), spread, own, rough, np.ones(len(windows.seen)), start_variance, by_lane)
+
+
+def improve(windows: Windows, fit: Fit, *, hyper: bool = True, new_mean: bool = True) -> Fit:
+    """Return the fit after one Gauss-Newton and EM step.
+
+    With ``hyper`` off spreads, covariance and weights stay; with ``new_mean`` off the population's mean, too.
+    """
+    line = linearise(windows, fit)
+    error, jacobian = gls.whiten(line.covariance, line.error[:, :, None], line.jacobian)
+    turned = jacobian.transpose(0, 2, 1)
+    driver, drivers = windows.driver, windows.drivers
+    information = gls.by_driver(turned @ jacobian, driver, drivers)
+    pull = gls.by_driver(turned @ error, driver, drivers)[:, :, 0]
+    inner = np.linalg.inv(information + np.linalg.inv(fit.spread))
+    shrunk = information - information @ inner @ information
+    belief = np.diag(1.0 / BELIEF**2)
+    grade = (pull - np.einsum("ipq,iqr,ir->ip", information, inner, pull, optimize=True)).sum(axis=0)
+    step = np.linalg.solve(shrunk.sum(axis=0) + belief, grade + belief @ (TEXTBOOK - fit.mean))
+    step = step if new_mean else np.zeros(PARAMETERS)
+    mean = fit.mean + np.clip(step, -LONGEST_STEP, LONGEST_STEP)
+    deviation = np.einsum("ipq,iq->ip", inner, pull - information @ (mean - fit.mean), optimize=True)
+    own = np.clip(mean + deviation, fit.own - LONGEST_STEP, fit.own + LONGEST_STEP)
+    own = np.clip(own, LOWER, UPPER)
+    fit = replace(fit, mean=mean, own=own)
+    if not hyper:
+        return fit
+    spread = (deviation.T @ deviation + inner.sum(axis=0)) / drivers + 1e-4 * np.eye(PARAMETERS)
+    return replace(fit, spread=spread, **_residuals(windows, fit, line, deviation, inner, mean - line_mean(fit, step)))
+
+
+def line_mean(fit: Fit, step: Floats) -> Floats:
+    """Return the mean around which the linear model was made."""
+    return fit.mean - np.clip(step, -LONGEST_STEP, LONGEST_STEP)
+
+
+def _residuals(
+    windows: Windows, fit: Fit, line: Linear, deviation: Floats, inner: Floats, shift: Floats
+) -> dict[str, Floats]:
+    """Return the EM step of the pooled covariance and the windows' weights."""
+    left = line.error - np.einsum("wkp,wp->wk", line.jacobian, (deviation + shift)[windows.driver])
+    pooled = fit.residual / fit.weight[:, None, None]
+    solved = np.linalg.solve(line.covariance, np.concatenate([pooled, left[:, :, None], line.jacobian], axis=2))
+    moments = left.shape[1]
+    keep, drawn, along = solved[:, :, :moments], solved[:, :, moments], solved[:, :, moments + 1 :]
+    noise = np.einsum("wkl,wl->wk", pooled, drawn)
+    unsure = pooled @ along
+    each = noise[:, :, None] * noise[:, None, :] + pooled - pooled @ keep
+    each += unsure @ inner[windows.driver] @ unsure.transpose(0, 2, 1)
+    residual = np.einsum("w,wkl->kl", fit.weight, each) / len(each)
+    residual = 0.5 * (residual + residual.T) + 1e-6 * np.trace(residual) / moments * np.eye(moments)
+    distance = np.einsum("wk,wk->w", left, drawn) / fit.weight
+    weight = (FREEDOM + moments) / (FREEDOM + distance)
+    return {"residual": residual, "weight": weight / np.exp(np.log(weight).mean())}
+
+
+def fit_drivers(windows: Windows, by_lane: Floats, start_variance: Floats, *, rounds: int = 10) -> Fit:
+    """Fit all drivers of the windows from scratch."""
+    fit = first_guess(windows, by_lane, start_variance)
+    for _ in range(rounds):
+        fit = improve(windows, fit)
+    return fit
+
+
+def for_others(windows: Windows, fit: Fit, *, rounds: int = 4) -> Fit:
+    """Fit drivers that took no part in a fit: population, covariance and magnitudes stay as they are."""
+    own = np.tile(fit.mean, (windows.drivers, 1))
+    fit = replace(fit, own=own, weight=np.ones(len(windows.seen)))
+    for _ in range(rounds):
+        fit = improve(windows, fit, hyper=False, new_mean=False)
+    return fit
+
+
+def deviance(windows: Windows, fit: Fit) -> float:
+    """Return the residuals' generalised sum of squares with the drivers' prior: smaller is better."""
+    line = linearise(windows, fit)
+    (left,) = gls.whiten(line.covariance, (windows.target - line.simulated)[:, :, None])
+    deviation = fit.own - fit.mean
+    return float((left**2).sum() + np.einsum("ip,pq,iq->", deviation, np.linalg.inv(fit.spread), deviation))

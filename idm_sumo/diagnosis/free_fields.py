@@ -1,0 +1,70 @@
+"""Accelerations that belong to no effect: one along each covariate, to find what the catalogue does not hold."""
+
+from __future__ import annotations
+
+import itertools
+from collections.abc import Iterator
+
+import numpy as np
+import numpy.typing as npt
+
+from idm_sumo.diagnosis import rollout as ro
+from idm_sumo.diagnosis import windows as w
+
+Floats = npt.NDArray[np.float64]
+
+FREE = "free:"  # begins the name of such an atom; the covariate follows
+BLOCKS = 4  # of the road, and of the recording, in the rectangles of place and time
+
+# Covariate, and the edges between which the acceleration is free.
+EDGES: dict[str, tuple[float, ...]] = {
+    "rear_gap": (-1e9, 6.0, 12.0, 25.0),
+    "since_change": (-1e-9, 4.0, 10.0, 20.0),
+    "until_own_change": (-1e-9, 3.0, 8.0),
+    "until_cut_in": (-1e-9, 3.0, 8.0),
+    "leader_acceleration": (-20.0, -1.0, -0.3, 0.3, 1.0, 20.0),
+    "adjacent_difference": (-40.0, -5.0, -2.0, 2.0, 5.0, 40.0),
+    "second_gap_change": (-30.0, -2.0, -0.7, 0.7, 2.0, 30.0),
+}
+
+
+def covariates(windows: w.Windows, state: Floats) -> dict[str, Floats]:
+    """Return the covariates by frame, shape ``(windows, horizon)``; SI units, NaN or far away where unknown."""
+    seen = windows.seen[:, w.LEAD : -1]
+    x, v = state[:, :, ro.BASE_X], state[:, :, ro.BASE_V]
+    return {
+        "rear_gap": np.where(np.isfinite(seen[:, :, w.BEHIND]), seen[:, :, w.X] - seen[:, :, w.BEHIND], 1e6),
+        "since_change": seen[:, :, w.SINCE],
+        "until_own_change": seen[:, :, w.UNTIL_OWN],
+        "until_cut_in": seen[:, :, w.UNTIL_CUT_IN],
+        "leader_acceleration": seen[:, :, w.ACCELERATION],
+        "adjacent_difference": v - seen[:, :, w.ADJACENT],
+        "second_gap_change": np.where(
+            np.isfinite(seen[:, :, w.SECOND]), seen[:, :, w.SPEED] - seen[:, :, w.SECOND_SPEED], 1e6
+        ),
+        "position": x,
+        "time": seen[:, :, w.TIME],
+        "lane": seen[:, :, w.LANE],
+    }
+
+
+def fields(
+    windows: w.Windows, state: Floats, place: Floats, time: Floats, lanes: Floats
+) -> Iterator[tuple[str, float, float, Floats]]:
+    """Yield covariate, low and high edge and the indicator field, shape ``(windows, horizon)``."""
+    known = covariates(windows, state)
+    for name, edges in EDGES.items():
+        for low, high in itertools.pairwise(edges):
+            yield name, low, high, ((known[name] >= low) & (known[name] < high)).astype(np.float64)
+    for lane in lanes if len(lanes) > 1 else []:
+        yield "lane", float(lane), float(lane), (known["lane"] == lane).astype(np.float64)
+        for k in range(BLOCKS):
+            edges = time[0] + np.array([k, k + 1]) * (time[-1] - time[0]) / BLOCKS
+            inside = (known["lane"] == lane) & (known["time"] >= edges[0]) & (known["time"] < edges[1])
+            yield f"time in lane {int(lane)}", float(edges[0]), float(edges[1]), inside.astype(np.float64)
+    xs, ts = np.linspace(place[0], place[-1], BLOCKS + 1), np.linspace(time[0], time[-1], BLOCKS + 1)
+    for i in range(BLOCKS):
+        for j in range(BLOCKS):
+            inside = (known["position"] >= xs[i]) & (known["position"] < xs[i + 1])
+            inside &= (known["time"] >= ts[j]) & (known["time"] < ts[j + 1])
+            yield f"position and time {i} {j}", i, j, inside.astype(np.float64)

@@ -1,0 +1,91 @@
+"""What the extended model is better by, on drivers that neither named nor fitted it."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+import numpy.typing as npt
+
+from idm_sumo.diagnosis import windows as w
+from idm_sumo.diagnosis.fit import Fit
+from idm_sumo.diagnosis.result import Gain
+from idm_sumo.diagnosis.rollout import drive
+
+Floats = npt.NDArray[np.float64]
+RESAMPLES = 2000
+
+
+@dataclass(frozen=True)
+class Errors:
+    """Errors of the rollouts, one number a driver (means over its windows)."""
+
+    ade_m: Floats
+    fde_m: Floats
+    log_gap: Floats
+    speed_mps: Floats
+    collisions: Floats
+    residual: Floats  # recorded minus simulated position at the compared moments, by window
+
+
+def errors(windows: w.Windows, fit: Fit) -> Errors:
+    """Return the errors of closed-loop rollouts with each driver's own parameters."""
+    x, v = drive(windows.seen, windows.driver, fit.theta, fit.by_lane, np.zeros(2), np.empty((0, 0)), w.LEAD)
+    seen = windows.seen[:, w.LEAD :]
+    off, gap = seen[:, :, w.X] - x, seen[:, :, w.REAR] - x
+
+    def by_driver(value: Floats) -> Floats:
+        count = np.bincount(windows.driver, minlength=windows.drivers)
+        return np.asarray(np.bincount(windows.driver, value, windows.drivers) / np.maximum(count, 1))
+
+    recorded = seen[:, :, w.REAR] - seen[:, :, w.X]
+    return Errors(
+        by_driver(np.abs(off[:, 1:]).mean(1)), by_driver(np.abs(off[:, -1])),
+        by_driver(np.abs(np.log(np.maximum(gap, 0.1) / np.maximum(recorded, 0.1)))[:, 1:].mean(1)),
+        by_driver(np.abs(seen[:, 1:, w.V] - v[:, 1:]).mean(1)), by_driver((gap <= 0.0).any(1).astype(np.float64)),
+        off[:, w.EVERY :: w.EVERY],
+    )  # fmt: skip
+
+
+def compare(
+    metric: str,
+    base: Floats,
+    extended: Floats,
+    block: npt.NDArray[np.int64],
+    rng: np.random.Generator,
+    *,
+    held_out: bool,
+) -> Gain:
+    """Return base and extended mean and the interval of their difference, platoon blocks resampled."""
+    difference = base - extended
+    _, number = np.unique(block, return_inverse=True)
+    total, count = np.bincount(number, difference), np.bincount(number).astype(np.float64)
+    chosen = rng.integers(0, len(total), (RESAMPLES, len(total)))
+    means = total[chosen].sum(axis=1) / count[chosen].sum(axis=1)
+    low, high = np.percentile(means, [2.5, 97.5])
+    return Gain(
+        metric,
+        float(base.mean()),
+        float(extended.mean()),
+        float(difference.mean()),
+        (float(low), float(high)),
+        len(base),
+        held_out,
+    )
+
+
+def all_gains(
+    base: Errors, extended: Errors, block: npt.NDArray[np.int64], rng: np.random.Generator, *, held_out: bool = True
+) -> tuple[Gain, ...]:
+    """Return the gains by every metric, the ADE first."""
+    names = {
+        "ade_m": "ade_m",
+        "fde_m": "fde_m",
+        "log_gap": "log_gap",
+        "speed_mps": "speed_mps",
+        "collisions": "collisions",
+    }
+    return tuple(
+        compare(label, getattr(base, name), getattr(extended, name), block, rng, held_out=held_out)
+        for name, label in names.items()
+    )

@@ -1,0 +1,94 @@
+r"""Generalised least squares with random drivers, as sums over drivers.
+
+For the windows of driver :math:`i`, :math:`r_i = J_i(\mu + b_i) + G_i\beta + e_i` with :math:`b_i \sim N(0, \Lambda)` and
+window covariance :math:`V_w`. With :math:`B_i = \sum_w J^\top V^{-1} J + \Lambda^{-1}` every atom's score and all Gram
+entries follow from whitened products; everything after (single causes, joint fits, scans, bootstraps) is algebra on them.
+
+References
+----------
+Laird and Ware (1982), Random-effects models for longitudinal data.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+import numpy.typing as npt
+
+Floats = npt.NDArray[np.float64]
+Integers = npt.NDArray[np.int64]
+
+
+@dataclass(frozen=True)
+class Scores:
+    """Scores of atoms, by driver, and their Gram matrix.
+
+    Attributes
+    ----------
+    u : float64, shape (drivers, atoms)
+    gram : float64, shape (atoms, atoms)
+    """
+
+    u: Floats
+    gram: Floats
+
+    def without(self, nuisance: Integers) -> Scores:
+        """Project the nuisance atoms out of all others (which keep their places; the nuisance's become zero)."""
+        if not len(nuisance):
+            return self
+        inner = self.gram[np.ix_(nuisance, nuisance)]
+        scale = np.sqrt(np.maximum(np.diag(inner), 1e-300))
+        share = np.linalg.pinv(inner / np.outer(scale, scale), rcond=1e-9, hermitian=True) / np.outer(scale, scale)
+        by = share @ self.gram[nuisance]
+        u = self.u - self.u[:, nuisance] @ by
+        gram = self.gram - self.gram[:, nuisance] @ by
+        u[:, nuisance] = 0.0
+        gram[nuisance], gram[:, nuisance] = 0.0, 0.0
+        return Scores(u, gram)
+
+    def combined(self, mix: Floats) -> Scores:
+        """Return the scores of linear combinations of atoms; ``mix`` has shape ``(atoms, combinations)``."""
+        return Scores(self.u @ mix, mix.T @ self.gram @ mix)
+
+
+def whiten(covariance: Floats, *parts: Floats) -> list[Floats]:
+    r"""Return :math:`L^{-1} Z` for each window, with :math:`V = LL^\\top`; parts have shape ``(windows, moments, columns)``."""
+    inverse = np.linalg.inv(np.linalg.cholesky(covariance))
+    return [inverse @ part for part in parts]
+
+
+def by_driver(values: Floats, driver: Integers, drivers: int) -> Floats:
+    """Sum over the windows of each driver; windows are sorted by driver. Drivers without one get zero."""
+    out = np.zeros((drivers, *values.shape[1:]))
+    if len(driver):
+        first = np.flatnonzero(np.concatenate([[True], np.diff(driver) > 0]))
+        out[driver[first]] = np.add.reduceat(values, first, axis=0)
+    return out
+
+
+def scores(residual: Floats, own: Floats, atoms: Floats, prior: Floats, driver: Integers, drivers: int) -> Scores:
+    """Return the scores of whitened atoms after the drivers' own parameters took what they can.
+
+    Parameters
+    ----------
+    residual : float64, shape (windows, moments, 1)
+        Whitened, as are the next two.
+    own : float64, shape (windows, moments, parameters)
+    atoms : float64, shape (windows, moments, atoms)
+    prior : float64, shape (parameters, parameters)
+        Inverse covariance of the drivers' parameters.
+    driver : int64, shape (windows,)
+        Sorted.
+    drivers : int
+    """
+    own_t, atoms_t = own.transpose(0, 2, 1), atoms.transpose(0, 2, 1)
+    inner = np.linalg.inv(by_driver(own_t @ own, driver, drivers) + prior)
+    own_r = by_driver(own_t @ residual, driver, drivers)
+    own_g = by_driver(own_t @ atoms, driver, drivers)
+    direct = by_driver(atoms_t @ residual, driver, drivers)[:, :, 0]
+    u = direct - np.einsum("ipa,ipq,iq->ia", own_g, inner, own_r[:, :, 0], optimize=True)
+    flat = atoms.reshape(-1, atoms.shape[2])
+    taken = np.einsum("ipq,iqa->ipa", inner, own_g, optimize=True).reshape(-1, atoms.shape[2])
+    gram = flat.T @ flat - own_g.reshape(-1, atoms.shape[2]).T @ taken
+    return Scores(u, gram)

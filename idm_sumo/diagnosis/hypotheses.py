@@ -1,0 +1,165 @@
+"""From evidence to candidates: the best form of each effect, its size, its significance."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+import numpy.typing as npt
+from scipy.stats import norm
+
+from idm_sumo.diagnosis.atoms import LOCAL, Atom
+from idm_sumo.diagnosis.evidence import Evidence
+from idm_sumo.diagnosis.free_fields import FREE
+from idm_sumo.effects import BY_NAME, slots
+
+Floats = npt.NDArray[np.float64]
+
+# Smaller than this an effect is neither worth a name nor safe from what the car-following underneath gets wrong.
+LEAST = {
+    "reaction_delay": 0.10, "multi_leader_anticipation": 0.06, "lane_change_relaxation": 0.15,
+    "acceleration_asymmetry": 0.13, "leader_class": 0.09, "speed_dependent_headway": 0.05, "perception_threshold": 0.2,
+    "hysteresis": 0.035, "adjacent_lane_friction": 0.012, "location": 0.035, "time_of_day": 0.04,
+    "desired_speed": 0.10, "follower_pressure": 0.15, "courtesy_yielding": 0.20, "pre_insertion": 0.20,
+}  # fmt: skip
+EITHER_SIGN = (
+    "location",
+    "time_of_day",
+    "speed_dependent_headway",
+    "desired_speed",
+    "courtesy_yielding",
+    "pre_insertion",
+)
+SCANNED = ("location", "time_of_day")
+WIDEST = 0.6  # of the road or the recording: a wider interval is the rest, with the other sign
+NARROWEST = {"location": 40.0, "time_of_day": 30.0}  # m, s
+CONSISTENT = 0.85  # of the strongest secant's z: among these the size that agrees with its own estimate
+NOT_NAMED = ("vehicle_class", "memory", "measurement_artefact", "correlated_noise")
+
+
+@dataclass(frozen=True)
+class Candidate:
+    """One effect in its best form.
+
+    Attributes
+    ----------
+    name : str
+    value, error : float
+        Size and standard error of the first parameter.
+    z : float
+        Value over error, under the null.
+    p : float
+        Corrected for all forms and effects looked at.
+    atom : Atom
+        Its best form; for a scan the interval's edges are in ``low`` and ``high``.
+    """
+
+    name: str
+    value: float
+    error: float
+    z: float
+    p: float
+    atom: Atom
+
+    @property
+    def large_enough(self) -> bool:
+        """Whether size and sign are such that it may be named."""
+        size = abs(self.value) if self.name in EITHER_SIGN else self.value
+        return size >= LEAST.get(self.name, np.inf)
+
+
+def candidates(evidence: Evidence) -> list[Candidate]:
+    """Return every effect in its best form, the most significant first."""
+    names = [name for name in BY_NAME if name in LEAST]
+    found = [c for name in names if (c := _best(evidence, name)) is not None]
+    return sorted(found, key=lambda c: -abs(c.z))
+
+
+def local(evidence: Evidence, name: str) -> Candidate | None:
+    """Return by how much an accepted magnitude should change."""
+    return _best(evidence, LOCAL + name)
+
+
+def free(evidence: Evidence) -> list[Candidate]:
+    """Return the free acceleration fields, the most significant first."""
+    rows = [n for n, atom in enumerate(evidence.atoms) if atom.name.startswith(FREE) and evidence.gram[n, n] > 1e-6]
+    each = [
+        _candidate(evidence, evidence.atoms[n].name, np.eye(len(evidence.atoms))[n], evidence.atoms[n], len(rows))
+        for n in rows
+    ]
+    return sorted(each, key=lambda c: -abs(c.z))
+
+
+def _best(evidence: Evidence, name: str) -> Candidate | None:
+    rows = [n for n, atom in enumerate(evidence.atoms) if atom.name == name and evidence.gram[n, n] > 1e-6]
+    if not rows:
+        return None
+    if name in SCANNED:
+        return _scan(evidence, name, rows)
+    unit = np.eye(len(evidence.atoms))
+    each = [_candidate(evidence, name, unit[n], evidence.atoms[n], 40) for n in rows]
+    strongest = max(abs(c.z) for c in each)
+    near = [c for c in each if abs(c.z) >= CONSISTENT * strongest]
+    return min(near, key=lambda c: _inconsistent(c) - (abs(c.z) if c.atom.fixed and len(c.atom.fixed) > 1 else 0.0))
+
+
+def _inconsistent(candidate: Candidate) -> float:
+    """Return how far a secant's estimate is from the size at which the secant was taken."""
+    ratio = candidate.value / candidate.atom.size
+    return float(abs(np.log(ratio))) if ratio > 0.0 else 10.0
+
+
+def _candidate(evidence: Evidence, name: str, mix: Floats, atom: Atom, looks: int) -> Candidate:
+    """Return the estimate of one combination of atoms."""
+    information = float(mix @ evidence.gram @ mix)
+    score = float(evidence.total() @ mix)
+    clustered = float(evidence.clustered(mix[:, None])[0])
+    inflation = evidence.inflation()
+    # The null variance tests (the clustered one fails for rare effects), the larger of both bounds.
+    variance = max(information * inflation, min(clustered, 2.5 * inflation * information))
+    z = score / np.sqrt(variance)
+    return Candidate(
+        name,
+        score / information,
+        np.sqrt(variance) / information,
+        z,
+        float(min(1.0, looks * 2.0 * norm.sf(abs(z)))),
+        atom,
+    )
+
+
+def _scan(evidence: Evidence, name: str, rows: list[int]) -> Candidate | None:
+    """Return the interval of place or time with the largest score over its standard error."""
+    total = np.concatenate([[0.0], np.cumsum(evidence.total()[rows])])
+    gram = np.zeros((len(rows) + 1, len(rows) + 1))
+    gram[1:, 1:] = evidence.gram[np.ix_(rows, rows)].cumsum(axis=0).cumsum(axis=1)
+    low = np.array([evidence.atoms[n].low for n in rows])
+    high = np.array([evidence.atoms[n].high for n in rows])
+    i, k = np.triu_indices(len(rows) + 1, 1)
+    width = high[k - 1] - low[i]
+    fits = (width <= WIDEST * (high[-1] - low[0])) & (width >= NARROWEST[name])
+    i, k = i[fits], k[fits]
+    information = gram[k, k] - gram[i, k] - gram[k, i] + gram[i, i]
+    if not len(i) or information.max() <= 1e-6:
+        return None
+    squared = np.where(
+        information > 1e-3 * information.max(), (total[k] - total[i]) ** 2 / np.maximum(information, 1e-9), 0.0
+    )
+    best = int(np.argmax(squared))
+    mix = np.zeros(len(evidence.atoms))
+    mix[np.array(rows)[i[best] : k[best]]] = 1.0
+    atom = Atom(name, low=float(low[i[best]]), high=float(high[k[best] - 1]))
+    return _candidate(evidence, name, mix, atom, 40 * len(rows))
+
+
+def slots_of(candidate: Candidate) -> list[tuple[int, float]]:
+    """Return the slots and values that put the candidate into a model, its first parameter first."""
+    first = BY_NAME[candidate.name].parameters[0]
+    values = [(first.slot, float(np.clip(candidate.value, first.lower, first.upper)))]
+    if candidate.name == "location":
+        values += [(slots.PLACE_BEGIN, candidate.atom.low), (slots.PLACE_END, candidate.atom.high)]
+    if candidate.name == "time_of_day":
+        values += [(slots.PERIOD_BEGIN, candidate.atom.low), (slots.PERIOD_END, candidate.atom.high)]
+    if candidate.name == "desired_speed":
+        values.append((slots.DESIRED_SPEED_LANE, float(candidate.atom.lane)))
+    return values + [(slot, value) for slot, value in candidate.atom.fixed[1:]]

@@ -1,0 +1,176 @@
+"""What a diagnosis says, and the arrays that its pictures need. Nothing is computed here."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+
+import numpy as np
+import numpy.typing as npt
+import pandas as pd
+
+from idm_sumo.effects import ExtendedModel
+
+Floats = npt.NDArray[np.float64]
+Range = tuple[float, float]
+
+NAMED, NONE, UNKNOWN = "named", "none", "unknown"  # verdicts
+
+
+@dataclass(frozen=True)
+class Estimate:
+    """A number with its unit and its 95 % interval."""
+
+    value: float
+    unit: str
+    ci95: Range
+
+
+@dataclass(frozen=True)
+class Region:
+    """Where and when a cause acts: position (m), time since the recording's first frame (s), lanes; None for all."""
+
+    position_m: Range | None = None
+    time_s: Range | None = None
+    lanes: tuple[int, ...] | None = None
+
+
+@dataclass(frozen=True)
+class CauseFound:
+    """A cause that is there.
+
+    Attributes
+    ----------
+    name : str
+    parameters : mapping of str to Estimate
+    where : Region or None
+        None if it acts everywhere.
+    p_value : float
+        Corrected for all hypotheses tested.
+    share_of_gain : float
+        Of the gain on drivers not used for naming or fitting; the shares of all causes sum to 1.
+    evidence : str
+        One sentence.
+    inseparable_from : tuple of str
+        Catalogue names that these data cannot tell from it.
+    """
+
+    name: str
+    parameters: Mapping[str, Estimate]
+    where: Region | None
+    p_value: float
+    share_of_gain: float
+    evidence: str
+    inseparable_from: tuple[str, ...] = ()
+
+
+@dataclass(frozen=True)
+class Unexplained:
+    """A bias that no catalogue effect explains: where, when, along which covariate."""
+
+    covariate: str
+    range: Range
+    position_m: Range | None
+    time_s: Range | None
+    p_value: float
+
+
+@dataclass(frozen=True)
+class Gain:
+    """A measure of the error on held-out drivers, base and extended; ``difference`` is base minus extended."""
+
+    metric: str
+    base: float
+    extended: float
+    difference: float
+    ci95: Range
+    vehicles: int
+    held_out: bool = True
+
+
+@dataclass(frozen=True)
+class RuledOut:
+    """An effect that is not claimed, with its corrected p-value and its estimated size."""
+
+    name: str
+    p_value: float
+    confusable_with: tuple[str, ...]
+    estimate: Estimate | None = None
+
+
+@dataclass(frozen=True)
+class Power:
+    """The size of an effect that would have been seen with a probability."""
+
+    name: str
+    symbol: str
+    unit: str
+    size: float
+    probability: float
+
+
+@dataclass(frozen=True)
+class Scan:
+    """An estimate by bins of one covariate: ``edges`` shape ``(bins + 1,)``, the others ``(bins,)``."""
+
+    covariate: str
+    unit: str
+    edges: Floats
+    estimate: Floats
+    standard_error: Floats
+
+
+@dataclass(frozen=True)
+class Diagnosis:
+    """All of it.
+
+    Attributes
+    ----------
+    verdict : {"named", "none", "unknown"}
+    causes : tuple of CauseFound
+        Strongest first; empty unless named.
+    without_gain : tuple of CauseFound
+        Present, but the simulation is not better for it.
+    unexplained : tuple of Unexplained
+    gain : Gain
+        ADE of the rollouts; with verdicts other than named base and extended are the same.
+    other_gains : tuple of Gain
+        FDE (m), gap error (m), speed error (m/s), collisions (share of windows).
+    ruled_out : tuple of RuledOut
+    untestable : mapping of str to str
+        Effect and reason.
+    power : tuple of Power
+    model, base_model : ExtendedModel
+        Base: the plain IDM's median driver.
+    residuals : pandas.DataFrame
+        One row a compared moment of a held-out window: ``vehicle, window, lag, position, time, speed, gap,
+        approach_rate, leader_acceleration, since_change, lane, leader_class, adjacent_difference, rear_gap`` and
+        ``base, extended`` (m, recorded minus simulated position).
+    drivers : pandas.DataFrame
+        One row a driver: ``period, vehicle, held_out, windows, base_ade, extended_ade`` (m).
+    scans : tuple of Scan
+        Free acceleration along position and time (m/s²), base model.
+    excluded : mapping of str to int
+        Why rows or vehicles did not take part.
+    notes : tuple of str
+    seconds : mapping of str to float
+        Wall time of each stage.
+    """
+
+    verdict: str
+    causes: tuple[CauseFound, ...]
+    without_gain: tuple[CauseFound, ...]
+    unexplained: tuple[Unexplained, ...]
+    gain: Gain | None
+    other_gains: tuple[Gain, ...]
+    ruled_out: tuple[RuledOut, ...]
+    untestable: Mapping[str, str]
+    power: tuple[Power, ...]
+    model: ExtendedModel
+    base_model: ExtendedModel
+    residuals: pd.DataFrame
+    drivers: pd.DataFrame
+    scans: tuple[Scan, ...]
+    excluded: Mapping[str, int]
+    notes: tuple[str, ...] = ()
+    seconds: Mapping[str, float] = field(default_factory=dict)

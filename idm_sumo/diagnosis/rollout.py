@@ -1,0 +1,151 @@
+"""Compiled closed-loop rollouts of windows, and their linear response to a little more acceleration."""
+
+from __future__ import annotations
+
+import numpy as np
+import numpy.typing as npt
+from numba import njit, prange
+
+from idm_sumo.diagnosis import windows as w
+from idm_sumo.effects import slots
+from idm_sumo.effects.acceleration import Sight, extended_acceleration
+from idm_sumo.effects.reaction_delay import recall
+from idm_sumo.road import FRAME_STEP
+
+Floats = npt.NDArray[np.float64]
+PARAMETERS = 5  # a, b, T, d0 and the desired speed; d1 stays zero
+NUDGE = 1e-3  # m, m/s: of the numerical derivatives of an acceleration
+BIN = 5  # frames of one pulse, 0.5 s
+
+
+@njit(cache=True, error_model="numpy")
+def _accelerate(seen, k, x, v, past, theta, m):  # type: ignore[no-untyped-def]
+    """Return the acceleration at frame ``k`` in the state ``x, v``; row ``k`` of the past is written."""
+    row = seen[k]
+    past[k, 0], past[k, 1], past[k, 2] = row[w.REAR] - x, v, v - row[w.SPEED]
+    gap, speed, approach = past[k, 0], past[k, 1], past[k, 2]
+    if m[slots.DELAY] > 0.0:
+        gap = recall(past, 0, k, m[slots.DELAY], FRAME_STEP)
+        speed = recall(past, 1, k, m[slots.DELAY], FRAME_STEP)
+        approach = recall(past, 2, k, m[slots.DELAY], FRAME_STEP)
+    see = Sight(
+        x, row[w.TIME], row[w.ACCELERATION], row[w.KIND], row[w.OWN_KIND], row[w.LANE],
+        row[w.SECOND] - x, row[w.SECOND_SPEED], row[w.ADJACENT], x - row[w.BEHIND],
+        row[w.JUMP], row[w.SINCE], row[w.UNTIL_CUT_IN], row[w.UNTIL_OWN], row[w.MEAN_SPEED],
+    )  # fmt: skip
+    return extended_acceleration(speed, approach, gap, see, theta[0], theta[1], theta[2], theta[3], 0.0, theta[4], m)
+
+
+@njit(cache=True, error_model="numpy")
+def _remember(seen, past, begin):  # type: ignore[no-untyped-def]
+    """Fill the past with what the recorded twin did before the start."""
+    for k in range(begin):
+        past[k, 0] = seen[k, w.REAR] - seen[k, w.X]
+        past[k, 1] = seen[k, w.V]
+        past[k, 2] = seen[k, w.V] - seen[k, w.SPEED]
+
+
+@njit(cache=True, parallel=True, error_model="numpy")
+def drive(seen, driver, theta, by_lane, start, pushed, begin):  # type: ignore[no-untyped-def]
+    """Return positions and speeds of all windows, each of shape ``(windows, horizon + 1)``.
+
+    Parameters
+    ----------
+    seen : float64, shape (windows, LEAD + horizon + 1, COLUMNS)
+    driver : int64, shape (windows,)
+    theta : float64, shape (drivers, 5)
+    by_lane : float64, shape (9, slots.COUNT)
+        Magnitudes by lane number.
+    start : float64, shape (2,)
+        Added to the recorded start: m, m/s.
+    pushed : float64, shape (windows, horizon) or (0, 0)
+        Acceleration (m/s²) added to the driver's own.
+    begin : int
+        The frame at which the simulation starts.
+    """
+    windows, steps = seen.shape[0], seen.shape[1] - begin - 1
+    x, v = np.empty((windows, steps + 1)), np.empty((windows, steps + 1))
+    for i in prange(windows):
+        past = np.empty((seen.shape[1], 3))
+        _remember(seen[i], past, begin)
+        x[i, 0] = seen[i, begin, w.X] + start[0]
+        v[i, 0] = max(seen[i, begin, w.V] + start[1], 0.0)
+        for k in range(steps):
+            m = by_lane[int(seen[i, begin + k, w.LANE])]
+            a = _accelerate(seen[i], begin + k, x[i, k], v[i, k], past, theta[driver[i]], m)
+            if pushed.shape[0] > 0:
+                a += pushed[i, k]
+            v[i, k + 1] = max(v[i, k] + a * FRAME_STEP, 0.0)
+            x[i, k + 1] = x[i, k] + 0.5 * (v[i, k] + v[i, k + 1]) * FRAME_STEP
+    return x, v
+
+
+# What `respond` notes of the base rollout at each step.
+BY_T, BY_V0, BASE_A, BASE_V, BASE_X, BY_GAP, BY_V = range(7)
+
+
+@njit(cache=True, parallel=True, error_model="numpy")
+def respond(seen, driver, theta, by_lane):  # type: ignore[no-untyped-def]
+    """Return the response of the compared positions to pulses of acceleration, and the base rollout's state.
+
+    Returns
+    -------
+    response : float64, shape (windows, moments, pulses)
+        Metres per m/s² held for one pulse (0.5 s).
+    state : float64, shape (windows, horizon, 7)
+        Derivatives of the acceleration by log T and log v0 (m/s²), the acceleration, speed and position,
+        the derivatives by gap and by own speed.
+    """
+    windows, steps = seen.shape[0], seen.shape[1] - w.LEAD - 1
+    pulses, moments = steps // BIN, steps // w.EVERY
+    response = np.zeros((windows, moments, pulses))
+    state = np.empty((windows, steps, 7))
+    for i in prange(windows):
+        past = np.empty((seen.shape[1], 3))
+        _remember(seen[i], past, w.LEAD)
+        x, v = seen[i, w.LEAD, w.X], seen[i, w.LEAD, w.V]
+        p = theta[driver[i]].copy()
+        dx, dv = np.zeros(pulses), np.zeros(pulses)
+        for k in range(steps):
+            m = by_lane[int(seen[i, w.LEAD + k, w.LANE])]
+            now = w.LEAD + k
+            by_x = (
+                _accelerate(seen[i], now, x + NUDGE, v, past, p, m)
+                - _accelerate(seen[i], now, x - NUDGE, v, past, p, m)
+            ) / (2.0 * NUDGE)
+            by_v = (
+                _accelerate(seen[i], now, x, v + NUDGE, past, p, m)
+                - _accelerate(seen[i], now, x, v - NUDGE, past, p, m)
+            ) / (2.0 * NUDGE)
+            a = _accelerate(seen[i], now, x, v, past, p, m)
+            p[2] *= 1.0 + NUDGE
+            state[i, k, BY_T] = (_accelerate(seen[i], now, x, v, past, p, m) - a) / NUDGE
+            p[2] = theta[driver[i], 2]
+            p[4] *= 1.0 + NUDGE
+            state[i, k, BY_V0] = (_accelerate(seen[i], now, x, v, past, p, m) - a) / NUDGE
+            p[4] = theta[driver[i], 4]
+            state[i, k, BASE_A], state[i, k, BASE_V], state[i, k, BASE_X] = a, v, x
+            state[i, k, BY_GAP], state[i, k, BY_V] = -by_x, by_v
+            new = v + a * FRAME_STEP
+            moving = 1.0 if new > 0.0 else 0.0
+            for j in range(min(k // BIN + 1, pulses)):
+                push = 1.0 if k // BIN == j else 0.0
+                after = (dv[j] + (by_x * dx[j] + by_v * dv[j] + push) * FRAME_STEP) * moving
+                dx[j] += 0.5 * (dv[j] + after) * FRAME_STEP
+                dv[j] = after
+            x += 0.5 * (v + max(new, 0.0)) * FRAME_STEP
+            v = max(new, 0.0)
+            if (k + 1) % w.EVERY == 0:
+                for j in range(pulses):
+                    response[i, (k + 1) // w.EVERY - 1, j] = dx[j]
+    return response, state
+
+
+NO_PUSH = np.empty((0, 0))
+PLAIN = np.zeros((9, slots.COUNT))
+
+
+def positions(windows: w.Windows, theta: Floats, by_lane: Floats, dx: float = 0.0, dv: float = 0.0) -> Floats:
+    """Return the simulated positions (m) at the compared moments, shape ``(windows, moments)``."""
+    x, _ = drive(windows.seen, windows.driver, theta, by_lane, np.array([dx, dv]), NO_PUSH, w.LEAD)
+    return np.ascontiguousarray(x[:, w.EVERY :: w.EVERY])

@@ -1,0 +1,209 @@
+"""A search's outcome in the words of the contract."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+
+import numpy as np
+import numpy.typing as npt
+
+from idm_sumo.diagnosis import atoms as at
+from idm_sumo.diagnosis import evidence as ev
+from idm_sumo.diagnosis import free_fields
+from idm_sumo.diagnosis import hypotheses as hy
+from idm_sumo.diagnosis.fit import Fit
+from idm_sumo.diagnosis.hypotheses import Candidate
+from idm_sumo.diagnosis.noise import Noise
+from idm_sumo.diagnosis.result import CauseFound, Estimate, Power, Region, RuledOut, Scan, Unexplained
+from idm_sumo.diagnosis.search import Accepted, Found
+from idm_sumo.diagnosis.windows import HORIZON, SECOND, UNTIL_CUT_IN, Windows
+from idm_sumo.effects import BY_NAME, Cause, ExtendedModel
+from idm_sumo.idm import IDMParameters
+from idm_sumo.recording import Recording
+from idm_sumo.road import FRAME_STEP
+
+NAMES = tuple(BY_NAME)
+SHARE_SEEN = 0.8  # probability of the power statement
+Z95, Z80 = 1.96, 0.84
+
+
+def model_of(fit: Fit, accepted: tuple[Accepted, ...], source: str) -> ExtendedModel:
+    """Return the median driver's model with the accepted causes."""
+    a, b, headway, gap, limit = (float(v) for v in np.exp(fit.mean))
+    causes = tuple(Cause(c.candidate.name, _values(fit, c.candidate.name)) for c in accepted)
+    return ExtendedModel(IDMParameters(a, b, headway, gap, 0.0), limit, causes, source)
+
+
+def _values(fit: Fit, name: str) -> dict[str, float]:
+    return {p.symbol: float(fit.by_lane[0, p.slot]) for p in BY_NAME[name].parameters}
+
+
+def without_cause(by_lane: npt.NDArray[np.float64], name: str) -> npt.NDArray[np.float64]:
+    """Return magnitudes with one cause taken out."""
+    left = by_lane.copy()
+    for parameter in BY_NAME[name].parameters:
+        left[:, parameter.slot] = 0.0
+    return left
+
+
+def causes(found: Found, shares: Mapping[str, float]) -> tuple[CauseFound, ...]:
+    """Return the named causes, the one with the largest evidence first."""
+    named = [_cause(found.fit, a, shares[a.candidate.name]) for a in found.accepted]
+    return tuple(named)
+
+
+def _cause(fit: Fit, accepted: Accepted, share: float) -> CauseFound:
+    candidate = accepted.candidate
+    first = BY_NAME[candidate.name].parameters[0]
+    half = Z95 * accepted.error
+    parameters = {first.symbol: Estimate(accepted.value, first.unit, (accepted.value - half, accepted.value + half))}
+    for parameter in BY_NAME[candidate.name].parameters[1:]:
+        value = float(fit.by_lane[0, parameter.slot])
+        slack = _slack(parameter.symbol, value)
+        parameters[parameter.symbol] = Estimate(value, parameter.unit, (value - slack, value + slack))
+    return CauseFound(
+        candidate.name, parameters, _region(candidate), candidate.p, share, _sentence(accepted), accepted.rivals
+    )
+
+
+def _slack(symbol: str, value: float) -> float:
+    """Return half of the width within which a companion parameter was not told apart: bins and grids."""
+    return {"x_1": at.PLACE_BIN, "x_2": at.PLACE_BIN, "t_1": at.TIME_BIN, "t_2": at.TIME_BIN, "tau_r": 0.5 * value}.get(
+        symbol, 0.0
+    )
+
+
+def _region(candidate: Candidate) -> Region | None:
+    edges = (candidate.atom.low, candidate.atom.high)
+    if candidate.name == "location":
+        return Region(position_m=edges)
+    if candidate.name == "time_of_day":
+        return Region(time_s=edges)
+    if candidate.name == "desired_speed" and candidate.atom.lane:
+        return Region(lanes=(candidate.atom.lane,))
+    return None
+
+
+def _sentence(accepted: Accepted) -> str:
+    """Return the evidence in one sentence."""
+    c = accepted.candidate
+    first = BY_NAME[c.name].parameters[0]
+    rivals = f"; these data cannot tell it from {', '.join(accepted.rivals)}" if accepted.rivals else ""
+    return (
+        f"drivers behave as if each {BY_NAME[c.name].summary}: {first.symbol} = {accepted.value:.3g} {first.unit}, "
+        f"{abs(c.z):.1f} standard errors beyond what null twins of the same drivers, noise and smoothing show{rivals}"
+    )
+
+
+def without_gain(found: Found) -> tuple[CauseFound, ...]:
+    """Return what is there but makes no rollout better."""
+    out = []
+    for c in found.without_gain:
+        first = BY_NAME[c.name].parameters[0]
+        estimate = Estimate(c.value, first.unit, (c.value - Z95 * c.error, c.value + Z95 * c.error))
+        sentence = f"present ({abs(c.z):.1f} standard errors) without making rollouts better"
+        out.append(CauseFound(c.name, {first.symbol: estimate}, _region(c), c.p, 0.0, sentence))
+    return tuple(out)
+
+
+def unexplained(found: Found, grid: at.Grid) -> tuple[Unexplained, ...]:
+    """Return what the catalogue does not explain: covariate, range, place and time."""
+    out = []
+    for c in found.unexplained:
+        name = c.name.removeprefix(free_fields.FREE)
+        edges = (c.atom.low, c.atom.high)
+        if not name.startswith("position and time"):
+            out.append(Unexplained(name, edges, None, None, c.p))
+            continue
+        xs = np.linspace(grid.place[0], grid.place[-1], free_fields.BLOCKS + 1)
+        ts = np.linspace(grid.time[0], grid.time[-1], free_fields.BLOCKS + 1)
+        i, j = int(c.atom.low), int(c.atom.high)
+        place, when = (float(xs[i]), float(xs[i + 1])), (float(ts[j]), float(ts[j + 1]))
+        out.append(Unexplained("position and time", place, place, when, c.p))
+    return tuple(out)
+
+
+def ruled_out(found: Found) -> tuple[RuledOut, ...]:
+    """Return every tested effect that is not named, with the p-value at the final model."""
+    named = {a.candidate.name for a in found.accepted} | {c.name for c in found.without_gain}
+    out = []
+    for c in hy.candidates(found.last):
+        if c.name in named:
+            continue
+        effect = BY_NAME[c.name]
+        half = Z95 * c.error
+        estimate = Estimate(c.value, effect.parameters[0].unit, (c.value - half, c.value + half))
+        out.append(RuledOut(c.name, c.p, effect.confusable_with, estimate))
+    return tuple(out)
+
+
+def power(found: Found) -> tuple[Power, ...]:
+    """Return for every tested effect the size that would have been seen with a probability of 80 %."""
+    out = []
+    for c in hy.candidates(found.first):
+        first = BY_NAME[c.name].parameters[0]
+        size = max((4.2 + Z80) * c.error, hy.LEAST[c.name])  # 4.2 standard errors pass the corrected threshold
+        out.append(Power(c.name, first.symbol, first.unit, float(size), SHARE_SEEN))
+    return tuple(out)
+
+
+def untestable(recording: Recording, windows: Windows, found: Found) -> dict[str, str]:
+    """Return the effects that these data cannot show, and why."""
+    tested = {c.name for c in hy.candidates(found.first)}
+    why = {
+        "vehicle_class": "own class is part of the drivers' distribution, which is fitted driver by driver",
+        "memory": "windows are seconds long: a slow trend cannot be told from time_of_day and speed_dependent_headway",
+        "correlated_noise": "modelled in the residuals' covariance and the null twins; it makes no bias",
+        "measurement_artefact": "modelled in the null twins by the noise's spectrum; a fixed place shows as location",
+    }
+    blind = not recording.has_leader_rows
+    for name in NAMES:
+        if name in tested or name in why:
+            continue
+        effect = BY_NAME[name]
+        if blind:
+            why[name] = (
+                f"the recording does not show {', '.join(effect.must_see)}: it holds followers and headways only"
+            )
+        elif name == "leader_class":
+            why[name] = "no leader is known to be a truck"
+        elif name == "desired_speed":
+            why[name] = "one lane only: a common desired speed is fitted with the drivers"
+        else:
+            why[name] = f"nothing in the recording to see it by ({', '.join(effect.must_see) or 'gap and speed'})"
+    return why
+
+
+def scans(evidence: ev.Evidence) -> tuple[Scan, ...]:
+    """Return the free acceleration along the road and the free headway along the time."""
+    out = []
+    for name, covariate, unit in (("location", "position_m", "m/s^2"), ("time_of_day", "time_s", "1")):
+        rows = [n for n, atom in enumerate(evidence.atoms) if atom.name == name]
+        gram = evidence.gram[np.ix_(rows, rows)]
+        scale = np.sqrt(np.maximum(np.diag(gram), 1e-12))
+        ridge = gram / np.outer(scale, scale) + 0.02 * np.eye(len(rows))
+        inverse = np.linalg.inv(ridge) / np.outer(scale, scale)
+        error = np.sqrt(np.diag(inverse @ gram @ inverse) * evidence.inflation())
+        edges = np.array([evidence.atoms[n].low for n in rows] + [evidence.atoms[rows[-1]].high])
+        out.append(Scan(covariate, unit, edges, inverse @ evidence.total()[rows], error))
+    return tuple(out)
+
+
+def notes(recording: Recording, windows: Windows, measurement: Noise, found: Found) -> tuple[str, ...]:
+    """Return what a reader should know about how it was done."""
+    seconds = (windows.seen.shape[1] - 1) * FRAME_STEP
+    noise = float(np.sqrt(measurement.white + measurement.variance.sum()))
+    out = [
+        f"{windows.drivers} drivers, {len(windows.seen)} windows of {seconds:g} s, of which the last {min(HORIZON, windows.seen.shape[1]) * FRAME_STEP:g} s or less are simulated",
+        f"measurement noise of positions {noise:.2g} m (standard deviation, from their spectrum)",
+        "memory is merged with time_of_day and speed_dependent_headway: windows of seconds cannot tell them apart",
+    ]
+    if (windows.seen[:, :, UNTIL_CUT_IN] < 1e5).any():
+        out.append(
+            "vehicles cut in where a gap happens to be large: a small courtesy_yielding may be selection and is not named"
+        )
+    if not recording.has_leader_rows or not np.isfinite(windows.seen[:, :, SECOND]).any():
+        out.append("second leaders, adjacent lanes and followers are not in the recording")
+    if found.accepted and found.accepted[0].rivals:
+        out.append(f"{found.accepted[0].candidate.name} cannot be separated from {', '.join(found.accepted[0].rivals)}")
+    return tuple(out) + recording.notes

@@ -1,0 +1,202 @@
+"""From a recording to windows of car-following: what each follower did and saw for some seconds."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass, replace
+
+import numpy as np
+import numpy.typing as npt
+
+from idm_sumo import columns as c
+from idm_sumo.diagnosis.traffic_context import Ahead, adjacent_speed, leader_events, look_around, same_run
+from idm_sumo.recording import Recording
+from idm_sumo.road import FRAME_STEP
+from idm_sumo.smoothing import smooth
+
+LEAD = 25  # frames before the start: the past that a delay reaches into, and a twin's run-up
+HORIZON = 120  # frames, 12 s
+LEAST_HORIZON = 50  # frames, 5 s: below, a driver has not answered yet
+EVERY = 10  # frames between compared positions
+MOVING = 1.0  # m/s: a window in which nobody is faster says nothing
+NEAREST = 0.3  # m: a smaller recorded gap is an overlap of the measurement
+
+# Columns of `Windows.seen`.
+REAR, SPEED, ACCELERATION, KIND, SECOND, SECOND_SPEED, ADJACENT, BEHIND = range(8)
+JUMP, SINCE, UNTIL_CUT_IN, UNTIL_OWN, MEAN_SPEED, LANE, TIME, X, V, OWN_KIND = range(8, 18)
+COLUMNS = 18
+
+Floats = npt.NDArray[np.float64]
+Integers = npt.NDArray[np.int64]
+
+
+@dataclass(frozen=True)
+class Windows:
+    """Windows of followers with a leader, sorted by driver.
+
+    Attributes
+    ----------
+    seen : float64, shape (windows, LEAD + horizon + 1, COLUMNS)
+        By frame: leader's rear (m), speed, acceleration and class; second leader's rear less the leader's length (m, infinite
+        for none) and speed; slower adjacent lane's speed (NaN for none); follower's front plus own length (m, minus
+        infinite for none); jump (m) and time since the last leader change; time until the next cut-in and own
+        change; running mean speed; lane; time (s); own position, speed, class. The simulation starts at frame ``LEAD``.
+    blurred : float64, shape (windows, LEAD + horizon + 1, 3)
+        Leader's rear, speed, second leader's place, smoothed once more: what a twin's measurement sees.
+    driver : int64, shape (windows,)
+        Index into ``vehicle`` and ``period``.
+    vehicle, period : shape (drivers,)
+    platoon : int64, shape (drivers,)
+        Block of neighbours (same lane, entering one after the other).
+    excluded : mapping of str to int
+        Vehicles without a window, by reason.
+    """
+
+    seen: Floats
+    blurred: Floats
+    driver: Integers
+    vehicle: Integers
+    period: npt.NDArray[np.str_]
+    platoon: Integers
+    excluded: Mapping[str, int]
+
+    @property
+    def drivers(self) -> int:
+        """Number of drivers."""
+        return len(self.vehicle)
+
+    @property
+    def target(self) -> Floats:
+        """Recorded positions (m) at the compared moments, shape ``(windows, moments)``."""
+        return np.ascontiguousarray(self.seen[:, LEAD + EVERY :: EVERY, X])
+
+    def of_drivers(self, which: Integers) -> Windows:
+        """Return the windows of some drivers, renumbered in their order."""
+        place = np.full(self.drivers, -1, dtype=np.int64)
+        place[which] = np.arange(len(which))
+        rows = np.flatnonzero(place[self.driver] >= 0)
+        rows = rows[np.argsort(place[self.driver[rows]], kind="stable")]
+        return replace(
+            self, seen=self.seen[rows], blurred=self.blurred[rows], driver=place[self.driver[rows]],
+            vehicle=self.vehicle[which], period=self.period[which], platoon=self.platoon[which],
+        )  # fmt: skip
+
+
+def cut_windows(recording: Recording) -> Windows:
+    """Smooth a recording (unless it is smooth) and cut it into windows.
+
+    Notes
+    -----
+    Windows of a driver do not overlap. The horizon is 12 s, or what the median driver has, not below 5 s; it is empty of windows
+    if nobody follows a leader that long.
+    """
+    smoothed = smooth(recording, already_smooth=recording.is_smooth)
+    table = smoothed.table
+    ahead = look_around(smoothed)
+    gap = ahead.rear - table[c.X].to_numpy(np.float64)
+    good = np.isfinite(gap) & (gap > NEAREST)
+    starts, lengths = _stretches(good, same_run(table))
+    horizon = _horizon(lengths)
+    first, _count = _placed(starts, lengths, horizon)
+    code = table[c.PERIOD].cat.codes.to_numpy(np.int64)
+    key = (code << 32) + table[c.VEHICLE].to_numpy(np.int64)
+    seen = _columns(smoothed, ahead)
+    rows = first[:, None] + np.arange(-LEAD, horizon + 1)
+    moving = table[c.SPEED].to_numpy()[rows].max(axis=1, initial=0.0) > MOVING
+    rows = rows[moving]
+    keys, driver = np.unique(key[rows[:, LEAD]] if len(rows) else np.empty(0, np.int64), return_inverse=True)
+    entry = np.array([np.searchsorted(key, one) for one in keys], dtype=np.int64)
+    excluded = {
+        f"no leader for {horizon * FRAME_STEP:g} s": len(np.unique(key)) - len(np.unique(key[first])),
+        "standing": len(np.unique(key[first])) - len(keys),
+    }
+    periods = np.asarray(table[c.PERIOD].astype(str))
+    return Windows(
+        seen=seen[rows], blurred=_blurred(smoothed, ahead)[rows], driver=driver.astype(np.int64),
+        vehicle=table[c.VEHICLE].to_numpy(np.int64)[entry], period=periods[entry],
+        platoon=_platoons(code[entry], table[c.LANE].to_numpy()[entry], table[c.FRAME].to_numpy()[entry]),
+        excluded={reason: number for reason, number in excluded.items() if number},
+    )  # fmt: skip
+
+
+def _stretches(good: npt.NDArray[np.bool_], same: npt.NDArray[np.bool_]) -> tuple[Integers, Integers]:
+    """Return first row and length of every unbroken stretch of good rows."""
+    begins = good & ~(same & np.concatenate([[False], good[:-1]]))
+    starts = np.flatnonzero(begins)
+    number = np.cumsum(begins) - 1
+    return starts, np.bincount(number[good], minlength=len(starts)).astype(np.int64)
+
+
+def _horizon(lengths: Integers) -> int:
+    """Return the frames to simulate: 12 s if half of the stretches have them, else what the median has."""
+    if not len(lengths):
+        return HORIZON
+    usual = int(np.median(lengths[lengths > LEAST_HORIZON])) if (lengths > LEAST_HORIZON).any() else LEAST_HORIZON
+    return max(min(HORIZON, usual - 1 - LEAD), LEAST_HORIZON) // EVERY * EVERY
+
+
+def _placed(starts: Integers, lengths: Integers, horizon: int) -> tuple[Integers, Integers]:
+    """Return the first rows of the windows, as many to a stretch as fit, evenly placed."""
+    count = np.maximum(lengths - 1 - LEAD, 0) // horizon
+    stretch = np.repeat(np.arange(len(starts)), count)
+    within = np.arange(len(stretch)) - np.repeat(np.cumsum(count) - count, count)
+    spare = (lengths - 1 - LEAD - count * horizon)[stretch]
+    return starts[stretch] + LEAD + within * horizon + spare * (within + 1) // (count[stretch] + 1), count
+
+
+def _columns(recording: Recording, ahead: Ahead) -> Floats:
+    """Return the columns of ``Windows.seen`` for each row."""
+    table = recording.table
+    x, v = table[c.X].to_numpy(np.float64), table[c.SPEED].to_numpy(np.float64)
+    length = table[c.LENGTH].fillna(4.72).to_numpy(np.float64)
+    events = leader_events(table, ahead)
+    seen = np.empty((len(table), COLUMNS))
+    seen[:, [REAR, SPEED, ACCELERATION, KIND]] = np.stack([ahead.rear, ahead.speed, ahead.acceleration, ahead.kind], 1)
+    seen[:, SECOND], seen[:, SECOND_SPEED] = ahead.second_place, ahead.second_speed
+    seen[:, ADJACENT] = adjacent_speed(table) if recording.has_leader_rows else np.nan
+    seen[:, BEHIND] = ahead.follower_front + length
+    seen[:, [JUMP, SINCE, UNTIL_CUT_IN, UNTIL_OWN]] = np.stack(events, 1)
+    seen[:, MEAN_SPEED] = _running_mean(v, same_run(table))
+    seen[:, LANE] = table[c.LANE].to_numpy(np.float64)
+    seen[:, TIME] = _clock(recording)
+    seen[:, X], seen[:, V], seen[:, OWN_KIND] = x, v, table[c.CLASS].to_numpy(np.float64)
+    return seen
+
+
+def _running_mean(values: Floats, same: npt.NDArray[np.bool_]) -> Floats:
+    """Return the mean of each run up to each row."""
+    row, total = np.arange(len(values)), np.concatenate([[0.0], np.cumsum(values)])
+    begin = np.maximum.accumulate(np.where(~same, row, 0))
+    return np.asarray((total[row + 1] - total[begin]) / (row + 1 - begin))
+
+
+def _clock(recording: Recording) -> Floats:
+    """Return the time (s) since the first frame of each row's period."""
+    table = recording.table
+    first = table.groupby(c.PERIOD, observed=True)[c.FRAME].transform("min")
+    return np.asarray((table[c.FRAME] - first).to_numpy() * FRAME_STEP, dtype=np.float64)
+
+
+def _blurred(recording: Recording, ahead: Ahead) -> Floats:
+    """Return leader's rear, its speed and the second leader's place as a second smoothing sees them."""
+    if not recording.has_leader_rows or recording.is_smooth:
+        return np.stack([ahead.rear, ahead.speed, ahead.second_place], 1)
+    twice = smooth(recording)
+    again = look_around(twice)
+    same = again.identity == ahead.identity
+    pairs = ((again.rear, ahead.rear), (again.speed, ahead.speed), (again.second_place, ahead.second_place))
+    return np.stack([np.where(same, new, old) for new, old in pairs], 1)
+
+
+def _platoons(period: Integers, lane: npt.NDArray[np.int64], frame: npt.NDArray[np.int64], size: int = 5) -> Integers:
+    """Return blocks of about five drivers of one lane that enter one after the other."""
+    order = np.lexsort((frame, lane, period))
+    group = (
+        np.concatenate([[0], np.cumsum((np.diff(period[order]) != 0) | (np.diff(lane[order]) != 0))])
+        if len(order)
+        else order
+    )
+    first = np.searchsorted(group, group)
+    block = np.empty(len(order), dtype=np.int64)
+    block[order] = group * 100_000 + (np.arange(len(order)) - first) // size
+    return np.unique(block, return_inverse=True)[1].astype(np.int64)

@@ -1,0 +1,192 @@
+"""From recorded drivers to a reward, an agent and a clone: each one call."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from importlib.util import find_spec
+from pathlib import Path
+from typing import TYPE_CHECKING, Any, NamedTuple
+
+import numpy as np
+import numpy.typing as npt
+
+from idm_sumo.errors import InputError
+from idm_sumo.irl import features
+from idm_sumo.irl.cloning import clone
+from idm_sumo.irl.demonstrations import Demonstrations, demonstrations_of
+from idm_sumo.irl.episodes import Episodes, Surroundings, episodes_of
+from idm_sumo.irl.inverse_control import Expansion, LearnedReward, learn, learn_wanted, log_likelihood
+from idm_sumo.irl.reward import Reward
+from idm_sumo.irl.trajectory import derivatives, step_features
+from idm_sumo.progress import Progress, silent
+from idm_sumo.scenes import Scenes
+
+if TYPE_CHECKING:
+    import pandas as pd
+
+    from idm_sumo.irl.policy import Policy
+    from idm_sumo.irl.ppo import Training
+
+INSTALL = "pip install 'idm-sumo[rl]'"
+HELD_OUT = 0.25  # of the demonstrations, to tell whether the weights explain drivers they have not seen
+CLONED_DRIVERS = 600
+
+
+class Lessons(NamedTuple):
+    """Training drivers as the learner sees them: demonstrations in their traffic."""
+
+    demonstrations: Demonstrations
+    episodes: Episodes
+    around: Surroundings
+
+    def rows(self, which: npt.NDArray[np.int64]) -> Lessons:
+        """Return some of the drivers."""
+        return Lessons(self.demonstrations.rows(which), self.episodes.rows(which), self.around)
+
+
+class RewardReport(NamedTuple):
+    """What :func:`learn_reward` found.
+
+    Attributes
+    ----------
+    wanted : LearnedReward
+        The weights an agent is trained on: none is negative.
+    free : LearnedReward
+        The same without that bound.
+    held_out : float
+        Mean log-likelihood of demonstrations that were not learned from, under ``wanted``.
+    scale, shift : float
+        Of the reward of a step, see :class:`idm_sumo.irl.reward.Reward`.
+    standing : int
+        Drivers left out because they come (almost) to rest.
+    """
+
+    wanted: LearnedReward
+    free: LearnedReward
+    held_out: float
+    scale: float
+    shift: float
+    standing: int
+
+    @property
+    def reward(self) -> Reward:
+        """The reward of a step."""
+        return Reward(self.wanted.weights, self.shift, self.scale)
+
+    def to_json(self) -> dict[str, Any]:
+        """Return plain values."""
+        return {
+            "wanted": self.wanted.to_json(), "free": self.free.to_json(), "held_out_log_likelihood": self.held_out,
+            "scale": self.scale, "shift": self.shift, "standing": self.standing, "features": list(features.NAMES),
+        }  # fmt: skip
+
+
+def reward_of_json(stored: dict[str, Any]) -> Reward:
+    """Return the reward of a step from :meth:`RewardReport.to_json`.
+
+    Raises
+    ------
+    KeyError
+        If something is missing.
+    """
+    named = stored["wanted"]["weights"]
+    return Reward(features.weights_from(named), float(stored["shift"]), float(stored["scale"]))
+
+
+def rl_is_installed() -> bool:
+    """Return whether an agent can be trained here."""
+    return find_spec("stable_baselines3") is not None and find_spec("torch") is not None
+
+
+def require_rl() -> None:
+    """Say what to install if no agent can be trained.
+
+    Raises
+    ------
+    InputError
+        If torch or stable-baselines3 is missing.
+    """
+    if not rl_is_installed():
+        raise InputError(f"training an agent needs torch and stable-baselines3: {INSTALL}")
+
+
+def lessons_of(scenes: Sequence[Scenes]) -> Lessons:
+    """Track all drivers of one or more periods."""
+    parts = [demonstrations_of(one) for one in scenes]
+    together = Demonstrations(*(np.concatenate(columns) for columns in zip(*parts, strict=True)))
+    return Lessons(together, *episodes_of(scenes))
+
+
+def learn_reward(
+    lessons: Lessons, *, most: int = 200, steps: int = 50, seed: int = 1, progress: Progress = silent
+) -> RewardReport:
+    """Learn the reward's weights by continuous inverse optimal control.
+
+    Parameters
+    ----------
+    lessons : Lessons
+    most : int
+        Drivers to learn from at most, drawn with ``seed``; a third as many are held out.
+    steps : int
+        Steps of each, 0.1 s.
+    seed : int
+
+    Raises
+    ------
+    InputError
+        If fewer than two drivers keep moving.
+    """
+    moving = np.flatnonzero(lessons.demonstrations.moving)
+    standing = len(lessons.episodes.length) - len(moving)
+    if len(moving) < 2:
+        raise InputError(
+            "fewer than two drivers keep moving over the whole horizon; a reward cannot be learned from them"
+        )
+    drawn = np.random.default_rng(seed).permutation(moving)
+    used = min(most, max(1, round(len(drawn) * (1 - HELD_OUT))))
+    learned_from, unseen = drawn[:used], drawn[used : used + max(1, most // 3)]
+    expansion = _expansion(lessons.rows(learned_from), steps)
+    free, wanted = learn(expansion, progress=progress), learn_wanted(expansion, progress)
+    held_out = log_likelihood(_expansion(lessons.rows(unseen), steps), wanted.weights, wanted.dummy)
+    recorded = step_features(lessons.demonstrations, lessons.episodes, lessons.around)
+    reward = Reward.brought_to_scale(wanted.weights, recorded)
+    return RewardReport(wanted, free, float(held_out.mean()), reward.scale, reward.shift, standing)
+
+
+def _expansion(lessons: Lessons, steps: int) -> Expansion:
+    short = lessons.demonstrations.first(steps)
+    return Expansion.of(*derivatives(short, lessons.episodes, lessons.around))
+
+
+def train_agent(
+    lessons: Lessons,
+    reward: Reward,
+    training: Training,
+    *,
+    seed: int,
+    checkpoint: Path | None = None,
+    progress: Progress = silent,
+) -> tuple[Policy, pd.DataFrame]:
+    """Train one agent among the lessons' drivers; see :func:`idm_sumo.irl.ppo.train`.
+
+    Raises
+    ------
+    InputError
+        If the extra ``rl`` is not installed, or the checkpoint does not fit.
+    """
+    require_rl()
+    from idm_sumo.irl.ppo import train
+    from idm_sumo.irl.vec_environment import ReplayVecEnv
+
+    environment = ReplayVecEnv(
+        lessons.episodes, lessons.around, reward, horizon=lessons.demonstrations.control.shape[1],
+        number=training.episodes, seed=seed,
+    )  # fmt: skip
+    return train(environment, training, seed=seed, checkpoint=checkpoint, progress=progress)
+
+
+def clone_drivers(lessons: Lessons, *, seed: int) -> Policy:
+    """Fit a behaviour clone to at most ``CLONED_DRIVERS`` drivers, drawn with ``seed``."""
+    n = len(lessons.episodes.length)
+    chosen = lessons.rows(np.sort(np.random.default_rng(seed).permutation(n)[:CLONED_DRIVERS]))
+    return clone(chosen.demonstrations, chosen.episodes, chosen.around, seed=seed)

@@ -1,0 +1,222 @@
+r"""Many modelled vehicles, each in its own recorded traffic, driven by given controls: compiled.
+
+Observation (float32, ``OBSERVATIONS`` numbers, all about 1 in size):
+
+====  =======================================================  =====================
+no.   what                                                     unit
+====  =======================================================  =====================
+0     own speed                                                speed limit (24.6 m/s)
+1     offset from the middle of the lane, positive to the left  lane width (3.66 m)
+2     heading, positive to the left                            0.1 rad
+3     distance of the road's left edge                         road width (18.3 m)
+4-5   leader in the own lane: gap, its speed less the own      see below, 10 m/s
+6-7   follower in the own lane                                 the same
+8-11  leader and follower in the lane to the left              the same
+12-15 leader and follower in the lane to the right             the same
+====  =======================================================  =====================
+
+A gap :math:`d` (m, bumper to bumper, negative beside) is shown as :math:`d/(|d| + 20)`, so that
+near gaps are told apart better than far ones; 1 and speed difference 0 stand for nobody, and for
+a lane that is not there.
+
+Action (float32, 2 numbers in -1 ... 1): acceleration in ``ACCELERATION_LIMIT`` and steering
+angle in ``STEERING_LIMIT``, positive to the left; what lies beyond is clipped.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+import numpy.typing as npt
+from numba import njit
+
+from idm_sumo import bicycle, road
+from idm_sumo.collisions import overlap, rectangle
+from idm_sumo.irl import features
+from idm_sumo.irl.demonstrations import start_state
+from idm_sumo.irl.episodes import Episodes, Surroundings
+
+Floats = npt.NDArray[np.float64]
+Observations = npt.NDArray[np.float32]
+
+OBSERVATIONS = 16
+ACTIONS = 2
+ACCELERATION_LIMIT = 5.0  # m/s^2
+STEERING_LIMIT = 0.05  # rad; sharper steering was recorded at walking pace only
+GAP_SCALE = 20.0  # m
+SPEED_SCALE = 10.0  # m/s
+HEADING_UNIT = 0.1  # rad
+
+RUNNING, COLLIDED, OFF_ROAD = range(3)
+
+
+class Simulation:
+    """Vehicles side by side in time, one row each; all arrays are updated in place.
+
+    Attributes
+    ----------
+    row : int64, shape (vehicles,)
+        Window that each vehicle drives in.
+    step : int64, shape (vehicles,)
+        Steps made since the start.
+    state : float64, shape (vehicles, 4)
+        ``x, y`` (m) of the middle, heading (rad), speed (m/s).
+    observation : float32, shape (vehicles, 16)
+    features : float64, shape (vehicles, features)
+        Of the last step.
+    status : int64, shape (vehicles,)
+        ``RUNNING``, ``COLLIDED`` (the rectangles of it and another vehicle overlap that did
+        not at the start) or ``OFF_ROAD`` (its middle has left the five lanes).
+    """
+
+    def __init__(self, episodes: Episodes, around: Surroundings, row: npt.NDArray[np.int64]) -> None:
+        self.episodes, self.around = episodes, around
+        n = len(row)
+        self.row, self.step = row.astype(np.int64), np.zeros(n, dtype=np.int64)
+        self.state, self.control = np.empty((n, 4)), np.zeros((n, 2))
+        self.observation = np.empty((n, OBSERVATIONS), dtype=np.float32)
+        self.features = np.zeros((n, features.COUNT))
+        self.status = np.zeros(n, dtype=np.int64)
+        self.overlapping = np.zeros(n, dtype=np.bool_)
+        self.restart(np.arange(n), self.row)
+
+    def restart(self, which: npt.NDArray[np.int64], row: npt.NDArray[np.int64]) -> None:
+        """Put the vehicles ``which`` at the starts of the windows ``row``."""
+        self.row[which], self.step[which] = row, 0
+        _start(which, self.row, self.state, self.observation, self.status, self.overlapping, self.episodes, self.around)
+
+    def advance(self, action: npt.NDArray[np.floating]) -> None:
+        """Drive every vehicle one step by its action, shape (vehicles, 2); see the module's text."""
+        self.control[:, 0] = np.clip(action[:, 0], -1.0, 1.0) * ACCELERATION_LIMIT
+        self.control[:, 1] = np.clip(action[:, 1], -1.0, 1.0) * STEERING_LIMIT
+        self.advance_by(self.control)
+
+    def advance_by(self, control: Floats) -> None:
+        """Drive every vehicle one step by acceleration (m/s²) and steering (rad), shape (vehicles, 2)."""
+        self.control[:] = control
+        _advance(
+            self.control, self.row, self.step, self.state, self.observation, self.features, self.status, self.overlapping,
+            self.episodes, self.around,
+        )  # fmt: skip
+
+
+def actions_of(control: npt.ArrayLike) -> Floats:
+    """Return the actions (-1 ... 1, clipped) of accelerations (m/s²) and steering angles (rad)."""
+    return np.clip(np.asarray(control) / (ACCELERATION_LIMIT, STEERING_LIMIT), -1.0, 1.0)
+
+
+def observe_along(state: Floats, episodes: Episodes, around: Surroundings) -> Observations:
+    """Return what drivers see along given paths: states (windows, steps, 4), observations (windows, steps, 16)."""
+    out = np.empty((*state.shape[:2], OBSERVATIONS), dtype=np.float32)
+    _observe_along(np.ascontiguousarray(state), episodes, around, out)
+    return out
+
+
+@njit(cache=True)
+def squashed(gap: float) -> float:
+    """Return a gap (m) as it is shown in an observation."""
+    return gap / (abs(gap) + GAP_SCALE)
+
+
+@njit(cache=True)
+def _neighbours(cell, x, length, v, own, around, out):  # type: ignore[no-untyped-def]
+    """Write gap and speed difference of the vehicles ahead and behind in a lane to ``out``, shape (4,)."""
+    front = x + 0.5 * length
+    low, high = around.offsets[cell], around.offsets[cell + 1]
+    out[0], out[1], out[2], out[3] = 1.0, 0.0, 1.0, 0.0
+    ahead = features.first_row_from(around.front, low, high, front)
+    behind = ahead - 1
+    if ahead < high and around.vehicle[ahead] == own:
+        ahead += 1
+    if behind >= low and around.vehicle[behind] == own:
+        behind -= 1
+    if ahead < high:
+        out[0] = squashed(around.front[ahead] - around.length[ahead] - front)
+        out[1] = (around.speed[ahead] - v) / SPEED_SCALE
+    if behind >= low:
+        out[2] = squashed(front - length - around.front[behind])
+        out[3] = (around.speed[behind] - v) / SPEED_SCALE
+
+
+@njit(cache=True)
+def _observe(x, y, psi, v, length, cell, stride, lanes, own, around, out):  # type: ignore[no-untyped-def]
+    lane = int(min(max(np.floor(-y / road.LANE_WIDTH), 0), road.MAIN_LANES - 1))
+    out[0] = v / road.SPEED_LIMIT
+    out[1] = y / road.LANE_WIDTH + lane + 0.5
+    out[2] = psi / HEADING_UNIT
+    out[3] = -y / features.ROAD_WIDTH
+    here = lane if lanes > 1 else 0
+    _neighbours(cell + here * stride, x, length, v, own, around, out[4:8])
+    for side in range(2):
+        beside = here - 1 + 2 * side
+        part = out[8 + 4 * side : 12 + 4 * side]
+        if 0 <= beside < lanes:
+            _neighbours(cell + beside * stride, x, length, v, own, around, part)
+        else:
+            part[0], part[1], part[2], part[3] = 1.0, 0.0, 1.0, 0.0
+
+
+@njit(cache=True)
+def _touches(x, y, psi, length, width, cell, stride, lanes, own, around):  # type: ignore[no-untyped-def]
+    """Return whether the vehicle's rectangle overlaps another's."""
+    front_x, front_y = bicycle.front_of_center(x, y, psi, length)
+    ego = rectangle(front_x, front_y, psi, length, width)
+    for lane in range(lanes):
+        here = cell + lane * stride
+        row, end = around.offsets[here], around.offsets[here + 1]
+        row = features.first_row_from(around.front, row, end, x - length)
+        while row < end and around.front[row] < x + length + around.reach:
+            if around.vehicle[row] != own:
+                psi_o, long = around.heading[row], around.length[row]
+                other_x, other_y = bicycle.front_of_center(around.x[row], around.y[row], psi_o, long)
+                if overlap(ego, rectangle(other_x, other_y, psi_o, long, around.width[row])):
+                    return True
+            row += 1
+    return False
+
+
+@njit(cache=True)
+def _start(which, row, state, observation, status, overlapping, episodes, around):  # type: ignore[no-untyped-def]
+    for i in which:
+        r = row[i]
+        e = episodes.start[r]
+        x, y, psi, v = start_state(e[0], e[1], e[2], e[3], episodes.length[r])
+        state[i, 0], state[i, 1], state[i, 2], state[i, 3] = x, y, psi, v
+        length, cell, stride = episodes.length[r], episodes.cell[r], episodes.stride[r]
+        lanes, own = episodes.lanes[r], episodes.own[r]
+        _observe(x, y, psi, v, length, cell, stride, lanes, own, around, observation[i])
+        overlapping[i] = _touches(x, y, psi, length, episodes.width[r], cell, stride, lanes, own, around)
+        status[i] = RUNNING
+
+
+@njit(cache=True)
+def _advance(control, row, step, state, observation, out, status, overlapping, episodes, around):  # type: ignore[no-untyped-def]
+    for i in range(len(row)):
+        r = row[i]
+        length, width, stride = episodes.length[r], episodes.width[r], episodes.stride[r]
+        lanes, own = episodes.lanes[r], episodes.own[r]
+        x, y, psi, v = state[i]
+        state[i] = bicycle.step(x, y, psi, v, control[i, 0], control[i, 1], bicycle.wheelbase(length), road.FRAME_STEP)
+        state[i, 0], state[i, 1], state[i, 2], state[i, 3] = x, y, psi, v
+        step[i] += 1
+        cell = episodes.cell[r] + step[i]
+        features.values(
+            x, y, psi, v, control[i, 0], control[i, 1], length, width, cell, stride, lanes, own, around, out[i]
+        )
+        _observe(x, y, psi, v, length, cell, stride, lanes, own, around, observation[i])
+        touching = _touches(x, y, psi, length, width, cell, stride, lanes, own, around)
+        overlapping[i] = overlapping[i] and touching  # measured positions may overlap from the start
+        if not -features.ROAD_WIDTH <= y <= 0.0:
+            status[i] = OFF_ROAD
+        elif touching and not overlapping[i]:
+            status[i] = COLLIDED
+
+
+@njit(cache=True)
+def _observe_along(state, episodes, around, out):  # type: ignore[no-untyped-def]
+    for i in range(state.shape[0]):
+        for k in range(state.shape[1]):
+            x, y, psi, v = state[i, k, 0], state[i, k, 1], state[i, k, 2], state[i, k, 3]
+            _observe(
+                x, y, psi, v, episodes.length[i], episodes.cell[i] + k, episodes.stride[i], episodes.lanes[i],
+                episodes.own[i], around, out[i, k],
+            )  # fmt: skip

@@ -1,0 +1,257 @@
+"""What an extended driver sees in a replay: the traffic around its simulated place, and what its recorded twin knew.
+
+Everything but own place and speed is recorded: leader, second leader, neighbours and follower are those at the
+simulated place, and the moments of cut-ins and of the own lane change those of the twin.
+"""
+
+from __future__ import annotations
+
+from typing import NamedTuple
+
+import numpy as np
+import numpy.typing as npt
+import pandas as pd
+from numba import njit
+
+from idm_sumo import columns as c
+from idm_sumo import road
+from idm_sumo.effects import Sight
+from idm_sumo.recording import Recording
+from idm_sumo.rollout import perceive
+from idm_sumo.scenes import LEADER_FROM_LANE, Scenes
+from idm_sumo.traffic import NOBODY
+from idm_sumo.twin_leaders import leader_lengths, leader_runs, recorded_leaders
+
+Floats = npt.NDArray[np.float64]
+Integers = npt.NDArray[np.int64]
+
+REACH = 30.0  # m, within which neighbours are beside
+NOBODY_YET = -2  # number of the leader before anybody was looked at
+
+
+class Others(NamedTuple):
+    """Of each row of the scenes' traffic, shape (rows,): what :class:`~idm_sumo.traffic.Traffic` does not hold.
+
+    Attributes
+    ----------
+    acceleration : float64
+        m/s².
+    vehicle_class : float64
+        NaN where not recorded.
+    who : int64
+        Number that stays the same as long as it is the same vehicle.
+    """
+
+    acceleration: Floats
+    vehicle_class: Floats
+    who: Integers
+
+
+class Twin(NamedTuple):
+    """Of each window, what its recorded vehicle brings along.
+
+    Attributes
+    ----------
+    time : float64, shape (windows,)
+        Of the window's start since the first frame of the period (s).
+    own_class : float64, shape (windows,)
+    jump, since : float64, shape (windows,)
+        By how much the last leader change up to the start shortened the gap (m), and the time since (s); NaN for none.
+    cut_in, own_change : float64, shape (windows,)
+        Seconds from the start to the next vehicle inserted ahead, and to the own lane change; NaN for none.
+    driven, moments : float64, shape (windows,)
+        Sum of the speeds recorded up to the start (m/s) and their number.
+    """
+
+    time: Floats
+    own_class: Floats
+    jump: Floats
+    since: Floats
+    cut_in: Floats
+    own_change: Floats
+    driven: Floats
+    moments: Floats
+
+
+def what_is_seen(recording: Recording, scenes: Scenes) -> tuple[Others, Twin]:
+    """Return what extended drivers can see beyond the scenes' traffic.
+
+    Parameters
+    ----------
+    recording : Recording
+        The period the scenes were cut from.
+    scenes : Scenes
+    """
+    table = recording.table
+    who, gap, acceleration, kind = _leaders(recording, scenes)
+    return _others(table, scenes, who, acceleration, kind), _twin(table, scenes, who, gap)
+
+
+def _leaders(recording: Recording, scenes: Scenes) -> tuple[Integers, Floats, Floats, Floats]:
+    """Return of every recorded row its leader's number (0 none) and gap (m), and whose row of the traffic it is.
+
+    The last two, acceleration and class, are those of the vehicle that stands in the traffic: the row's own where
+    the vehicles ahead are recorded, its leader's where the headway is all that is known.
+    """
+    table = recording.table
+    if scenes.leader_source == LEADER_FROM_LANE:
+        t = scenes.traffic
+        cell = t.cell(road.lane_at(table[c.Y]), table[c.FRAME].to_numpy())
+        who, gap = _perceive_all(
+            cell, table[c.X].to_numpy(), table[c.VEHICLE].to_numpy(), t.offsets, t.x, t.length, t.vehicle
+        )
+        kind = table[c.CLASS].to_numpy(np.float64)
+        return who, gap, table[c.ACCELERATION].to_numpy(), np.where(kind > 0, kind, np.nan)
+    leader, run = recorded_leaders(recording), leader_runs(recording)
+    known = np.isfinite(leader.x)
+    acceleration = np.gradient(leader.speed, road.FRAME_STEP)
+    edge = np.concatenate([[True], np.diff(run) != 0])
+    acceleration[edge | np.append(edge[1:], True)] = 0.0  # a difference there would be of two vehicles
+    gap = np.where(known, table[c.HEADWAY].to_numpy() - leader_lengths(recording), np.inf)
+    return np.where(known, run + 1, 0), gap, acceleration, np.full(len(table), np.nan)
+
+
+@njit(cache=True)
+def _perceive_all(cell, front, own, offsets, x, length, vehicle):  # type: ignore[no-untyped-def]
+    who, gap = np.zeros(len(cell), dtype=np.int64), np.full(len(cell), np.inf)
+    for i in range(len(cell)):
+        row, gap[i] = perceive(cell[i], front[i], own[i], offsets, x, length, vehicle)
+        who[i] = vehicle[row] if row != NOBODY else 0
+    return who, gap
+
+
+def _rows(table: pd.DataFrame, vehicle: Integers, frame: Integers) -> Integers:
+    """Return the row of each vehicle and frame in a period's table, -1 for none."""
+    stride = np.int64(1) << 32
+    code = table[c.VEHICLE].to_numpy() * stride + table[c.FRAME].to_numpy()
+    wanted = vehicle * stride + frame
+    place = np.minimum(np.searchsorted(code, wanted), len(code) - 1)
+    return np.where(code[place] == wanted, place, -1).astype(np.int64)
+
+
+def _others(table: pd.DataFrame, scenes: Scenes, who: Integers, acceleration: Floats, kind: Floats) -> Others:
+    """Look up every row of the traffic in the table."""
+    t = scenes.traffic
+    group, frame = np.divmod(np.repeat(np.arange(len(t.offsets) - 1), np.diff(t.offsets)), t.frames)
+    if scenes.leader_source == LEADER_FROM_LANE:
+        row = _rows(table, t.vehicle, frame + t.first_frame)
+        return Others(acceleration[row], kind[row], t.vehicle)
+    vehicle, first = np.full((2, int(group.max(initial=0)) + 1), -1, dtype=np.int64)
+    window = scenes.cell // t.frames
+    used = window < len(vehicle)  # a window without any leader has no row
+    vehicle[window[used]], first[window[used]] = scenes.vehicle[used], scenes.first_frame[used]
+    row = _rows(table, vehicle[group], first[group] + frame)
+    return Others(
+        np.where(row >= 0, acceleration[row], 0.0), np.where(row >= 0, kind[row], np.nan),
+        np.where(row >= 0, who[row], 0),
+    )  # fmt: skip
+
+
+def _twin(table: pd.DataFrame, scenes: Scenes, who: Integers, gap: Floats) -> Twin:
+    """Look up the past and the coming events of each window's vehicle."""
+    start = _rows(table, scenes.vehicle, scenes.first_frame + scenes.start)
+    vehicle, frame = table[c.VEHICLE].to_numpy(), table[c.FRAME].to_numpy()
+    follows = np.concatenate([[False], (np.diff(vehicle) == 0) & (np.diff(frame) == 1)])
+    before = np.concatenate([[0], who[:-1]])
+    changed = follows & (who != before) & (who > 0) & (before > 0)
+    with np.errstate(invalid="ignore"):
+        jump = np.concatenate([[0.0], gap[:-1]]) - gap
+    lane_changed = follows & np.concatenate([[False], np.diff(table[c.LANE].to_numpy()) != 0])
+    last = _latest(changed, vehicle)[start]
+    none = last < 0
+    speed = table[c.SPEED].to_numpy()
+    sums = np.concatenate([[0.0], np.cumsum(speed)])
+    first = np.searchsorted(vehicle, scenes.vehicle)
+    return Twin(
+        time=(frame[start] - frame.min()) * road.FRAME_STEP,
+        own_class=np.where(scenes.vehicle_class > 0, scenes.vehicle_class, np.nan).astype(np.float64),
+        jump=np.where(none, np.nan, jump[last]),
+        since=np.where(none, np.nan, (frame[start] - frame[last]) * road.FRAME_STEP),
+        cut_in=_until(changed & (jump > 0) & ~lane_changed, vehicle, frame, start),
+        own_change=_until(lane_changed, vehicle, frame, start),
+        driven=sums[start] - sums[first],
+        moments=(start - first).astype(np.float64),
+    )
+
+
+def _latest(event: npt.NDArray[np.bool_], vehicle: Integers) -> Integers:
+    """Return for each row the last row up to it with an event of the same vehicle, or -1."""
+    row = np.maximum.accumulate(np.where(event, np.arange(len(event)), -1))
+    return np.where((row >= 0) & (vehicle[row] == vehicle), row, -1).astype(np.int64)
+
+
+def _until(event: npt.NDArray[np.bool_], vehicle: Integers, frame: Integers, start: Integers) -> Floats:
+    """Return the seconds from each start to the vehicle's next event, NaN for none."""
+    rows = np.flatnonzero(event)
+    if not len(rows):
+        return np.full(len(start), np.nan)
+    place = np.searchsorted(rows, start, side="right")
+    found = rows[np.minimum(place, len(rows) - 1)]
+    there = (place < len(rows)) & (vehicle[found] == vehicle[start])
+    return np.where(there, (frame[found] - frame[start]) * road.FRAME_STEP, np.nan)
+
+
+@njit(cache=True)
+def behind(offsets, x, vehicle, cell, front, own):  # type: ignore[no-untyped-def]
+    """Return the row of the last vehicle of ``cell`` whose front is not ahead of ``front`` (m), or ``NOBODY``."""
+    low, high = offsets[cell], offsets[cell + 1]
+    first = low
+    while low < high:
+        middle = (low + high) >> 1
+        if x[middle] > front:
+            high = middle
+        else:
+            low = middle + 1
+    low -= 1
+    while low >= first and vehicle[low] == own:
+        low -= 1
+    return low if low >= first else NOBODY
+
+
+@njit(cache=True)
+def mean_speed_near(offsets, x, speed, vehicle, cell, front, own):  # type: ignore[no-untyped-def]
+    """Return the mean speed (m/s) of the vehicles of ``cell`` within ``REACH`` of ``front`` (m), NaN for none."""
+    total, count = 0.0, 0
+    for row in range(offsets[cell], offsets[cell + 1]):
+        if abs(x[row] - front) <= REACH and vehicle[row] != own:
+            total += speed[row]
+            count += 1
+    return total / count if count else np.nan
+
+
+@njit(cache=True)
+def slower_beside(offsets, x, speed, vehicle, cell, frames, lane, front, own):  # type: ignore[no-untyped-def]
+    """Return the mean speed (m/s) near in the slower adjacent lane, NaN without anybody there."""
+    slowest = np.nan
+    for side in (-1, 1):
+        if 1 <= lane + side <= road.MAIN_LANES:
+            mean = mean_speed_near(offsets, x, speed, vehicle, cell + side * frames, front, own)
+            if mean == mean and not mean >= slowest:
+                slowest = mean
+    return slowest
+
+
+@njit(cache=True)
+def look(  # type: ignore[no-untyped-def]
+    offsets, x, speed, length, vehicle, others, cell, frames, lane, alone, own, own_length, front, row, gap, t,
+    own_class, jump, since, until_cut_in, until_own_change, mean_speed,
+):  # fmt: skip
+    """Return what a driver with its front at ``front`` (m) and its leader in ``row`` sees; ``alone``: in a lane of its own."""
+    leader_acceleration, leader_class = 0.0, np.nan
+    second_gap, second_speed, adjacent_speed, rear_gap = np.inf, np.nan, np.nan, np.nan
+    if row != NOBODY:
+        leader_acceleration, leader_class = others.acceleration[row], others.vehicle_class[row]
+        second = row + 1
+        while second < offsets[cell + 1] and vehicle[second] == own:
+            second += 1
+        if second < offsets[cell + 1]:
+            second_gap = gap + x[second] - length[second] - x[row]
+            second_speed = speed[second]
+    if not alone:
+        adjacent_speed = slower_beside(offsets, x, speed, vehicle, cell, frames, lane, front, own)
+        rear = behind(offsets, x, vehicle, cell, front, own)
+        rear_gap = front - own_length - x[rear] if rear != NOBODY else np.inf
+    return Sight(
+        front, t, leader_acceleration, leader_class, own_class, float(lane), second_gap, second_speed, adjacent_speed,
+        rear_gap, jump, since, until_cut_in, until_own_change, mean_speed,
+    )  # fmt: skip

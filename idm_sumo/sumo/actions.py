@@ -1,0 +1,77 @@
+"""The ``sumo`` back end for an agent: vehicles driven by given accelerations and steering angles."""
+
+from __future__ import annotations
+
+import numpy as np
+import numpy.typing as npt
+
+from idm_sumo import bicycle, road
+from idm_sumo.rollout import Trajectories
+from idm_sumo.scenes import LEADER_FROM_LANE, Scenes
+from idm_sumo.sumo.replay import EGO, start_of
+from idm_sumo.sumo.session import simulation
+from idm_sumo.sumo.stage import Stage, cast, check_on_network, compass
+from idm_sumo.traffic import NOBODY
+
+Floats = npt.NDArray[np.float64]
+
+
+def replay_controls(scenes: Scenes, acceleration: Floats, steering: Floats) -> Trajectories:
+    """Drive vehicles in SUMO by given controls, each in a replay of its own.
+
+    Parameters
+    ----------
+    scenes : Scenes
+    acceleration, steering : float64, shape (vehicles, horizon)
+        m/s² and rad.
+
+    Returns
+    -------
+    Trajectories
+        Every step starts from the place that SUMO returns, so that an error of SUMO's would
+        show and grow. ``gap`` and ``leader`` are not recorded (infinite, ``NOBODY``).
+
+    Raises
+    ------
+    InputError
+        If SUMO or the network cannot be loaded, or a recorded vehicle is off the network.
+    """
+    out, actors = Trajectories.empty(len(scenes), scenes.window.horizon), cast(scenes)
+    out.acceleration[:], out.steering[:], out.gap[:], out.leader[:] = acceleration, steering, np.inf, NOBODY
+    with simulation() as sumo:
+        check_on_network(sumo, actors)
+        for i in range(len(scenes)):
+            stage = Stage(sumo, as_points=True)
+            x, y, heading, speed = start_of(scenes, i)
+            length = float(scenes.length[i])
+            axles = bicycle.wheelbase(length)
+            for k in range(out.x.shape[1]):
+                rows = _around(scenes, i, k)
+                names, fronts, laterals, angles, lengths, widths = actors.of(rows)
+                stage.place(
+                    [*names, EGO], [*fronts, x], [*laterals, y], [*angles, float(compass(heading))],
+                    [*lengths, length], [*widths, float(scenes.width[i])],
+                )  # fmt: skip
+                sumo.simulationStep()
+                x, y = sumo.vehicle.getPosition(EGO)
+                heading = float(np.radians(90.0 - sumo.vehicle.getAngle(EGO)))
+                out.x[i, k], out.y[i, k], out.heading[i, k], out.speed[i, k] = x, y, heading, speed
+                if k == out.acceleration.shape[1]:
+                    break
+                cx, cy = bicycle.center_of_front(x, y, heading, length)
+                cx, cy, heading, speed = bicycle.step(
+                    cx, cy, heading, speed, acceleration[i, k], steering[i, k], axles, road.FRAME_STEP
+                )
+                x, y = bicycle.front_of_center(cx, cy, heading, length)
+            stage.clear()
+    return out
+
+
+def _around(scenes: Scenes, i: int, k: int) -> npt.NDArray[np.int64]:
+    """Return the rows of all recorded vehicles at step ``k`` of window ``i``, its twin excepted."""
+    t = scenes.traffic
+    cells = scenes.cell[i : i + 1] + scenes.start + k
+    if scenes.leader_source == LEADER_FROM_LANE:
+        cells = t.cell(np.arange(1, road.MAIN_LANES + 1), scenes.first_frame[i] + scenes.start + k)
+    rows = np.concatenate([np.arange(t.offsets[cell], t.offsets[cell + 1]) for cell in cells])
+    return np.asarray(rows[t.vehicle[rows] != scenes.vehicle[i]])

@@ -1,0 +1,174 @@
+"""A closed loop in which we drive: every vehicle on the main lanes by an extended model, its lane changes by SUMO."""
+
+from __future__ import annotations
+
+from typing import Any, NamedTuple
+
+import numpy as np
+import numpy.typing as npt
+import pandas as pd
+from numba import njit
+
+from idm_sumo import columns as c
+from idm_sumo import driver_table as d
+from idm_sumo import road
+from idm_sumo.departures import DESTINATION, THROUGH
+from idm_sumo.effects import ExtendedModel, extended_acceleration, slots
+from idm_sumo.effects.reaction_delay import LONGEST, recall
+from idm_sumo.rollout import perceive
+from idm_sumo.sight import NOBODY_YET, Others, look
+from idm_sumo.traffic import NOBODY
+
+Floats = npt.NDArray[np.float64]
+Integers = npt.NDArray[np.int64]
+
+PAST = round(LONGEST / road.FRAME_STEP) + 2  # moments that a delay can reach back to
+OURS, SUMOS = 0, 31  # SUMO's speed modes: no check of its own; all of them
+
+
+class Memory(NamedTuple):
+    """What the vehicles of the demand remember; arrays over them, changed as they drive.
+
+    Attributes
+    ----------
+    past : float64, shape (vehicles, PAST, 3)
+        Gap (m), speed and approach rate (m/s), the present last.
+    moments : int64, shape (vehicles,)
+        How many of them have been.
+    leader : int64, shape (vehicles,)
+    changed : float64, shape (vehicles, 2)
+        By how much the last leader change shortened the gap (m), and when (s).
+    driven : float64, shape (vehicles,)
+        Sum of speeds (m/s).
+    speed : float64, shape (vehicles,)
+        Of the step before, NaN before the first.
+    """
+
+    past: Floats
+    moments: Integers
+    leader: Integers
+    changed: Floats
+    driven: Floats
+    speed: Floats
+
+
+class ModelDrivers:
+    """Drives all vehicles that pass through on the main lanes of the section.
+
+    Vehicles on ramps, on the auxiliary lane, behind the section, and those that leave by the off-ramp are SUMO's: they
+    must mind ends of lanes, which a car-following model does not know.
+
+    Parameters
+    ----------
+    model : ExtendedModel
+    demand : pandas.DataFrame
+        Of :func:`idm_sumo.sumo.demand.demand_of`.
+    theta : array, shape (vehicles, 5)
+        ``a, b, T, d0, d1`` of each vehicle of the demand.
+    desired_speed : float
+        m/s.
+
+    Notes
+    -----
+    Each step all are looked at, then decide together, then SUMO is told their speeds: Euler with the new speed, as
+    SUMO's own models. What lies in the future (a cut-in, the own lane change) nobody knows here.
+    """
+
+    def __init__(
+        self, model: ExtendedModel, demand: pd.DataFrame, theta: Floats, desired_speed: float = road.SPEED_LIMIT
+    ) -> None:
+        n = len(demand)
+        self._place = {str(vehicle): i for i, vehicle in enumerate(demand[c.VEHICLE])}
+        self._magnitudes = np.ascontiguousarray(model.magnitudes_by_lane())
+        self._theta, self._limit = np.ascontiguousarray(theta, dtype=np.float64), desired_speed
+        self._length = demand[d.LENGTH].fillna(road.CAR_LENGTH).to_numpy(dtype=np.float64)
+        kind = demand[d.CLASS].to_numpy(dtype=np.float64)
+        self._class = np.where(kind > 0, kind, np.nan)
+        self._through = (demand[DESTINATION] == THROUGH).to_numpy()
+        self._memory = Memory(
+            np.full((n, PAST, 3), np.nan), np.zeros(n, dtype=np.int64), np.full(n, NOBODY_YET, dtype=np.int64),
+            np.full((n, 2), np.nan), np.zeros(n), np.full(n, np.nan),
+        )  # fmt: skip
+        self._ours: set[str] = set()
+        self.driven_steps = 0  # vehicle-steps that we drove
+
+    def drive(self, sumo: Any, step: int) -> None:
+        """Look around after a step of SUMO, and say how fast to be after the next."""
+        names = [name for name in sumo.vehicle.getIDList() if name in self._place]
+        if not names:
+            return
+        place = np.array([self._place[name] for name in names])
+        where = np.array([sumo.vehicle.getPosition(name) for name in names])
+        speed = np.array([sumo.vehicle.getSpeed(name) for name in names])
+        lane = np.floor(-where[:, 1] / road.LANE_WIDTH).astype(np.int64) + 1
+        on_main = (lane >= 1) & (lane <= road.MAIN_LANES) & (where[:, 0] >= 0.0)
+        ours = on_main & self._through[place] & (where[:, 0] <= road.SECTION_LENGTH)
+        order = np.flatnonzero(on_main)[np.lexsort((where[on_main, 0], lane[on_main]))]
+        acceleration = np.full(len(names), np.nan)
+        acceleration[order] = self._decide(place[order], where[order, 0], speed[order], lane[order], step)
+        fastest = np.maximum(speed + acceleration * road.FRAME_STEP, 0.0)
+        self._tell(sumo, names, ours, fastest)
+
+    def _decide(self, place: Integers, x: Floats, speed: Floats, lane: Integers, step: int) -> Floats:
+        """Return everybody's acceleration (m/s²), vehicles sorted by lane and position."""
+        offsets = np.zeros(road.MAIN_LANES + 1, dtype=np.int64)
+        np.cumsum(np.bincount(lane - 1, minlength=road.MAIN_LANES), out=offsets[1:])
+        change = np.nan_to_num((speed - self._memory.speed[place]) / road.FRAME_STEP)
+        others = Others(change, self._class[place], place + 1)
+        self._memory.speed[place] = speed
+        return np.asarray(
+            _decide_all(
+                place, x, speed, self._length[place], lane, offsets, others, self._memory, self._magnitudes, self._theta,
+                self._limit, step * road.FRAME_STEP,
+            )
+        )  # fmt: skip
+
+    def _tell(self, sumo: Any, names: list[str], ours: npt.NDArray[np.bool_], speed: Floats) -> None:
+        """Set the speeds of ours; give back who is ours no more."""
+        chosen = {name: value for name, mine, value in zip(names, ours.tolist(), speed.tolist(), strict=True) if mine}
+        for name, value in chosen.items():
+            if name not in self._ours:
+                sumo.vehicle.setSpeedMode(name, OURS)
+            sumo.vehicle.setSpeed(name, value)
+        for name in (self._ours - chosen.keys()) & set(names):
+            sumo.vehicle.setSpeed(name, -1)
+            sumo.vehicle.setSpeedMode(name, SUMOS)
+        self._ours = set(chosen)
+        self.driven_steps += len(chosen)
+
+
+@njit(cache=True)
+def _decide_all(place, x, speed, length, lane, offsets, others, memory, magnitudes, theta, limit, now):  # type: ignore[no-untyped-def]
+    acceleration = np.empty(len(place))
+    for i in range(len(place)):
+        row, gap = perceive(lane[i] - 1, x[i], others.who[i], offsets, x, length, others.who)
+        leader_speed = speed[row] if row != NOBODY else speed[i]
+        vehicle = place[i]
+        _remember(vehicle, gap, speed[i], speed[i] - leader_speed, others.who[row] if row != NOBODY else 0, now, memory)
+        see = look(
+            offsets, x, speed, length, others.who, others, lane[i] - 1, 1, lane[i], False, others.who[i], length[i], x[i],
+            row, gap, now, others.vehicle_class[i], memory.changed[vehicle, 0], now - memory.changed[vehicle, 1], np.nan,
+            np.nan, memory.driven[vehicle] / memory.moments[vehicle],
+        )  # fmt: skip
+        m, own, past = magnitudes[lane[i]], theta[vehicle], memory.past[vehicle]
+        delay = min(m[slots.DELAY], LONGEST)
+        then = [recall(past, column, PAST - 1, delay, road.FRAME_STEP) for column in range(3)]
+        acceleration[i] = extended_acceleration(
+            then[1], then[2], then[0], see, own[0], own[1], own[2], own[3], own[4], limit, m
+        )
+    return acceleration
+
+
+@njit(cache=True)
+def _remember(vehicle, gap, speed, approach_rate, who, now, memory):  # type: ignore[no-untyped-def]
+    """Push the present into the past of a vehicle, and note a change of its leader."""
+    past = memory.past[vehicle]
+    if memory.leader[vehicle] > 0 and who > 0 and who != memory.leader[vehicle]:
+        memory.changed[vehicle] = (past[PAST - 1, 0] - gap, now)
+    memory.leader[vehicle] = who
+    if memory.moments[vehicle] == 0:
+        past[:] = np.array([gap, speed, approach_rate])  # before it came it saw what it sees first
+    past[:-1] = past[1:].copy()
+    past[PAST - 1] = (gap, speed, approach_rate)
+    memory.moments[vehicle] += 1
+    memory.driven[vehicle] += speed

@@ -1,0 +1,29 @@
+"""Compiled loops over many vehicles, shared among threads: a thread a core, pieces in turn."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from concurrent.futures import ThreadPoolExecutor
+from typing import Any
+
+import numba
+
+PIECES = 8  # a thread: some vehicles take longer than others
+
+
+def in_threads(kernel: Callable[..., Any], count: int, *arguments: Any) -> None:
+    """Call ``kernel(first, last, *arguments)`` for pieces of ``range(count)`` that cover it.
+
+    The kernel is compiled with ``nogil=True`` and writes into its own rows of the arguments,
+    so the result does not depend on the pieces. Numba's ``parallel=True`` would do the same and
+    takes several times longer to compile. The number of threads is numba's.
+    """
+    threads = numba.get_num_threads()
+    if threads == 1 or count < 2 * threads:
+        kernel(0, count, *arguments)
+        return
+    size = -(-count // (threads * PIECES))
+    with ThreadPoolExecutor(threads) as pool:
+        pieces = [pool.submit(kernel, first, min(first + size, count), *arguments) for first in range(0, count, size)]
+        for piece in pieces:
+            piece.result()

@@ -1,0 +1,207 @@
+"""What a diagnosis leaves on disk: the contract, tables, pictures and the page; and the uncertainty that they show."""
+
+import json
+from dataclasses import replace
+
+import numpy as np
+import pandas as pd
+import pytest
+from pydantic import ValidationError
+
+from analysis import diagnosis_report, diagnosis_words
+from analysis.diagnosis_contract import Diagnosis as Contract
+from analysis.diagnosis_contract import write_diagnosis
+from analysis.diagnosis_curves import clustered_mean, curves, lag_response, map_of
+from analysis.diagnosis_report import contract, groups
+from idm_sumo.diagnosis import CauseFound, Diagnosis, Estimate, Gain, Power, Region, RuledOut, Scan, Unexplained
+from idm_sumo.effects import Cause, ExtendedModel
+from idm_sumo.idm import TEXTBOOK
+
+
+def residuals(drivers=40, windows=3, moments=24, seed=1) -> pd.DataFrame:
+    """Return residuals of made drivers: too far ahead at 200 to 300 m, which the extension halves."""
+    rng = np.random.default_rng(seed)
+    vehicle, window, lag = np.meshgrid(
+        np.arange(drivers), np.arange(windows), 0.5 * np.arange(1, moments + 1), indexing="ij"
+    )
+    position = 50 + 150 * window + 10 * lag
+    there = -1.0 * ((position > 200) & (position < 300))
+    own = rng.normal(0, 0.3, (drivers, windows, 1))
+    noise = own + rng.normal(0, 0.1, position.shape)
+    shape = position.shape
+    return pd.DataFrame({
+        "vehicle": vehicle.ravel(), "window": (vehicle * windows + window).ravel(), "lag": lag.ravel(),
+        "position": position.ravel(), "time": (10.0 * vehicle + 15 * window + lag).ravel(),
+        "speed": rng.uniform(5, 15, shape).ravel(), "gap": rng.uniform(5, 40, shape).ravel(),
+        "approach_rate": rng.normal(0, 1, shape).ravel(), "leader_acceleration": rng.normal(0, 1, shape).ravel(),
+        "since_change": np.where(vehicle % 2, 1e6, lag).ravel(), "lane": (1 + vehicle % 5).ravel(), "leader_class": 0,
+        "adjacent_difference": np.nan, "rear_gap": np.inf,
+        "base": (there + noise).ravel(), "extended": (0.5 * there + noise).ravel(),
+    })  # fmt: skip
+
+
+def named() -> Diagnosis:
+    """Return a diagnosis that names a place."""
+    alpha = {"alpha": Estimate(-0.12, "m/s^2", (-0.15, -0.09))}
+    cause = CauseFound(
+        "location", alpha, Region((200.0, 300.0)), 2e-6, 1.0, "All slow down there.", ("measurement_artefact",)
+    )
+    model = ExtendedModel(TEXTBOOK, causes=(Cause("location", {"alpha": -0.12, "x_1": 200.0, "x_2": 300.0}),))
+    table = residuals()
+    drivers = pd.DataFrame({
+        "period": "p", "vehicle": np.arange(40), "held_out": np.arange(40) % 2 == 0, "windows": 3,
+        "base_ade": np.linspace(0.5, 1.5, 40), "extended_ade": np.linspace(0.45, 1.4, 40),
+    })  # fmt: skip
+    edges = np.linspace(0, 600, 25)
+    scan = Scan(
+        "position", "m", edges, np.where((edges[:-1] >= 200) & (edges[:-1] < 300), -0.1, 0.0), np.full(24, 0.02)
+    )
+    return Diagnosis(
+        verdict="named", causes=(cause,), without_gain=(), unexplained=(),
+        gain=Gain("ade_m", 1.0, 0.9, 0.1, (0.05, 0.15), 20),
+        other_gains=(Gain("fde_m", 2.0, 1.8, 0.2, (0.1, 0.3), 20), Gain("collisions", 0.0, 0.0, 0.0, (0.0, 0.0), 20)),
+        ruled_out=(RuledOut("reaction_delay", 0.4, ("hysteresis",), Estimate(0.02, "s", (-0.05, 0.09))),
+                   RuledOut("hysteresis", 0.9, ())),
+        untestable={"leader_class": "no classes were recorded"}, power=(Power("reaction_delay", "tau", "s", 0.2, 0.93),),
+        model=model, base_model=ExtendedModel(TEXTBOOK), residuals=table, drivers=drivers, scans=(scan,),
+        excluded={"no leader for 12 s": 3}, notes=("a note",), seconds={"fit": 1.0},
+    )  # fmt: skip
+
+
+def silent() -> Diagnosis:
+    one = named()
+    return replace(
+        one, verdict="none", causes=(), model=one.base_model, gain=replace(one.gain, extended=1.0, difference=0.0)
+    )
+
+
+def write(found: Diagnosis, folder, monkeypatch) -> None:
+    """Write what ``diagnose`` leaves; only the finding itself, tested elsewhere, is given."""
+    recording = folder.parent / "recording.parquet"
+    from tests.test_pairs import pair
+
+    pair(12, 7).to_parquet(recording)
+    monkeypatch.setattr(diagnosis_report, "diagnose", lambda *_args, **_more: found)
+    diagnosis_report.diagnose_file(recording, folder, location="us-101", seed=1, jobs=1, command=["x", "diagnose"])
+
+
+def test_the_folder_holds_all_of_it(tmp_path, monkeypatch) -> None:
+    write(named(), tmp_path / "out", monkeypatch)
+    content = json.loads((tmp_path / "out" / "diagnosis.json").read_text())
+    assert content["verdict"] == "named"
+    assert content["causes"][0]["parameters"]["alpha"] == {"value": -0.12, "unit": "m/s^2", "ci95": [-0.15, -0.09]}
+    assert content["causes"][0]["where"]["position_m"] == [200.0, 300.0]
+    low, high = content["causes"][0]["where"]["time_s"]
+    assert low < high  # where no bound is known, what was seen
+    assert set(content) == {"verdict", "causes", "unexplained", "gain", "ruled_out"}
+    assert ExtendedModel.read(tmp_path / "out" / "model.json").causes[0].values["x_2"] == 300.0
+    page = (tmp_path / "out" / "report.html").read_text()
+    assert page.count("<img ") == 7
+    assert "http" not in page.split("<body>")[1]
+    for words in (
+        "All slow down there",
+        "cannot tell it from measurement artefact",
+        "no classes were recorded",
+        "probability 0.93",
+    ):
+        assert words in page
+    record = json.loads((tmp_path / "out" / "manifest.json").read_text())
+    assert record["settings"]["seed"] == 1
+    assert record["inputs"][0]["sha256"]
+    assert record["versions"]["numpy"]
+    tables = {path.stem for path in (tmp_path / "out" / "tables").glob("*.csv")}
+    assert {"drivers", "residual_curves", "causes", "gains", "ruled_out", "untestable", "power", "scans"} <= tables
+
+
+def test_a_verdict_without_causes_says_what_would_have_been_seen(tmp_path, monkeypatch) -> None:
+    write(silent(), tmp_path / "out", monkeypatch)
+    page = (tmp_path / "out" / "report.html").read_text()
+    assert "None: nothing beyond the IDM" in page
+    assert "tau = 0.2 s would have been seen with probability 0.93" in page
+    assert json.loads((tmp_path / "out" / "diagnosis.json").read_text())["causes"] == []
+
+
+def test_unknown_says_where_when_and_along_what() -> None:
+    place = Unexplained("position", (300.0, 360.0), (300.0, 360.0), None, 1e-5)
+    found = replace(silent(), verdict="unknown", unexplained=(place,))
+    assert "position from 300 to 360 between 300 and 360 m (p < 0.0001)" in diagnosis_words.headline(found)
+    content = contract(found)
+    assert content["unexplained"][0]["position_m"] == [300.0, 360.0]
+    Contract.model_validate(content)
+
+
+def test_nothing_is_left_when_the_contract_is_broken(tmp_path, monkeypatch) -> None:
+    with pytest.raises(ValidationError):
+        write(replace(named(), verdict="none"), tmp_path / "out", monkeypatch)
+    assert not list(tmp_path.glob("*out*"))
+
+
+@pytest.mark.parametrize(
+    "change",
+    [
+        {"verdict": "maybe"},
+        {"verdict": "unknown", "causes": []},
+        {"extra": 1},
+        {"ruled_out": [{"name": "memory", "p_value": 1.5, "confusable_with": []}]},
+        {
+            "gain": {
+                "metric": "ade_m",
+                "base": float("nan"),
+                "extended": 1,
+                "difference": 0,
+                "ci95": [0, 0],
+                "vehicles": 1,
+                "held_out": True,
+            }
+        },
+    ],
+)
+def test_what_breaks_the_contract_is_not_written(tmp_path, change) -> None:
+    content = contract(named())
+    write_diagnosis(tmp_path / "good.json", content)
+    with pytest.raises(ValidationError):
+        write_diagnosis(tmp_path / "bad.json", content | change)
+    assert not (tmp_path / "bad.json").exists()
+
+
+def test_intervals_are_over_drivers_not_frames() -> None:
+    """Frames that repeat a driver's own value add nothing: the interval is that of one value a driver."""
+    rng = np.random.default_rng(2)
+    own = rng.normal(0, 1, 30)
+    driver = np.repeat(np.arange(30), 200)
+    mean, half, count = clustered_mean(np.repeat(own, 200), driver, np.zeros(6000, dtype=np.int64), 1)
+    expected = 2.0452 * own.std(ddof=1) / np.sqrt(30)  # Student's t, 29 degrees of freedom
+    np.testing.assert_allclose([mean[0], half[0], count[0]], [own.mean(), expected, 30], rtol=1e-3)
+
+
+def test_curves_show_the_place_and_leave_out_what_is_unknown() -> None:
+    table = curves(residuals().assign(driver=lambda t: t["vehicle"]), ("base", "extended"))
+    assert not {"leader_class", "adjacent_difference", "rear_gap"} & set(table["covariate"])
+    place = table[(table["covariate"] == "position") & table["centre"].between(220, 280)]
+    base, extended = (place[place["model"] == model] for model in ("base", "extended"))
+    assert (base["ci_high"] < -0.3).all()
+    np.testing.assert_allclose(extended["mean"].to_numpy(), base["mean"].to_numpy() / 2, atol=0.15)
+    speed = table[(table["covariate"] == "speed") & (table["model"] == "base")]
+    assert ((speed["ci_low"] < speed["mean"]) & (speed["drivers"] == 40)).all()
+
+
+def test_the_map_is_empty_where_nobody_was() -> None:
+    field = map_of(residuals(), "base", np.array([0.0, 200.0, 300.0, 2000.0]), np.array([0.0, 1e4, 2e4]))
+    assert np.isnan(field[:, 1]).all()
+    assert field[1, 0] < -0.5 < field[0, 0]
+
+
+def test_the_lag_of_a_late_response_is_found() -> None:
+    rng = np.random.default_rng(3)
+    leader = rng.normal(0, 1, (60, 40))
+    late = np.roll(leader, 2, axis=1) + rng.normal(0, 0.5, leader.shape)
+    mean, half = lag_response(late, leader, np.arange(60), np.arange(-5, 6))
+    assert np.argmax(mean) == 5 + 2
+    assert mean[7] - half[7] > 0.5
+    assert abs(mean[3]) < 0.2
+
+
+def test_windows_with_a_leader_change_are_told_apart() -> None:
+    table = groups(residuals().assign(driver=lambda t: t["vehicle"]))
+    assert table["drivers"].tolist() == [20, 20]
+    assert (table["base_ade_m"] > table["extended_ade_m"]).all()

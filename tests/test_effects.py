@@ -1,0 +1,165 @@
+"""Effects: without magnitude the plain IDM, with one the law that its file states."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from idm_sumo import idm
+from idm_sumo.effects import BLIND, BY_NAME, CATALOGUE, Cause, ExtendedModel, Sight, extended_acceleration, slots
+from idm_sumo.effects.reaction_delay import recall
+from idm_sumo.errors import InputError
+from idm_sumo.idm import IDMParameters
+
+DRIVER = (1.2, 1.8, 1.3, 2.0, 0.4)
+LIMIT = 25.0
+SEEN = Sight(
+    x=100.0, t=50.0, leader_acceleration=0.8, leader_class=3.0, own_class=3.0, lane=2.0, second_gap=40.0,
+    second_speed=9.0, adjacent_speed=6.0, rear_gap=5.0, jump=12.0, since_change=4.0, until_cut_in=2.0,
+    until_own_change=2.0, mean_speed=8.0,
+)  # fmt: skip
+
+speeds = st.floats(0.0, 35.0)
+rates = st.floats(-8.0, 8.0)
+gaps = st.floats(0.0, 200.0)
+
+
+def none() -> np.ndarray:
+    return np.zeros(slots.COUNT)
+
+
+def drive(m: np.ndarray, *, speed: float = 12.0, rate: float = 0.5, gap: float = 18.0, see: Sight = SEEN) -> float:
+    return float(extended_acceleration(speed, rate, gap, see, *DRIVER, LIMIT, m))
+
+
+def only(name: str, **more: float) -> np.ndarray:
+    m = none()
+    values = {p.symbol: p.typical for p in BY_NAME[name].parameters} | more
+    Cause(name, values).fill(m)
+    return m
+
+
+@given(speeds, rates, gaps, st.booleans())
+def test_without_magnitudes_it_is_the_plain_idm_exactly(speed, rate, gap, sees):
+    plain = idm.acceleration(speed, rate, gap, *DRIVER, LIMIT)
+    assert drive(none(), speed=speed, rate=rate, gap=gap, see=SEEN if sees else BLIND) == plain
+
+
+def test_without_a_leader_too():
+    assert drive(none(), gap=np.inf, see=BLIND) == idm.acceleration(12.0, 0.5, np.inf, *DRIVER, LIMIT)
+
+
+@pytest.mark.parametrize(
+    ("name", "more", "sign"),
+    [
+        ("multi_leader_anticipation", {}, None),
+        ("lane_change_relaxation", {}, +1),
+        ("leader_class", {}, -1),
+        ("speed_dependent_headway", {"v_mean": 5.0}, -1),
+        ("hysteresis", {}, -1),
+        ("adjacent_lane_friction", {}, -1),
+        ("location", {"x_1": 50.0, "x_2": 150.0}, +1),
+        ("time_of_day", {"t_1": 0.0, "t_2": 60.0}, -1),
+        ("desired_speed", {"lane": 2.0}, +1),
+        ("vehicle_class", {}, -1),
+        ("memory", {}, -1),
+        ("follower_pressure", {}, +1),
+        ("courtesy_yielding", {}, -1),
+        ("pre_insertion", {}, -1),
+        ("perception_threshold", {"delta": 0.6}, +1),
+    ],
+)
+def test_each_effect_changes_the_acceleration_in_its_own_sense(name, more, sign):
+    change = drive(only(name, **more)) - drive(none())
+    assert change != 0.0
+    if sign is not None:
+        assert np.sign(change) == sign
+
+
+@pytest.mark.parametrize(
+    "name", [e.name for e in CATALOGUE if e.parameters and e.must_see and e.name not in ("location", "time_of_day")]
+)
+def test_whoever_does_not_see_is_not_moved(name):
+    assert drive(only(name, lane=2.0) if name == "desired_speed" else only(name), see=BLIND) == drive(none(), see=BLIND)
+
+
+def test_a_place_ends():
+    m = only("location", x_1=200.0, x_2=300.0)
+    assert drive(m) == drive(none())
+
+
+@given(speeds, rates, gaps, st.floats(0.0, 0.9))
+def test_asymmetry_leaves_braking_alone(speed, rate, gap, share):
+    plain = drive(none(), speed=speed, rate=rate, gap=gap)
+    m = only("acceleration_asymmetry", gamma=share)
+    expected = plain * (1.0 - share) if plain > 0 else plain
+    assert drive(m, speed=speed, rate=rate, gap=gap) == pytest.approx(expected)
+
+
+@given(st.floats(0.5, 30.0), st.floats(3.0, 80.0), st.floats(0.0, 0.9))
+def test_anticipation_keeps_the_equilibrium_of_a_homogeneous_platoon(speed, gap, share):
+    see = SEEN._replace(second_gap=2.0 * gap, second_speed=speed)
+    m = only("multi_leader_anticipation", w=share)
+    plain = drive(none(), speed=speed, rate=0.0, gap=gap, see=see)
+    assert drive(m, speed=speed, rate=0.0, gap=gap, see=see) == pytest.approx(plain, abs=1e-9)
+
+
+@given(st.floats(-3.0, 3.0), st.floats(0.1, 2.0))
+def test_a_dead_band_hides_small_rates_only(rate, band):
+    m = only("perception_threshold", delta=band)
+    seen = 0.0 if abs(rate) < band else rate
+    assert drive(m, rate=rate) == drive(none(), rate=seen)
+
+
+@given(st.floats(0.0, 1.4), st.integers(15, 29))
+def test_the_past_is_recalled_linearly(delay, now):
+    past = np.outer(np.arange(30.0), [1.0, -2.0, 3.0])
+    assert recall(past, 2, now, delay, 0.1) == pytest.approx(3.0 * (now - delay / 0.1))
+
+
+def test_what_was_before_the_past_is_its_first_row():
+    past = np.arange(6.0).reshape(2, 3)
+    assert recall(past, 1, 1, 5.0, 0.1) == 1.0
+
+
+def test_every_magnitude_has_a_slot_of_its_own():
+    used = [p.slot for e in CATALOGUE for p in e.parameters]
+    assert sorted(used) == list(range(slots.COUNT))
+    assert all(p.lower <= p.typical <= p.upper for e in CATALOGUE for p in e.parameters)
+
+
+def test_confusable_names_are_in_the_catalogue():
+    assert {n for e in CATALOGUE for n in e.confusable_with} <= set(BY_NAME)
+
+
+def test_a_model_survives_its_file(tmp_path):
+    model = ExtendedModel(
+        IDMParameters(1.1, 1.7, 1.2, 2.0, 0.0), 27.0,
+        (Cause("reaction_delay", {"tau": 0.4}), Cause("location", {"alpha": -0.1, "x_1": 200.0, "x_2": 350.0}, (2, 3))), "here",
+    )  # fmt: skip
+    model.write(tmp_path / "model.json")
+    back = ExtendedModel.read(tmp_path / "model.json")
+    assert back == model
+    assert back.magnitudes(1)[slots.PLACE] == 0.0
+    assert back.magnitudes(2)[slots.PLACE] == -0.1
+    assert back.magnitudes()[slots.DELAY] == 0.4
+    assert list(tmp_path.iterdir()) == [tmp_path / "model.json"]
+
+
+@pytest.mark.parametrize(
+    "text",
+    [
+        "",
+        "{}",
+        '{"format": "other"}',
+        ExtendedModel(IDMParameters(1, 1, 1, 1, 0)).to_json().replace("[]", '[{"name": "ghost", "parameters": {}}]'),
+    ],
+)
+def test_what_is_no_model_is_refused_in_one_line(text, tmp_path):
+    (tmp_path / "m.json").write_text(text)
+    with pytest.raises(InputError) as caught:
+        ExtendedModel.read(tmp_path / "m.json")
+    assert "\n" not in str(caught.value)
+    assert "m.json" in str(caught.value)

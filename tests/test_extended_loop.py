@@ -1,0 +1,95 @@
+"""The closed loop that we drive: without causes it is SUMO's own IDM, with them it does what they say."""
+
+import numpy as np
+import pandas as pd
+import pytest
+
+from idm_sumo import columns as c
+from idm_sumo import road
+from idm_sumo.cli import main
+from idm_sumo.effects import Cause, ExtendedModel
+from idm_sumo.idm import TEXTBOOK
+from idm_sumo.reading import write_parquet
+from idm_sumo.sumo import closed_loop, populations
+from idm_sumo.sumo.demand import demand_of
+from idm_sumo.sumo.extended_loop import ModelDrivers
+from tests.builders import Car, recording
+from tests.test_closed_loop import two_minutes
+
+
+@pytest.fixture(scope="module")
+def recorded():
+    return two_minutes()
+
+
+def drive(folder, recorded, *causes, ours=True) -> tuple[pd.DataFrame, closed_loop.Outcome, int]:
+    """Return the frames of a run, its outcome, and how many vehicle-steps were ours."""
+    demand = demand_of(recorded)
+    rng = np.random.default_rng(1)
+    theta = rng.uniform([0.8, 1.0, 0.8, 1.5, 0.0], [1.6, 2.5, 1.4, 2.5, 0.0], (len(demand), 5))
+    lane_change = populations.lane_change_attributes("LC2013", {"lcSpeedGain": "0", "lcStrategic": "-1"})
+    types = populations.calibrated_types(demand, theta, lane_change)
+    files = closed_loop.write_run(folder / "simulation", "extended", recorded, demand, types, downstream=None)
+    drivers = ModelDrivers(ExtendedModel(TEXTBOOK, causes=causes), demand, theta) if ours else None
+    outcome = closed_loop.run(files, folder / "run.parquet", ours=drivers)
+    frames = closed_loop.as_recording(outcome, recorded, demand, "run").table
+    return frames, outcome, 0 if drivers is None else drivers.driven_steps
+
+
+@pytest.fixture(scope="module")
+def plain(tmp_path_factory, recorded):
+    """A run that we drive without any cause."""
+    return drive(tmp_path_factory.mktemp("plain"), recorded)
+
+
+def test_without_causes_everybody_drives_as_sumos_own_types(tmp_path, recorded, plain) -> None:
+    theirs, _, none = drive(tmp_path, recorded, ours=False)
+    ours, outcome, driven = plain
+    assert none == 0
+    assert driven > 0.9 * (ours[c.LANE] <= road.MAIN_LANES).sum()
+    both = theirs.merge(ours, on=[c.VEHICLE, c.FRAME], suffixes=("", "_ours"))
+    assert len(both) > 0.99 * len(theirs)
+    apart = (both[c.X] - both["x_ours"]).abs()
+    assert apart[both[c.FRAME] < 100].max() < 1e-9
+    assert apart.quantile(0.9) < 1e-4
+    assert apart.max() < 0.05  # SUMO overlooks leaders some hundreds of metres ahead, we do not
+    assert outcome.collisions == 0
+
+
+def test_a_place_that_brakes_slows_everybody_there(tmp_path, recorded, plain) -> None:
+    slow, outcome, _ = drive(tmp_path, recorded, Cause("location", {"alpha": -0.4, "x_1": 300.0, "x_2": 450.0}))
+
+    def speed(table: pd.DataFrame, begin: float, end: float) -> float:
+        return float(table[table[c.X].between(begin, end)][c.SPEED].mean())
+
+    assert speed(slow, 400, 450) < speed(plain[0], 400, 450) - 1.0
+    assert speed(slow, 50, 150) == pytest.approx(speed(plain[0], 50, 150), abs=0.5)
+    assert outcome.collisions == 0
+
+
+def test_a_delay_shows_and_the_same_run_twice_is_the_same(tmp_path, recorded, plain) -> None:
+    one, other = (
+        drive(tmp_path / name, recorded, Cause("reaction_delay", {"tau": 0.9}))[0] for name in ("one", "other")
+    )
+    pd.testing.assert_frame_equal(one, other)
+    both = plain[0].merge(one, on=[c.VEHICLE, c.FRAME], suffixes=("", "_late"))
+    assert (both[c.X] - both["x_late"]).abs().mean() > 0.1
+
+
+def test_interactive_adds_the_extended_population(tmp_path, capsys) -> None:
+    cars = [Car(n, x, 3, 9.0, frames=300) for n, x in enumerate((280.0, 250.0, 222.0, 190.0), 1)]
+    write_parquet(recording(*cars, period="0750-0752"), tmp_path / "cars.parquet")
+    model = ExtendedModel(TEXTBOOK, causes=(Cause("location", {"alpha": -0.5, "x_1": 200.0, "x_2": 500.0}),))
+    model.write(tmp_path / "model.json")
+    command = [
+        "interactive",
+        str(tmp_path / "cars.parquet"),
+        "--types",
+        "drivers",
+        "--model",
+        str(tmp_path / "model.json"),
+    ]
+    main([*command, "--replay-bias", "0", "--jobs", "1", "-o", str(tmp_path / "out")])
+    table = pd.read_csv(next((tmp_path / "out" / "tables").glob("closed_loop*.csv"))).set_index("population")
+    assert table.loc["extended", "mean_speed_m_s"] < table.loc["drivers", "mean_speed_m_s"] - 0.3
+    assert "extended" in capsys.readouterr().out
