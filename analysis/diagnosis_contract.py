@@ -85,7 +85,7 @@ class Diagnosis(_Part):
     verdict: Literal["named", "none", "unknown"]
     causes: list[Cause]
     unexplained: list[Unexplained]
-    gain: Gain | None
+    gain: Gain
     ruled_out: list[RuledOut]
 
     @model_validator(mode="after")

@@ -11,7 +11,7 @@ import numpy as np
 import pandas as pd
 
 from idm_sumo.cleaning import clean
-from idm_sumo.diagnosis import CauseFound, Diagnosis
+from idm_sumo.diagnosis import CauseFound, Diagnosis, Gain
 from idm_sumo.diagnosis.diagnose import diagnose
 from idm_sumo.outputs import MANIFEST, new_folder
 from idm_sumo.progress import Progress, silent
@@ -30,6 +30,9 @@ MODELS = (figures.BASE, figures.EXTENDED)
 PLACES, TIMES = 24, 40  # cells of the map
 LONGEST_LAG = 3.0  # s
 RECENT = 30.0  # s, within which a leader change counts as one of the driver's
+
+GAIN = ("metric", "base", "extended", "difference", "ci95", "vehicles", "held_out")
+NOT_MEASURED = Gain("ade_m", 0.0, 0.0, 0.0, (0.0, 0.0), 0)  # nobody was held out: zero vehicles
 
 Range = tuple[float, float]
 
@@ -77,15 +80,12 @@ def contract(found: Diagnosis) -> dict[str, Any]:
         }
         for one in found.unexplained
     ]  # fmt: skip
-    gain = None
-    if found.gain is not None:
-        gain = {name: getattr(found.gain, name) for name in (
-            "metric", "base", "extended", "difference", "ci95", "vehicles", "held_out")}  # fmt: skip
+    gain = found.gain or NOT_MEASURED
     return {
         "verdict": found.verdict,
         "causes": [_cause(cause, whole) for cause in found.causes],
         "unexplained": unexplained,
-        "gain": gain,
+        "gain": {name: getattr(gain, name) for name in GAIN},
         "ruled_out": [
             {"name": one.name, "p_value": one.p_value, "confusable_with": list(one.confusable_with)}
             for one in found.ruled_out

@@ -43,6 +43,8 @@ def headline(found: Diagnosis) -> str:
             for one in found.unexplained
         )
         return f"Unknown: something is wrong that no effect of the catalogue explains, at {places}."
+    if found.gain is None and found.notes:
+        return f"None: {sentence(found.notes[0])}"
     return "None: nothing beyond the IDM is shown by these data."
 
 

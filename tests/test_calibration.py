@@ -9,6 +9,7 @@ import pytest
 from idm_sumo import idm
 from idm_sumo.calibration import calibrate, hierarchical, identifiability, kernel, pooled, reference, solver, status
 from idm_sumo.calibration.chunks import chunks, with_needed_traffic
+from idm_sumo.calibration.hierarchical import ROUNDS
 from idm_sumo.calibration.problem import prepare
 from idm_sumo.errors import InputError
 from idm_sumo.rollout import drive_idm
@@ -235,6 +236,7 @@ def test_the_hierarchy_learns_the_population_and_helps_its_drivers():
     alone = calibrate(scenes)
     drawn, population = hierarchical(scenes)
     assert population.drivers == 150
+    assert population.rounds < ROUNDS  # it settled
     assert population.typical() == pytest.approx(np.median(theta, axis=0), rel=0.35, abs=0.6)
     error = [np.abs(np.log(t[["a", "b", "T", "d0"]] / theta[:, :4])).mean().mean() for t in (alone, drawn)]
     assert error[1] < 0.6 * error[0]

@@ -13,9 +13,13 @@ from analysis.diagnosis_contract import Diagnosis as Contract
 from analysis.diagnosis_contract import write_diagnosis
 from analysis.diagnosis_curves import clustered_mean, curves, lag_response, map_of
 from analysis.diagnosis_report import contract, groups
+from idm_sumo.cli import main
 from idm_sumo.diagnosis import CauseFound, Diagnosis, Estimate, Gain, Power, Region, RuledOut, Scan, Unexplained
 from idm_sumo.effects import Cause, ExtendedModel
 from idm_sumo.idm import TEXTBOOK
+from tests.planting import plan, simulate
+from tests.planting import write as write_ngsim
+from tests.test_pairs import pair
 
 
 def residuals(drivers=40, windows=3, moments=24, seed=1) -> pd.DataFrame:
@@ -78,8 +82,6 @@ def silent() -> Diagnosis:
 def write(found: Diagnosis, folder, monkeypatch) -> None:
     """Write what ``diagnose`` leaves; only the finding itself, tested elsewhere, is given."""
     recording = folder.parent / "recording.parquet"
-    from tests.test_pairs import pair
-
     pair(12, 7).to_parquet(recording)
     monkeypatch.setattr(diagnosis_report, "diagnose", lambda *_args, **_more: found)
     diagnosis_report.diagnose_file(recording, folder, location="us-101", seed=1, jobs=1, command=["x", "diagnose"])
@@ -205,3 +207,51 @@ def test_windows_with_a_leader_change_are_told_apart() -> None:
     table = groups(residuals().assign(driver=lambda t: t["vehicle"]))
     assert table["drivers"].tolist() == [20, 20]
     assert (table["base_ade_m"] > table["extended_ade_m"]).all()
+
+
+def test_too_little_is_none_with_the_reason_and_code_0(tmp_path, capsys) -> None:
+    """The real command, on a recording of a few pairs."""
+    pd.concat([pair(12, 7), pair(31, 30)]).to_parquet(tmp_path / "pairs.parquet")
+    main(["diagnose", str(tmp_path / "pairs.parquet"), "-o", str(tmp_path / "out"), "--jobs", "1"])
+    assert "Too little to say anything" in capsys.readouterr().out
+    content = json.loads((tmp_path / "out" / "diagnosis.json").read_text())
+    assert content["verdict"] == "none"
+    assert content["gain"]["vehicles"] == 0
+    assert "too little" in (tmp_path / "out" / "report.html").read_text()
+    assert ExtendedModel.read(tmp_path / "out" / "model.json").causes == ()
+
+
+def test_a_planted_place_is_named_and_its_model_drives(tmp_path, capsys) -> None:
+    """From a file to a replay with the extended model, as a user goes; the finder is tested at length elsewhere."""
+    hidden = plan(
+        5, effect="location", size="large", drivers=200, minutes=3.5, form="usual", underlying="idm", noise="white"
+    )
+    planted = tmp_path / "planted.txt"
+    write_ngsim(simulate(hidden), planted)
+    main(["diagnose", str(planted), "-o", str(tmp_path / "out"), "--jobs", "1"])
+    assert "location" in capsys.readouterr().out
+    content = json.loads((tmp_path / "out" / "diagnosis.json").read_text())
+    first = content["causes"][0]
+    assert (content["verdict"], first["name"]) == ("named", "location")
+    assert first["where"]["position_m"] == pytest.approx(hidden.place, abs=40)
+    assert content["gain"]["ci95"][0] > 0
+    curve = pd.read_csv(tmp_path / "out" / "tables" / "residual_curves.csv")
+    assert {"base", "extended"} == set(curve["model"])
+    drivers = pd.read_csv(tmp_path / "out" / "tables" / "drivers.csv")
+    vehicle = str(drivers["vehicle"].iloc[len(drivers) // 2])
+    model = str(tmp_path / "out" / "model.json")
+    main(
+        [
+            "replay",
+            str(planted),
+            "--vehicle",
+            vehicle,
+            "--backend",
+            "kernel",
+            "--model",
+            model,
+            "-o",
+            str(tmp_path / "replay"),
+        ]
+    )
+    assert set(pd.read_csv(tmp_path / "replay" / "scores.csv")["model"]) == {"idm_oracle", "extended"}

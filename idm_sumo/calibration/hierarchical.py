@@ -4,7 +4,7 @@ Empirical Bayes. The drivers' parameters are log-normal, :math:`u_i \sim N(\mu, 
 :math:`u = \log(a, b, T, d_0, d_1 + 1\,\mathrm m)`. A window's errors are Laplace-distributed with
 a scale of its own; profiled out, the log-likelihood is :math:`-n_i \log c_i(u)` with the
 driver's objective :math:`c_i` and the number :math:`n_i` of independent frames its errors are
-worth (:func:`~idm_sumo.calibration.identifiability.identify`). EM with Laplace's
+worth (:func:`~idm_sumo.calibration.identifiability.effective_frames`). EM with Laplace's
 approximation (Lindstrom and Bates, 1990): each driver's maximum a posteriori and its
 curvature, then :math:`\mu` and :math:`\Sigma` from them, until neither moves.
 """
@@ -21,7 +21,14 @@ import pandas as pd
 from idm_sumo import columns as c
 from idm_sumo import idm, road
 from idm_sumo.calibration import identifiability, status
-from idm_sumo.calibration.kernel import PARAMETERS, costs_and_derivatives, from_search, slopes_at, to_search
+from idm_sumo.calibration.kernel import (
+    PARAMETERS,
+    costs_and_derivatives,
+    from_search,
+    sensitivities,
+    slopes_at,
+    to_search,
+)
 from idm_sumo.calibration.pooled import usable_windows
 from idm_sumo.calibration.problem import Problem, only, prepare
 from idm_sumo.calibration.solver import SMOOTHING, STARTS, design_of_starts, fit_all
@@ -33,11 +40,12 @@ Floats = npt.NDArray[np.float64]
 
 SHIFT = np.array([0.0, 0.0, 0.0, 0.0, 1.0])  # m, of d1, which may be 0
 LOWER, UPPER = np.log(np.array(idm.LOWER) + SHIFT), np.log(np.array(idm.UPPER) + SHIFT)
-ROUNDS = 30  # of EM
+ROUNDS = 80  # of EM, at most
+FURTHEST = 12.0  # times two rounds of EM: the longest extrapolation
 STEPS = 3  # Gauss-Newton steps a round
 LAST_STEPS = 15  # in the end, the population held
-SETTLED = 0.005  # in logarithms: less than 1 %
-LEAST_VARIANCE = 0.02**2  # of the population, in logarithms: keeps its covariance regular
+SETTLED = 0.005  # change in a round, of means and of the covariance's logarithm: less than 1 %
+LEAST_VARIANCE, MOST_VARIANCE = 0.02**2, 3.0**2  # of the population, in logarithms: keeps its covariance regular
 FEWEST_DRIVERS = 10
 
 
@@ -128,7 +136,7 @@ class _Part:
     def of(cls, problem: Problem) -> _Part:
         """Start from the drivers' own fits, which also tell how many frames their errors are worth."""
         z, _, _ = fit_all(problem, np.arange(len(problem.start_x)), design_of_starts(STARTS))
-        frames = identifiability.identify(problem, z).effective_frames
+        frames = identifiability.effective_frames(sensitivities(problem, z)[0], problem.counted)
         return cls(problem, np.log(from_search(z) + SHIFT), frames)
 
     def likelihood(self, u: Floats) -> tuple[Floats, Floats, Floats]:
@@ -187,22 +195,48 @@ def _step(u: Floats, gradient: Floats, hessian: Floats, damping: Floats) -> Floa
 
 
 def _learn(parts: list[_Part]) -> Population:
-    """Return the population from which the drivers most likely come."""
+    """Return the population from which the drivers most likely come.
+
+    EM alone creeps where the windows say little of a parameter. Two of its rounds tell how fast
+    they shrink; an extrapolated step follows (SQUAREM, Varadhan and Roland, 2008, scheme S3).
+    """
     u = np.concatenate([part.u for part in parts])
     population = Population(u.mean(axis=0), np.cov(u.T) + LEAST_VARIANCE * np.eye(PARAMETERS), len(u), 0)
-    for rounds in range(1, ROUNDS + 1):
-        for part in parts:
-            part.draw(population, STEPS)
-        u = np.concatenate([part.u for part in parts])
-        spread = np.linalg.inv(np.concatenate([part.hessian for part in parts]))
-        mean = u.mean(axis=0)
-        covariance = np.cov(u.T, bias=True) + spread.mean(axis=0) + LEAST_VARIANCE * np.eye(PARAMETERS)
-        moved = np.abs(mean - population.mean).max()
-        moved = max(moved, np.abs(np.sqrt(np.diag(covariance)) - np.sqrt(np.diag(population.covariance))).max())
-        population = Population(mean, covariance, len(u), rounds)
-        if moved < SETTLED:
-            break
-    return population
+    for rounds in range(2, ROUNDS + 1, 2):
+        once = _em_round(parts, population, rounds)
+        twice = _em_round(parts, once, rounds)
+        if np.abs(_packed(twice) - _packed(once)).max() < SETTLED:
+            return twice
+        population = _extrapolated(population, once, twice)
+    return twice
+
+
+def _em_round(parts: list[_Part], population: Population, rounds: int) -> Population:
+    """Return the population after one round of EM."""
+    for part in parts:
+        part.draw(population, STEPS)
+    u = np.concatenate([part.u for part in parts])
+    spread = np.linalg.inv(np.concatenate([part.hessian for part in parts]))
+    covariance = np.cov(u.T, bias=True) + spread.mean(axis=0) + LEAST_VARIANCE * np.eye(PARAMETERS)
+    return Population(u.mean(axis=0), covariance, len(u), rounds)
+
+
+def _packed(population: Population) -> Floats:
+    """Return mean and logarithm of the covariance: numbers of which any are a population."""
+    values, vectors = np.linalg.eigh(population.covariance)
+    return np.concatenate([population.mean, ((vectors * np.log(values)) @ vectors.T).ravel()])
+
+
+def _extrapolated(population: Population, once: Population, twice: Population) -> Population:
+    """Return where the rounds seem to lead, at most ``FURTHEST`` times as far as they went."""
+    start, first, second = _packed(population), _packed(once), _packed(twice)
+    step, bend = first - start, second - 2.0 * first + start
+    far = min(max(float(np.linalg.norm(step) / max(np.linalg.norm(bend), 1e-300)), 1.0), FURTHEST)
+    there = start + 2.0 * far * step + far**2 * bend
+    values, vectors = np.linalg.eigh(there[PARAMETERS:].reshape(PARAMETERS, PARAMETERS))
+    values = np.exp(np.clip(values, np.log(LEAST_VARIANCE), np.log(MOST_VARIANCE)))
+    mean = np.clip(there[:PARAMETERS], LOWER, UPPER)
+    return Population(mean, (vectors * values) @ vectors.T, twice.drivers, twice.rounds)
 
 
 def _as_table(

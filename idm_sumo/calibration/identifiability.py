@@ -54,7 +54,8 @@ NEAR_BOUND = 1e-3  # of the range
 SMALL_SAMPLE, LEAST_LEFT = 5, 0.5
 FACTORS = np.array([0.8, 1.0, 1.06, 1.15, 1.0])
 SYSTEMATIC = np.array([0.0, 0.04, 0.0, 0.0, 0.0])
-SMOOTHED = 9.3  # frames: the correlation time of white noise smoothed by a cubic over 21 frames; errors have no shorter one
+FEWEST = PARAMETERS + 2.0  # effective frames
+SMOOTHED = 9.3  # frames: the correlation time of white noise smoothed by a cubic over 21 frames; an interval counts on no shorter one
 START_SPEED_SD = 2.77  # 1/s: the error of a speed over that of a position, both smoothed by a cubic over 21 frames
 LEAST_ERROR = 1e-3  # m (or the objective's unit), below any measurement: keeps a perfect fit's variance positive
 
@@ -90,8 +91,8 @@ def identify(problem: Problem, z: Floats) -> Identification:
     errors, every = start_sensitivities(problem, z)
     slopes, by_start = every[:, :PARAMETERS], every[:, PARAMETERS:]
     frames = problem.counted.sum(axis=1)
-    times = np.maximum(correlation_times(errors, problem.counted), SMOOTHED)
-    effective = np.maximum(frames / times, PARAMETERS + 2.0)
+    worth = effective_frames(errors, problem.counted)
+    effective = np.maximum(np.minimum(worth, frames / SMOOTHED), FEWEST)
     left = np.maximum(1.0 - PARAMETERS / effective, LEAST_LEFT)  # what the fit leaves of the errors
     variance = np.einsum("nh,nh->n", errors, errors) / np.maximum(frames, 1) / left**2  # squared: HC3
     variance = np.maximum(variance, LEAST_ERROR**2)
@@ -108,7 +109,7 @@ def identify(problem: Problem, z: Floats) -> Identification:
     in_search = np.linalg.inv(information + prior) * FACTORS[:, None] * FACTORS + np.diag(SYSTEMATIC**2)
     scale = slopes_at(z)
     covariance = in_search * scale[:, :, None] * scale[:, None, :]
-    return Identification(covariance, np.sqrt(np.einsum("njj->nj", in_search)), effective, np.sqrt(variance))
+    return Identification(covariance, np.sqrt(np.einsum("njj->nj", in_search)), worth, np.sqrt(variance))
 
 
 def _from_the_start(gains: Floats, by_start: Floats, variance: Floats) -> Floats:
@@ -119,6 +120,11 @@ def _from_the_start(gains: Floats, by_start: Floats, variance: Floats) -> Floats
     scores = np.einsum("njh,nsh->nsj", gains, by_start, optimize=True)
     weighted = scores * (variance[:, None] * np.array([1.0, START_SPEED_SD**2]))[:, :, None]
     return np.asarray(np.einsum("nsj,nsm->njm", weighted, scores))
+
+
+def effective_frames(errors: Floats, counted: npt.NDArray[np.bool_]) -> Floats:
+    """Return how many independent frames errors of shape ``(n, h)`` are worth, shape ``(n,)``."""
+    return np.asarray(np.maximum(counted.sum(axis=1) / correlation_times(errors, counted), FEWEST))
 
 
 def correlation_times(errors: Floats, counted: npt.NDArray[np.bool_]) -> Floats:

@@ -14,7 +14,7 @@ from numba import njit
 from scipy.optimize import differential_evolution, minimize
 from threadpoolctl import threadpool_limits
 
-from idm_sumo.calibration.kernel import LOWER, PARAMETERS, UPPER, cost, cost_and_derivatives, costs_of
+from idm_sumo.calibration.kernel import LOWER, PARAMETERS, UPPER, cost_and_derivatives, costs_of
 from idm_sumo.calibration.problem import Problem, only
 
 Floats = npt.NDArray[np.float64]
@@ -103,9 +103,19 @@ def evolve(problem: Problem, which: npt.NDArray[np.int64], *, seed: int = 0, fir
     for q, i in enumerate(which):
         one = only(problem, np.array([i]))
         found = differential_evolution(
-            lambda at, one=one: cost(one, 0, np.ascontiguousarray(at), 0.0),
+            lambda at, one=one: _costs_of_columns(one, at),
             bounds,
             rng=np.random.default_rng([seed, first + int(i)]),
+            vectorized=True,
+            updating="deferred",
         )
         z[q], value[q] = found.x, found.fun
     return z, value
+
+
+def _costs_of_columns(problem: Problem, at: Floats) -> Floats:
+    """Return the first driver's cost at every column of ``at``, shape ``(5, m)``; or at ``(5,)`` itself."""
+    z = np.ascontiguousarray(np.atleast_2d(at.T))
+    values = np.empty(len(z))
+    costs_of(problem, 0, z, 0.0, values)
+    return values if at.ndim == 2 else values[0]

@@ -48,7 +48,7 @@ def diagnose(options: argparse.Namespace) -> None:
             command=sys.argv, progress=report,
         )  # fmt: skip
     say(words.headline(found), words.gain_sentence(found.gain))
-    if found.verdict == "none":
+    if found.verdict == "none" and found.power:
         say(*words.power_sentences(found))
     if options.verbose:
         for name, seconds in found.seconds.items():

@@ -95,7 +95,10 @@ def reward_of_json(stored: dict[str, Any]) -> Reward:
 
 def rl_is_installed() -> bool:
     """Return whether an agent can be trained here."""
-    return find_spec("stable_baselines3") is not None and find_spec("torch") is not None
+    try:
+        return find_spec("stable_baselines3") is not None and find_spec("torch") is not None
+    except ModuleNotFoundError:
+        return False
 
 
 def require_rl() -> None:

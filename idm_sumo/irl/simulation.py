@@ -194,8 +194,10 @@ def _advance(control, row, step, state, observation, out, status, overlapping, e
         r = row[i]
         length, width, stride = episodes.length[r], episodes.width[r], episodes.stride[r]
         lanes, own = episodes.lanes[r], episodes.own[r]
-        x, y, psi, v = state[i]
-        state[i] = bicycle.step(x, y, psi, v, control[i, 0], control[i, 1], bicycle.wheelbase(length), road.FRAME_STEP)
+        x, y, psi, v = bicycle.step(
+            state[i, 0], state[i, 1], state[i, 2], state[i, 3], control[i, 0], control[i, 1], bicycle.wheelbase(length),
+            road.FRAME_STEP,
+        )  # fmt: skip
         state[i, 0], state[i, 1], state[i, 2], state[i, 3] = x, y, psi, v
         step[i] += 1
         cell = episodes.cell[r] + step[i]

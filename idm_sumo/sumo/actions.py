@@ -40,8 +40,8 @@ def replay_controls(scenes: Scenes, acceleration: Floats, steering: Floats) -> T
     out.acceleration[:], out.steering[:], out.gap[:], out.leader[:] = acceleration, steering, np.inf, NOBODY
     with simulation() as sumo:
         check_on_network(sumo, actors)
+        stage = Stage(sumo, as_points=True)
         for i in range(len(scenes)):
-            stage = Stage(sumo, as_points=True)
             x, y, heading, speed = start_of(scenes, i)
             length = float(scenes.length[i])
             axles = bicycle.wheelbase(length)
