@@ -130,7 +130,7 @@ def fingerprint(train: Drivers, settings: Settings) -> str:
     """Return what names the agents of these drivers, settings and sources."""
     sources = [Path(risk.__file__), *sorted(Path(simulation.__file__).parent.glob("*.py"))]
     digest = hashlib.sha256(b"".join(path.read_bytes() for path in sources))
-    digest.update(json.dumps([settings.agent_steps, settings.seed, settings.horizon]).encode())
+    digest.update(json.dumps([settings.agent_steps, settings.agent_demonstrations, settings.seed, settings.horizon]).encode())
     for scenes in train.scenes:
         for array in (scenes.x, scenes.y, scenes.speed, scenes.vehicle, scenes.traffic.x, scenes.traffic.offsets):
             digest.update(np.ascontiguousarray(array).tobytes())
@@ -141,7 +141,7 @@ def fingerprint(train: Drivers, settings: Settings) -> str:
 def _learn_reward(path: Path, lessons: Lessons, settings: Settings, progress: Progress) -> None:
     if path.is_file():
         return
-    report = learn_reward(lessons, seed=settings.seed, progress=progress)
+    report = learn_reward(lessons, most=settings.agent_demonstrations, seed=settings.seed, progress=progress)
     with new_file(path) as part:
         part.write_text(json.dumps(report.to_json(), indent=2) + "\n", encoding="utf-8")
 

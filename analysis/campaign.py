@@ -1,14 +1,17 @@
 """Blind trials of ``diagnose``: recordings with a hidden effect, and a table of what was found.
 
     python -m analysis.campaign -o DIR [--cases 1] [--nulls 40] [--jobs 2] [--seed 0]
+    python -m analysis.campaign -o DIR --small        # four short recordings, to see that it works
 
 The recordings come from a simulator under ``tests/`` that shares no code with ``idm_sumo``; the finder is given the
 file and nothing else. A finished case is kept as JSON in DIR/cases and not run again, so an interrupted campaign goes on.
+Recordings with nothing planted alternate with the others, and the tables are written anew as cases finish.
 """
 
 from __future__ import annotations
 
 import argparse
+import itertools
 import json
 import sys
 import tempfile
@@ -22,30 +25,63 @@ import pandas as pd
 
 from .campaign_tables import summarise
 
-LEVELS = ("small", "mid", "large")
+LEVELS = ("mid", "large", "small")
 SINGLE = (
     "reaction_delay", "multi_leader_anticipation", "lane_change_relaxation", "acceleration_asymmetry", "leader_class",
     "speed_dependent_headway", "perception_threshold", "hysteresis", "adjacent_lane_friction", "location", "time_of_day",
 )  # fmt: skip
 PAIRS = (("reaction_delay", "location"), ("leader_class", "time_of_day"), ("hysteresis", "adjacent_lane_friction"),
          ("lane_change_relaxation", "location"), ("perception_threshold", "time_of_day"))  # fmt: skip
+# What nothing planted must not be taken for.
+PLAIN: tuple[dict[str, Any], ...] = (
+    {"kind": "white noise", "noise": "white"}, {"kind": "correlated noise", "noise": "correlated"},
+    {"kind": "heterogeneous drivers", "spread": 0.4}, {"kind": "many trucks", "trucks": 0.15},
+    {"kind": "many lane changes", "lane_changes": 2.5},
+)  # fmt: skip
 NO_EFFECT = "none"
+WINDOW = 12.0  # s, of the rollouts whose gain is compared
+GIVEN = (
+    "share",
+    "only_lane",
+    "drivers",
+    "minutes",
+    "underlying",
+    "density",
+    "noise",
+    "spread",
+    "trucks",
+    "lane_changes",
+)
 
 
 def trials(cases: int, nulls: int, seed: int) -> list[dict[str, Any]]:
-    """Return what to plant, one dict a trial; the seed of each follows from its place in the list."""
-    planned: list[dict[str, Any]] = [{"group": NO_EFFECT, "effect": None, "size": "mid"} for _ in range(nulls)]
+    """Return what to plant, one dict a trial. A trial's seed depends on its kind and number, not on how many there are."""
+    planting = _planting()
+    plain = [{"group": NO_EFFECT, "effect": None, "size": "mid", **PLAIN[k % len(PLAIN)]} for k in range(nulls)]
+    hidden: list[dict[str, Any]] = []
     for _ in range(cases):
-        planned += [{"group": "single", "effect": name, "size": size} for size in LEVELS[::-1] for name in SINGLE]
-        planned += [{"group": "pair", "effect": list(pair), "size": "large"} for pair in PAIRS]
-        planned += [{"group": "outside", "effect": name, "size": "large"} for name in _outside()]
-        planned += [{"group": "some drivers", "effect": "reaction_delay", "size": "large", "share": 0.4},
-                    {"group": "one lane", "effect": "location", "size": "large", "only_lane": 1}]  # fmt: skip
-    return [{**trial, "seed": 1000 * (seed + 1) + number} for number, trial in enumerate(planned)]
+        hidden += [{"group": "single", "effect": name, "size": size} for size in LEVELS[:2] for name in SINGLE]
+        hidden += [{"group": "pair", "effect": list(pair), "size": "large"} for pair in PAIRS]
+        hidden += [{"group": "outside", "effect": name, "size": "large"} for name in planting.OUTSIDE]
+        hidden += [{"group": "some drivers", "effect": "reaction_delay", "size": "large", "share": 0.4},
+                   {"group": "one lane", "effect": "location", "size": "large", "only_lane": 1}]  # fmt: skip
+        hidden += [{"group": "single", "effect": name, "size": LEVELS[2]} for name in SINGLE]
+    begin = 100_000 * (seed + 1)
+    plain = [_conditions(trial, k, begin + k, planting) for k, trial in enumerate(plain)]
+    hidden = [_conditions(trial, k, begin + 10_000 + k, planting) for k, trial in enumerate(hidden)]
+    return [trial for two in itertools.zip_longest(plain, hidden) for trial in two if trial is not None]
 
 
-def _outside() -> tuple[str, ...]:
-    return _planting().OUTSIDE  # type: ignore[no-any-return]
+def _conditions(trial: dict[str, Any], number: int, seed: int, planting: Any) -> dict[str, Any]:
+    """Add the traffic's model, by turns, and light traffic to every eighth; the rest is drawn from the seed."""
+    light = {"density": "light"} if number % 8 == 7 else {}
+    return {"underlying": planting.MODELS[number % len(planting.MODELS)], **light, **trial, "seed": seed}
+
+
+def few(seed: int) -> list[dict[str, Any]]:
+    """Return four short trials."""
+    planned = [trial for trial in trials(1, 2, seed) if trial["effect"] in (None, "reaction_delay", "location")]
+    return [{**trial, "drivers": 200, "minutes": 4.0} for trial in planned[:4]]
 
 
 def _planting() -> Any:
@@ -64,18 +100,21 @@ def run_trial(trial: dict[str, Any], folder: Path) -> dict[str, Any]:
         return dict(json.loads(kept.read_text(encoding="utf-8")))
     planting = _planting()
     effect = tuple(trial["effect"]) if isinstance(trial["effect"], list) else trial["effect"]
-    given = {key: trial[key] for key in ("share", "only_lane", "drivers") if key in trial}
+    given = {key: trial[key] for key in GIVEN if key in trial}
     chosen = planting.plan(trial["seed"], effect=effect, size=trial["size"], **given)
+    known = bool(chosen.effects) and not set(chosen.effects) & set(planting.NOT_BEHAVIOUR)
+    planted = planting.simulate(chosen, remember=known)
     with tempfile.TemporaryDirectory() as scratch:
-        file = planting.write(planting.simulate(chosen), Path(scratch) / "recording.parquet")
+        file = planting.write(planted, Path(scratch) / "recording.parquet")
         begin = time.perf_counter()
         found = find(file, trial["seed"])
     record = {
         **trial, "name": name, "found": found, "seconds": time.perf_counter() - begin,
+        "achievable": vars(planting.achievable(planted, seconds=WINDOW)) if known else None,
         "plan": {key: value for key, value in vars(chosen).items() if key != "effects"}, "effects": chosen.effects,
     }  # fmt: skip
     part = kept.with_suffix(".part")
-    part.write_text(json.dumps(record, indent=1), encoding="utf-8")
+    part.write_text(json.dumps(record, indent=1, default=_plain), encoding="utf-8")
     part.replace(kept)
     return record
 
@@ -98,18 +137,12 @@ def _plain(value: Any) -> Any:
 
 def main(arguments: list[str] | None = None) -> None:
     """Run the campaign from the command line."""
-    parser = argparse.ArgumentParser(prog="python -m analysis.campaign", description=__doc__,
-                                     formatter_class=argparse.RawDescriptionHelpFormatter)  # fmt: skip
-    parser.add_argument("-o", "--output", type=Path, required=True, metavar="DIR", help="tables, picture, cases/*.json")
-    parser.add_argument("--cases", type=int, default=1, help="rounds of every effect and size (about 45 trials each)")
-    parser.add_argument("--nulls", type=int, default=40, help="recordings with nothing planted")
-    parser.add_argument("--jobs", type=int, default=1, help="processes")
-    parser.add_argument("--seed", type=int, default=0, help="other seeds, other recordings")
-    parser.add_argument("--drivers", type=int, default=500, help="vehicles a recording")
-    options = parser.parse_args(arguments)
+    options = _parser().parse_args(arguments)
     cases = options.output / "cases"
     cases.mkdir(parents=True, exist_ok=True)
-    planned = [{**trial, "drivers": options.drivers} for trial in trials(options.cases, options.nulls, options.seed)]
+    planned = few(options.seed) if options.small else trials(options.cases, options.nulls, options.seed)
+    if options.drivers and not options.small:
+        planned = [{**trial, "drivers": options.drivers} for trial in planned]
     work = joblib.Parallel(n_jobs=options.jobs, return_as="generator_unordered")
     records = []
     for record in work(joblib.delayed(run_trial)(trial, cases) for trial in planned):
@@ -119,7 +152,22 @@ def main(arguments: list[str] | None = None) -> None:
             f"[{len(records)}/{len(planned)}] {record['name']} {record['size']}: {record['found']['verdict']} {names}"
         )
         print(line, flush=True)
-    summarise(pd.DataFrame(records), options.output)
+        if len(records) % 5 == 0 or len(records) == len(planned):
+            summarise(pd.DataFrame(records), options.output)
+
+
+def _parser() -> argparse.ArgumentParser:
+    parser = argparse.ArgumentParser(
+        prog="python -m analysis.campaign", description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter
+    )
+    parser.add_argument("-o", "--output", type=Path, required=True, metavar="DIR", help="tables, picture, cases/*.json")
+    parser.add_argument("--cases", type=int, default=1, help="rounds of every effect and size (about 47 trials each)")
+    parser.add_argument("--nulls", type=int, default=40, help="recordings with nothing planted")
+    parser.add_argument("--small", action="store_true", help="four short recordings instead")
+    parser.add_argument("--jobs", type=int, default=1, help="processes")
+    parser.add_argument("--seed", type=int, default=0, help="other seeds, other recordings")
+    parser.add_argument("--drivers", type=int, default=500, help="vehicles a recording")
+    return parser
 
 
 if __name__ == "__main__":

@@ -1,9 +1,8 @@
-"""What blind trials add up to: power, confusion, false alarms, magnitude and coverage, with their counts."""
+"""What blind trials add up to: power, confusion, false alarms, magnitude, coverage and gain, with their counts."""
 
 from __future__ import annotations
 
 from pathlib import Path
-from typing import Any
 
 import matplotlib.pyplot as plt
 import numpy as np
@@ -11,104 +10,154 @@ import pandas as pd
 from matplotlib.figure import Figure
 from scipy import stats
 
+from .campaign_scores import GAIN_CLASSES, SILENT, scored
 from .style import save
 
 LEVELS = ["small", "mid", "large"]
+CONDITIONS = ("underlying", "noise", "sigma", "form", "density", "lanes")
+GOOD = ("right", "right and more")
+EXPLAINED = {
+    "Groups": "Right: the hidden cause is named first (none: nothing is said; outside: `unknown`, where the effect shows).",
+    "False alarms": "Recordings with nothing planted.",
+    "Power by achievable gain": "Single effects by what the true model, refitted, is better by than the base (share of ADE).",
+    "Power": "Single effects; the last two columns are medians: what the true model gains, what the extended model gained.",
+    "Confusion": "Rows: hidden. Columns: named first, or the verdict.",
+    "Pairs": "Two effects at once, both large.",
+    "Outside": "Effects that the catalogue does not hold.",
+    "Conditions": "Single effects.",
+    "Magnitudes": "Relative error of the size where form and population are the usual ones, and whether its 95 % interval holds it.",
+    "Gain realised": "Gain on held-out drivers over the true model's, recordings whose cause was named and that gains 2 % or more.",
+    "Timing": "Wall seconds a recording.",
+}
 
 
 def summarise(trials: pd.DataFrame, folder: Path) -> None:
     """Write every table and the picture of a campaign into ``folder``; one row of ``trials`` a recording."""
-    graded = trials.assign(outcome=[outcome(row) for _, row in trials.iterrows()])
-    graded["named"] = [", ".join(cause["name"] for cause in row["found"]["causes"]) for _, row in trials.iterrows()]
-    graded["verdict"] = [row["found"]["verdict"] for _, row in trials.iterrows()]
-    for column in ("underlying", "noise", "sigma", "form", "density", "lanes"):
-        graded[column] = [plan[column] for plan in trials["plan"]]
-    listing = ["group", "name", "size", "outcome", "verdict", "named", "underlying", "noise", "sigma", "form", "density", "lanes", "seed", "seconds"]  # fmt: skip
-    graded[listing].round(3).to_csv(folder / "trials.csv", index=False)
-    tables = {
-        "By group": counts(graded, ["group"]), "Power": counts(graded[graded["group"] == "single"], ["name", "size"]),
-        "By conditions": pd.concat([counts(graded, [key]).rename(columns={key: "condition"}) for key in ("underlying", "noise", "form", "density")]),
-        "Magnitudes": magnitudes(graded),
-    }  # fmt: skip
+    graded = scored(trials)
+    graded.round(3).to_csv(folder / "trials.csv", index=False)
     lines = [
         "# Blind trials of `diagnose`",
         "",
-        f"{len(graded)} recordings; median {graded['seconds'].median():.0f} s each.",
+        f"{len(graded)} recordings. Intervals are exact (Clopper-Pearson), 95 %.",
     ]
-    for title, table in tables.items():
+    for title, table in tables(graded).items():
+        if table.empty:
+            continue
         table.to_csv(folder / f"{title.lower().replace(' ', '_')}.csv", index=False)
-        lines += ["", f"## {title}", "", _markdown(table)]
+        lines += ["", f"## {title}", "", EXPLAINED[title], "", _markdown(table)]
+    if (graded["group"] == "single").any():
+        save(power_curves(graded), folder / "power.png")
+        lines += ["", "![Share named against size](power.png)"]
     (folder / "README.md").write_text("\n".join(lines) + "\n", encoding="utf-8")
-    save(power_curves(graded), folder / "power.png")
 
 
-def outcome(trial: Any) -> str:
-    """Return right, silent, wrong, or for nulls ``silent`` and ``false alarm``; pairs are right if both are named."""
-    found = trial["found"]
-    names = [cause["name"] for cause in found["causes"]]
-    hidden = list(trial["effects"])
-    if trial["group"] == "outside":
-        return "right" if found["verdict"] == "unknown" else "wrong" if names else "silent"
-    if not hidden:
-        return "false alarm" if names or found["verdict"] == "unknown" else "silent"
-    if any(name not in hidden for name in names):
-        return "wrong" if not names or names[0] not in hidden else "right and more"
-    if set(names) == set(hidden):
-        return "right"
-    return "one of two" if names else "unknown" if found["verdict"] == "unknown" else "silent"
+def tables(graded: pd.DataFrame) -> dict[str, pd.DataFrame]:
+    """Return the tables by their titles."""
+    single, none = graded[graded["group"] == "single"], graded[graded["group"] == "none"]
+    by_condition = [counts(single, [key]).rename(columns={key: "condition"}) for key in CONDITIONS]
+    power = counts(single, ["name", "size"])
+    if len(power):
+        medians = single.groupby(["name", "size"], sort=False)[["best_gain", "gain"]].median().round(3).reset_index()
+        power = power.merge(medians, on=["name", "size"])
+        power = power.sort_values("name", kind="stable", ignore_index=True)
+    return {
+        "Groups": counts(graded, ["group"]),
+        "False alarms": pd.concat([counts(none.assign(kind="all"), ["kind"]), counts(none, ["kind"]),
+                                   counts(none, ["underlying"]).rename(columns={"underlying": "kind"})]),
+        "Power by achievable gain": counts(single, ["gain_class"], order=GAIN_CLASSES),
+        "Power": power,
+        "Confusion": confusion(graded),
+        "Pairs": counts(graded[graded["group"] == "pair"], ["name"]),
+        "Outside": counts(graded[graded["group"] == "outside"], ["name"]),
+        "Conditions": pd.concat(by_condition),
+        "Magnitudes": magnitudes(single),
+        "Gain realised": realised(graded),
+        "Timing": graded["seconds"].describe()[["count", "min", "50%", "max"]].round(1).to_frame().T,
+    }  # fmt: skip
 
 
-def counts(graded: pd.DataFrame, keys: list[str]) -> pd.DataFrame:
-    """Return how often each outcome came, with the exact 95 % interval of the share that was right (or silent, for nulls)."""
+def counts(graded: pd.DataFrame, keys: list[str], order: tuple[str, ...] = ()) -> pd.DataFrame:
+    """Return how often each outcome came, and the share that was as it should be with its exact 95 % interval."""
+    if graded.empty:
+        return pd.DataFrame()
     table = graded.groupby([*keys, "outcome"], sort=False).size().unstack(fill_value=0)
+    if order:
+        table = table.reindex([one for one in order if one in table.index])
+    fine = graded["outcome"].isin(GOOD) | ((graded["group"] == "none") & (graded["outcome"] == SILENT))
+    good = fine.groupby([graded[key] for key in keys], sort=False).sum().reindex(table.index)
     total = table.sum(axis=1)
-    good = table.get("right", 0) + table.get("right and more", 0)
-    if keys == ["group"] and "none" in table.index:
-        good.loc["none"] = table.loc["none"].get("silent", 0)
-    interval = [stats.binomtest(int(g), int(n)).proportion_ci(method="exact") for g, n in zip(good, total, strict=True)]
-    table["recordings"] = total
-    table["good"] = (good / total).round(3)
-    table["ci95"] = [f"{one.low:.2f}-{one.high:.2f}" for one in interval]
+    intervals = [
+        stats.binomtest(int(g), int(n)).proportion_ci(method="exact") for g, n in zip(good, total, strict=True)
+    ]
+    table["recordings"], table["good"] = total, (good / total).round(3)
+    table["ci95"] = [f"{one.low:.2f}-{one.high:.2f}" for one in intervals]
     return table.reset_index()
 
 
-def magnitudes(graded: pd.DataFrame) -> pd.DataFrame:
-    """Return relative errors of the estimated sizes and how often the 95 % interval holds the planted one (usual forms)."""
-    rows = []
-    for _, trial in graded[(graded["form"] == "usual") & graded["group"].isin(["single"])].iterrows():
-        name = trial["name"]
-        for cause in trial["found"]["causes"]:
-            if cause["name"] != name:
-                continue
-            one, truth = next(iter(cause["parameters"].values())), abs(trial["effects"][name])  # the size comes first
-            value, (low, high) = abs(one["value"]), sorted(abs(x) for x in one["ci95"])
-            rows.append({"name": name, "error": abs(value / truth - 1.0), "covered": low <= truth <= high})
-    table = pd.DataFrame(rows, columns=["name", "error", "covered"])
-    grouped = table.groupby("name", sort=False)
-    out = pd.DataFrame({"median error": grouped["error"].median(), "90 % of errors below": grouped["error"].quantile(0.9),
-                        "interval holds it": grouped["covered"].mean(), "found": grouped.size()})  # fmt: skip
+def confusion(graded: pd.DataFrame) -> pd.DataFrame:
+    """Return what was said first (columns) of what was hidden (rows)."""
+    some = graded[graded["group"].isin(["none", "single", "outside", "some drivers", "one lane"])]
+    if some.empty:
+        return pd.DataFrame()
+    return pd.crosstab(some["name"], some["first"]).reset_index().rename(columns={"name": "hidden"})
+
+
+def magnitudes(single: pd.DataFrame) -> pd.DataFrame:
+    """Return relative errors of the estimated sizes and how often the interval holds the planted one, by effect and in all."""
+    known = single.dropna(subset=["error"])
+    if known.empty:
+        return pd.DataFrame()
+    both = pd.concat([known, known.assign(name="all")])
+    grouped = both.groupby("name", sort=False)
+    ratio = (both["estimate"] / both["planted"]).groupby(both["name"], sort=False)
+    out = pd.DataFrame({
+        "median error": grouped["error"].median(), "90 % of errors below": grouped["error"].quantile(0.9),
+        "median found / planted": ratio.median(),
+        "interval holds it": grouped["covered"].apply(lambda held: float(np.mean(held.astype(float)))),
+        "found": grouped.size(),
+    })  # fmt: skip
     return out.round(3).reset_index()
+
+
+def realised(graded: pd.DataFrame) -> pd.DataFrame:
+    """Return the gain on held-out drivers over the true model's, by size."""
+    known = graded.dropna(subset=["realised"])
+    if known.empty:
+        return pd.DataFrame()
+    both = pd.concat([known, known.assign(size="all")])
+    quartiles = both.groupby("size", sort=False)["realised"].quantile([0.25, 0.5, 0.75]).unstack()
+    quartiles.columns = pd.Index(["lower quartile", "median", "upper quartile"])
+    return quartiles.assign(recordings=both.groupby("size").size()).round(3).reset_index()
 
 
 def power_curves(graded: pd.DataFrame) -> Figure:
     """Draw the share of recordings in which the cause was named, against its size, cause by cause."""
     single = graded[graded["group"] == "single"]
-    names = list(dict.fromkeys(single["name"]))
+    names = sorted(set(single["name"]))
     fig, axes = plt.subplots(3, 4, figsize=(11, 7), sharex=True, sharey=True, layout="constrained")
     for name, ax in zip(names, axes.flat, strict=False):
         own = single[single["name"] == name]
-        share = [np.mean(own.loc[own["size"] == level, "outcome"].str.startswith("right")) for level in LEVELS]
-        ax.plot(LEVELS, share, marker="o", color="black")
-        ax.set(title=name.replace("_", " "), ylim=(-0.05, 1.05))
-        ax.title.set_size(9)
+        groups = [own.loc[own["size"] == level, "outcome"].isin(GOOD) for level in LEVELS]
+        share = [float(one.mean()) if len(one) else np.nan for one in groups]
+        ax.plot(range(3), share, marker="o", color="black")
+        for k, one in enumerate(groups):
+            ax.annotate(f"{int(one.sum())}/{len(one)}", (k, 0.5), ha="center", fontsize=7, color="0.4")
+        ax.set(ylim=(-0.05, 1.05), xticks=range(3), xticklabels=LEVELS)
+        ax.set_title(name.replace("_", " "), fontsize=9)
     for ax in list(axes.flat)[len(names) :]:
         ax.axis("off")
-    fig.supylabel("share of recordings in which it was named")
+    fig.supylabel("share of recordings in which it was named first")
     return fig
 
 
 def _markdown(table: pd.DataFrame) -> str:
-    head = "| " + " | ".join(map(str, table.columns)) + " |"
-    rule = "|" + "---|" * len(table.columns)
-    rows = ["| " + " | ".join(str(value) for value in row) + " |" for row in table.itertuples(index=False)]
+    whole = table.apply(lambda one: one.astype("Int64").astype(str).replace("<NA>", "0") if _is_count(one) else one)
+    head = "| " + " | ".join(map(str, whole.columns)) + " |"
+    rule = "|" + "---|" * len(whole.columns)
+    rows = ["| " + " | ".join(str(value) for value in row) + " |" for row in whole.itertuples(index=False)]
     return "\n".join([head, rule, *rows])
+
+
+def _is_count(column: pd.Series) -> bool:
+    """Whether a column holds counts (tables put together leave NaN where an outcome never came)."""
+    return bool(pd.api.types.is_float_dtype(column) and column.isna().any() and (column.dropna() % 1 == 0).all())

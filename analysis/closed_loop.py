@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import time
 from copy import deepcopy
-from dataclasses import asdict
+from dataclasses import asdict, replace
 from pathlib import Path
 from typing import Any
 
@@ -30,7 +30,7 @@ from idm_sumo.sumo.gui import gui_binary
 from idm_sumo.sumo.populations import DEFAULTS, SUBLANE, calibrated_types, default_types, lane_change_attributes
 
 from .closed_loop_results import closed_loop_table, write_results
-from .closed_loop_settings import EXTENDED, Case, Settings
+from .closed_loop_settings import EXTENDED, LOOPS, Case, Settings
 from .closed_loop_words import RECORDED
 from .comparison import read_all
 from .manifest import manifest, write_manifest
@@ -57,7 +57,7 @@ def interactive(settings: Settings, out: Path, *, command: list[str], progress: 
         demand = demand_of(recorded)
         _check_ego(settings, demand, recorded)
         needed = (
-            bool(set(settings.types) & {*CALIBRATED, EXTENDED}) or settings.ego is not None or settings.bias_sample > 0
+            bool(set(settings.types) & {*CALIBRATED, *LOOPS}) or settings.ego is not None or settings.bias_sample > 0
         )
         drivers = (
             drivers_of(recorded, settings.drivers, settings.seed, refit=settings.refit, progress=progress)
@@ -129,12 +129,14 @@ def _cases(
         if population in DEFAULTS:
             types = default_types(demand, population, lane_change)
         elif drivers is not None:
-            own = "drivers" if population == EXTENDED else population
+            own = "drivers" if population in LOOPS else population
             theta, pooled = parameters_for(own, drivers, demand, speeds)
             types = calibrated_types(demand, theta, lane_change)
         ours = None
-        if population == EXTENDED and settings.model is not None:
+        if population in LOOPS and settings.model is not None:
             model = ExtendedModel.read(settings.model)
+            if population != EXTENDED:
+                model = replace(model, causes=())
             ours = ModelDrivers(model, demand, theta, model.desired_speed)
         options = SUBLANE.get(settings.lane_change_model, ())
         files = write_run(

@@ -15,6 +15,8 @@ from .settings import SURROGATE
 
 POPULATIONS = (*CALIBRATED, *DEFAULTS)
 EXTENDED = "extended"  # the drivers with the causes of a model, driven by our own loop
+# The same loop without the causes: it lacks what SUMO's lane changing does to speeds, so only this is comparable.
+LOOPS = ("own-loop", EXTENDED)
 
 
 @dataclass(frozen=True)
@@ -50,7 +52,7 @@ class Settings:
     location : str
     seed, jobs : int
     model : Path or None
-        An extended model, for the population ``extended``.
+        An extended model, for the populations ``own-loop`` (its causes left out) and ``extended``.
     """
 
     recording: str = SURROGATE

@@ -48,7 +48,7 @@ COVARIATES = (
     Covariate("lane", "lane (1 leftmost)", "labels"),
     Covariate("lag", "time since the start of the window (s)", "even"),
     Covariate("position", "position along the road (m)", "even"),
-    Covariate("time", "time of the recording (s)", "even"),
+    Covariate("time", "time since the period began (s)", "even"),
 )
 
 

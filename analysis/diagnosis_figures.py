@@ -21,7 +21,8 @@ Floats = npt.NDArray[np.float64]
 BASE, EXTENDED = "base", "extended"
 COLOURS = {BASE: "#D55E00", EXTENDED: "#0072B2"}
 NAMES = {BASE: "IDM", EXTENDED: "extended model"}
-SCANNED = {"position_m": "position along the road (m)", "time_s": "time of the recording (s)"}
+SCANNED = {"position_m": "position along the road (m)", "time_s": "time since the period began (s)"}
+UNSURE = 4.0  # times the median standard error
 MARKED = "#F0E442"  # where a named or unexplained place or time lies
 SIGN = "measured minus simulated (m)"
 
@@ -91,7 +92,7 @@ def where_and_when(
         )
         for position, time in marks:
             _frame(ax, position or (places[0], places[-1]), time or (times[0], times[-1]))
-        ax.set(title=NAMES[model], xlabel="time of the recording (s)", ylabel="position along the road (m)")
+        ax.set(title=NAMES[model], xlabel="time since the period began (s)", ylabel="position along the road (m)")
     figure.colorbar(mesh, ax=axes, label=SIGN, extend="both")
     return figure
 
@@ -177,6 +178,11 @@ def free_accelerations(scans: Sequence[Scan]) -> Figure:
             centre, scan.estimate - half, scan.estimate + half, step="mid", color=COLOURS[BASE], alpha=0.2, linewidth=0
         )
         ax.set(xlabel=SCANNED.get(scan.covariate, scan.covariate), ylabel="acceleration the IDM lacks (m/s²)")
+        sure = scan.standard_error <= UNSURE * np.nanmedian(scan.standard_error)
+        if sure.any():  # a bin of a few vehicles must not flatten all others
+            ax.set_ylim(
+                float((scan.estimate - 1.2 * half)[sure].min()), float((scan.estimate + 1.2 * half)[sure].max())
+            )
     return figure
 
 

@@ -26,6 +26,7 @@ from .style import save
 from .words import describe
 
 COLUMNS_FIRST = ["ade_m", "ade_se_m", "fde_m", "fde_se_m", "collisions", "vehicles"]
+QUICK_DEMONSTRATIONS = 50
 QUICK_AGENT_STEPS = 100_000  # shows that it works; far from trained
 QUALITY = ["method", "min_gap_m", "critical_ttc_share", "hard_acceleration_share", "jerk_rms_m_s3",
            "lane_departure_share", "gap_rmse_m", "speed_rmse_m_s", "contacts"]  # fmt: skip
@@ -263,4 +264,5 @@ def quick(settings: Settings) -> Settings:
     return replace(
         settings, neighbour_counts=fewer, max_drivers=most, minutes=min(settings.minutes, 9.0),
         agent_seeds=min(settings.agent_seeds, 1), agent_steps=min(settings.agent_steps, QUICK_AGENT_STEPS),
+        agent_demonstrations=min(settings.agent_demonstrations, QUICK_DEMONSTRATIONS),
     )  # fmt: skip

@@ -48,6 +48,8 @@ class Settings:
         Agents (IRL + PPO) and clones to train, with ``seed`` and the next ones; 0 for none.
     agent_steps : int
         Environment steps of each agent's training.
+    agent_demonstrations : int
+        Drivers at most that the agents' reward is learned from.
     agent : str
         Folder of ``idm-sumo irl train`` whose agents are driven; empty to train them.
     max_drivers : int or None
@@ -72,6 +74,7 @@ class Settings:
     backend: Literal["sumo", "kernel"] = "sumo"
     agent_seeds: int = Field(default=3, ge=0)
     agent_steps: int = Field(default=1_200_000, ge=1)
+    agent_demonstrations: int = Field(default=200, ge=1)
     agent: str = ""
     max_drivers: int | None = Field(default=None, ge=2)
     minutes: float = Field(default=45.0, gt=0)

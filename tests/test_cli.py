@@ -68,6 +68,7 @@ def test_help_of_every_command_teaches(capsys: pytest.CaptureFixture[str]) -> No
         "reproduce",
         "compare",
         "interactive",
+        "diagnose",
     ):
         assert command in text
         with pytest.raises(SystemExit) as stop:

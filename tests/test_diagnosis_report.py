@@ -115,12 +115,13 @@ def test_the_folder_holds_all_of_it(tmp_path, monkeypatch) -> None:
     assert {"drivers", "residual_curves", "causes", "gains", "ruled_out", "untestable", "power", "scans"} <= tables
 
 
-def test_a_verdict_without_causes_says_what_would_have_been_seen(tmp_path, monkeypatch) -> None:
-    write(silent(), tmp_path / "out", monkeypatch)
-    page = (tmp_path / "out" / "report.html").read_text()
-    assert "None: nothing beyond the IDM" in page
-    assert "tau = 0.2 s would have been seen with probability 0.93" in page
-    assert json.loads((tmp_path / "out" / "diagnosis.json").read_text())["causes"] == []
+def test_a_verdict_without_causes_says_what_would_have_been_seen() -> None:
+    assert diagnosis_words.headline(silent()).startswith("None: nothing beyond the IDM")
+    assert diagnosis_words.power_sentences(silent()) == [
+        "reaction delay of tau = 0.2 s would have been seen with probability 0.93"
+    ]
+    assert "1.00 m on 20 held-out drivers; the model is not extended" in diagnosis_words.gain_sentence(silent().gain)
+    assert contract(silent())["causes"] == []
 
 
 def test_unknown_says_where_when_and_along_what() -> None:

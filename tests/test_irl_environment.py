@@ -31,7 +31,9 @@ def _many(number: int, seed: int = 1) -> ReplayVecEnv:
 def test_gymnasium_and_stable_baselines_find_nothing_wrong() -> None:
     with warnings.catch_warnings():
         warnings.simplefilter("error")
-        warnings.filterwarnings("ignore", message=".*(spec|infinity).*")  # no registered name; observations have no bounds
+        warnings.filterwarnings(
+            "ignore", message=".*(spec|infinity).*"
+        )  # no registered name; observations have no bounds
         check_env(ReplayEnv([busy(4)], REWARD), skip_render_check=True)
         check_for_baselines(ReplayEnv([busy(4)], REWARD))
 

@@ -147,6 +147,6 @@ def test_wanted_features_have_no_negative_weight() -> None:
     for k in range(2, features.COUNT):  # the other features do something too
         full.hessian[:, k] = -np.diag(rng.uniform(0.5, 1.5, 2))
         full.gradient[:, k] = rng.normal(size=(50, 2))
-    wanted = learn_wanted(full)
+    wanted = learn_wanted(full, learn(full))
     assert (wanted.weights >= 0).all()
     assert wanted.converged

@@ -32,7 +32,9 @@ def lessons() -> Lessons:
 
 def _training(**changes: int) -> object:
     ppo = pytest.importorskip("idm_sumo.irl.ppo", reason="needs the extra rl: pip install 'idm-sumo[rl]'")
-    small = ppo.Training(steps=4 * 16 * 20, episodes=16, rollout=20, batch=80, passes=2, hidden=(16,), checkpoint_every=1)
+    small = ppo.Training(
+        steps=4 * 16 * 20, episodes=16, rollout=20, batch=80, passes=2, hidden=(16,), checkpoint_every=1
+    )
     return replace(small, **changes)
 
 

@@ -36,7 +36,9 @@ def test_traffic_is_plausible(underlying, density):
     assert net.min() > 0.0
     assert 3.0 < np.nanmean(planted.v) < 25.0
     assert 0.8 < np.median(net[speed > 3] / speed[speed > 3]) < 3.0
-    changes = (np.diff(planted.lane.astype(int), axis=1) != 0) & (planted.lane[:, 1:] >= 0) & (planted.lane[:, :-1] >= 0)
+    changes = (
+        (np.diff(planted.lane.astype(int), axis=1) != 0) & (planted.lane[:, 1:] >= 0) & (planted.lane[:, :-1] >= 0)
+    )
     assert changes.sum() >= 10
     assert np.nanmin(np.diff(planted.x, axis=1)) >= 0.0
     seen = np.isfinite(planted.x)

@@ -231,7 +231,7 @@ def _extrapolated(population: Population, once: Population, twice: Population) -
     """Return where the rounds seem to lead, at most ``FURTHEST`` times as far as they went."""
     start, first, second = _packed(population), _packed(once), _packed(twice)
     step, bend = first - start, second - 2.0 * first + start
-    far = min(max(float(np.linalg.norm(step) / max(np.linalg.norm(bend), 1e-300)), 1.0), FURTHEST)
+    far = float(np.clip(np.linalg.norm(step) / max(float(np.linalg.norm(bend)), 1e-300), 1.0, FURTHEST))
     there = start + 2.0 * far * step + far**2 * bend
     values, vectors = np.linalg.eigh(there[PARAMETERS:].reshape(PARAMETERS, PARAMETERS))
     values = np.exp(np.clip(values, np.log(LEAST_VARIANCE), np.log(MOST_VARIANCE)))

@@ -91,7 +91,7 @@ def _add_interactive(commands: Any) -> None:
     parser.add_argument("--replay-bias", type=int, default=150, metavar="N",
                         help="vehicles driven with replayed and with reacting followers (default 150, 0: none)")  # fmt: skip
     parser.add_argument("--model", type=Path, metavar="FILE",
-                        help="extended model of `diagnose`: adds the population `extended`, our own loop driving all on the main lanes")  # fmt: skip
+                        help="extended model of `diagnose`: adds populations that our own loop drives, `own-loop` without its causes and `extended`")  # fmt: skip
     parser.set_defaults(jobs=None)
     shared.output_argument(parser, "DIR", "tables/, figures/, fcd/, simulation/, report.html, manifest.json go there")
 
@@ -114,7 +114,7 @@ def interactive(options: argparse.Namespace) -> None:
         from idm_sumo.effects import ExtendedModel
 
         ExtendedModel.read(options.model)  # before hours of simulation
-        types = ("extended",) if single and not options.types else (*types, "extended")
+        types = ("extended",) if single and not options.types else (*types, "own-loop", "extended")
     settings = study_module("closed_loop_settings").Settings(
         recording=options.recording, period=options.period, drivers=options.drivers, types=types, refit=options.jam_distance == "refit",
         lane_change_model=options.lane_change_model, lane_change=dict(options.lane_change), ego=options.ego, gui=options.gui,

@@ -14,11 +14,13 @@ from idm_sumo.diagnosis import atoms as at
 from idm_sumo.diagnosis import evidence as ev
 from idm_sumo.diagnosis import noise as no
 from idm_sumo.diagnosis import statements, tables, twins
+from idm_sumo.diagnosis.artefact import find_seam, repaired
 from idm_sumo.diagnosis.fit import Fit, first_guess, fit_drivers, for_others
 from idm_sumo.diagnosis.gain import all_gains, errors
 from idm_sumo.diagnosis.result import NAMED, NONE, UNKNOWN, Diagnosis
 from idm_sumo.diagnosis.rollout import PLAIN
 from idm_sumo.diagnosis.search import Found, search
+from idm_sumo.diagnosis.smoother import window_for
 from idm_sumo.diagnosis.windows import Windows, cut_windows
 from idm_sumo.progress import Progress, silent
 from idm_sumo.recording import Recording
@@ -62,22 +64,30 @@ def diagnose(recording: Recording, *, seed: int = 0, jobs: int = 1, progress: Pr
 def _diagnose(recording: Recording, rng: np.random.Generator, progress: Progress) -> Diagnosis:
     clock = [("start", time.perf_counter())]
     progress("cutting windows", 0, 1)
-    windows = cut_windows(recording)
+    seam = find_seam(recording)
+    recording = recording if seam is None else repaired(recording, seam)
+    measurement = no.measurement_noise(recording)
+    drawn = measurement.draw(400, 200, rng)
+    windows = cut_windows(recording, window_for(float(no.smoothed(drawn)[1].std())))
     train, held = _split(windows, rng)
     clock.append(("windows", time.perf_counter()))
     if train.drivers < LEAST_DRIVERS or len(train.seen) < LEAST_WINDOWS:
         return _too_little(windows, train, clock)
     progress("fitting drivers", 0, 1)
-    measurement = no.measurement_noise(recording)
-    drawn = no.smoothed(measurement.draw(400, 200, rng))
-    base = fit_drivers(train, PLAIN.copy(), np.array([drawn[0].var() + 1e-4, drawn[1].var() + 1e-4]), rounds=ROUNDS)
+    start = no.smoothed(drawn, windows.smoothing)
+    base = fit_drivers(train, PLAIN.copy(), np.array([start[0].var() + 1e-4, start[1].var() + 1e-4]), rounds=ROUNDS)
     clock.append(("fit", time.perf_counter()))
     driver = twins.driver_noise(train, base, measurement, rng, is_smooth=recording.is_smooth)
     subject = ev.Subject(train, measurement, driver, at.grid_of(windows), recording.is_smooth)
     found = search(subject, base, rng, progress)
     clock.append(("search", time.perf_counter()))
     progress("measuring the gain", 0, 1)
-    return _told(recording, windows, held, found, measurement, clock, rng)
+    told = _told(recording, windows, held, found, measurement, clock, rng)
+    return (
+        told
+        if seam is None
+        else replace(told, verdict=NAMED, causes=(statements.seam_cause(seam), *told.causes), unexplained=())
+    )
 
 
 def _split(windows: Windows, rng: np.random.Generator) -> tuple[Windows, Windows]:

@@ -11,12 +11,13 @@ from dataclasses import dataclass
 import numpy as np
 import numpy.typing as npt
 from scipy.optimize import nnls
-from scipy.signal import lfilter, savgol_filter
+from scipy.signal import lfilter
 
 from idm_sumo import columns as c
+from idm_sumo.diagnosis.smoother import LONGEST, derivatives
 from idm_sumo.recording import Recording
 from idm_sumo.road import FRAME_STEP
-from idm_sumo.smoothing import ORDER, WINDOW, runs
+from idm_sumo.smoothing import WINDOW, runs
 
 Floats = npt.NDArray[np.float64]
 
@@ -24,7 +25,7 @@ SEGMENT = 128  # frames of a periodogram
 LOWEST = 0.35  # Hz
 MEMORIES = np.array([0.15, 0.4, 1.0, 2.5])  # s, of the autoregressive parts
 DRIVER_MEMORIES = np.array([0.7, 2.0, 5.0, 12.0])  # s
-MARGIN = WINDOW // 2
+MARGIN = LONGEST // 2
 
 
 @dataclass(frozen=True)
@@ -52,12 +53,10 @@ class Noise:
         return Noise(self.white * factor, self.variance * factor, self.memory)
 
 
-def smoothed(noise: Floats) -> tuple[Floats, Floats, Floats]:
+def smoothed(noise: Floats, window: int = WINDOW) -> tuple[Floats, Floats, Floats]:
     """Return position, speed and acceleration noise after the smoother; ``MARGIN`` frames are lost at both ends."""
     inner = slice(MARGIN, noise.shape[1] - MARGIN)
-    one, two, three = (
-        savgol_filter(noise, WINDOW, ORDER, deriv=d, delta=FRAME_STEP, axis=1)[:, inner] for d in range(3)
-    )
+    one, two, three = (part[:, inner] for part in derivatives(noise, window))
     return one, two, three
 
 

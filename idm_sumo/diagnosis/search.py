@@ -18,13 +18,16 @@ from idm_sumo.progress import Progress
 Floats = npt.NDArray[np.float64]
 
 TWINS = 3
-REFINEMENTS = 2
+REFINEMENTS = 4
 MOST_CAUSES = 3
 SIGNIFICANT = 1e-3  # corrected p of a cause
 CLEAR = 5.0  # standard errors that a further cause needs, beside its share of the first one's evidence
 FURTHER_SHARE = 0.06  # of the first cause's squared z, for a further one: less is what its shape leaves over
 LEAST_GAIN = 0.004  # of the ADE, on the drivers that fit
-CLOSE = 0.55  # of the best's squared z: from there on two causes are both refitted and compared
+CLOSE = 0.3  # of the best's squared z: from there on causes are refitted and compared
+DELAYS = (0.15, 0.35, 0.7)  # s
+RIVAL = 0.85  # of the chosen cause's squared z: from there on another says as much
+SETTLED = 1.3  # times: a cause whose z is that far below a rival's was chosen by the refit, clearly
 FREE_EXCESS = 1.5  # times the best cause's squared z: from there on a free field says the catalogue does not hold it
 FREE_CLEAR = 7.0  # standard errors of a free field
 
@@ -109,22 +112,35 @@ def _next(
         open_ = [c for c in open_ if c.z**2 > needed]
     if not open_:
         return None
-    close = [c for c in open_ if c.z**2 > CLOSE * open_[0].z ** 2][:2]
-    models = [refitted(subject, with_cause(fit, c)) for c in close]
-    if len(models) > 1:  # the same covariance for both
-        costs = [
-            deviance(subject.windows, replace(m, residual=fit.residual, weight=fit.weight, spread=fit.spread))
-            for m in models
-        ]
-        order = np.argsort(costs)
-        close, models = [close[n] for n in order], [models[n] for n in order]
-    rivals = tuple(c.name for c in open_ if c is not close[0] and c.z**2 > 0.85 * close[0].z ** 2)
-    before, after = errors(subject.windows, fit).ade_m, errors(subject.windows, models[0]).ade_m
+    chosen, model = _best_refit(subject, fit, open_, hy.candidates(evidence), used)
+    rivals = tuple(c.name for c in open_ if c.name != chosen.name and c.z**2 > RIVAL * chosen.z**2 and len(open_) > 1)
+    before, after = errors(subject.windows, fit).ade_m, errors(subject.windows, model).ade_m
     gain = compare("ade_m", before, after, subject.windows.platoon, rng, held_out=False)
     if gain.difference < LEAST_GAIN * gain.base or gain.ci95[0] <= 0.0:
-        without.append(close[0])
+        without.append(chosen)
         return _next(subject, fit, evidence, accepted, without, rng)
-    return close[0], models[0], gain.difference, rivals
+    return chosen, model, gain.difference, rivals if chosen.z**2 < SETTLED * max(c.z**2 for c in open_) else ()
+
+
+def _best_refit(
+    subject: ev.Subject, fit: Fit, open_: list[Candidate], every: list[Candidate], used: set[str]
+) -> tuple[Candidate, Fit]:
+    """Refit the most significant causes, and a delay at several sizes, and return the one that leaves least.
+
+    A long delay is far from what is linear near none: its score alone underrates it.
+    """
+    close = [c for c in open_ if c.z**2 > CLOSE * open_[0].z ** 2][:3]
+    delay = next((c for c in every if c.name == "reaction_delay" and c.name not in used), None)
+    if delay is not None and delay.value > 0.0 and delay.p < SIGNIFICANT and delay.z**2 > CLOSE * open_[0].z ** 2:
+        close = [c for c in close if c.name != delay.name] + [replace(delay, value=size) for size in DELAYS]
+    models = [refitted(subject, with_cause(fit, c), rounds=4) for c in close]
+    if len(models) == 1:
+        return close[0], models[0]
+    # The same covariance and weights for all, or they would not compare.
+    same = {"residual": fit.residual, "weight": fit.weight, "spread": fit.spread}
+    costs = [deviance(subject.windows, replace(model, **same)) for model in models]
+    best = int(np.argmin(costs))
+    return close[best], models[best]
 
 
 def _refined(

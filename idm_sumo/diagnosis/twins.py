@@ -17,7 +17,7 @@ from idm_sumo.diagnosis import windows as w
 from idm_sumo.diagnosis.fit import Fit, improve
 from idm_sumo.diagnosis.noise import Noise
 from idm_sumo.diagnosis.rollout import drive, positions
-from idm_sumo.smoothing import ORDER, WINDOW
+from idm_sumo.smoothing import ORDER
 
 Floats = npt.NDArray[np.float64]
 
@@ -50,9 +50,11 @@ def make_twin(
     seen = windows.seen.copy()
     seen[:, :, w.X], seen[:, :, w.V] = x, v
     if not is_smooth:
-        seen[:, :, w.X] = savgol_filter(seen[:, :, w.X], WINDOW, ORDER, axis=1)
-        seen[:, :, w.V] = savgol_filter(seen[:, :, w.V], WINDOW, ORDER, axis=1)
-    own, ahead, second = (no.smoothed(measurement.draw(count, frames + 2 * no.MARGIN, rng)) for _ in range(3))
+        seen[:, :, w.X] = savgol_filter(seen[:, :, w.X], windows.smoothing, ORDER, axis=1)
+        seen[:, :, w.V] = savgol_filter(seen[:, :, w.V], windows.smoothing, ORDER, axis=1)
+    own, ahead, second = (
+        no.smoothed(measurement.draw(count, frames + 2 * no.MARGIN, rng), windows.smoothing) for _ in range(3)
+    )
     seen[:, :, w.X] += own[0]
     seen[:, :, w.V] = np.maximum(seen[:, :, w.V] + own[1], 0.0)
     seen[:, :, w.REAR] = windows.blurred[:, :, 0] + ahead[0]

@@ -9,10 +9,11 @@ import numpy as np
 import numpy.typing as npt
 
 from idm_sumo import columns as c
+from idm_sumo.diagnosis.smoother import smooth_along
 from idm_sumo.diagnosis.traffic_context import Ahead, adjacent_speed, leader_events, look_around, same_run
 from idm_sumo.recording import Recording
 from idm_sumo.road import FRAME_STEP
-from idm_sumo.smoothing import smooth
+from idm_sumo.smoothing import WINDOW
 
 LEAD = 25  # frames before the start: the past that a delay reaches into, and a twin's run-up
 HORIZON = 120  # frames, 12 s
@@ -48,6 +49,8 @@ class Windows:
     vehicle, period : shape (drivers,)
     platoon : int64, shape (drivers,)
         Block of neighbours (same lane, entering one after the other).
+    smoothing : int
+        Frames of the smoothing filter.
     excluded : mapping of str to int
         Vehicles without a window, by reason.
     """
@@ -58,6 +61,7 @@ class Windows:
     vehicle: Integers
     period: npt.NDArray[np.str_]
     platoon: Integers
+    smoothing: int
     excluded: Mapping[str, int]
 
     @property
@@ -82,15 +86,15 @@ class Windows:
         )  # fmt: skip
 
 
-def cut_windows(recording: Recording) -> Windows:
-    """Smooth a recording (unless it is smooth) and cut it into windows.
+def cut_windows(recording: Recording, smoothing: int = WINDOW) -> Windows:
+    """Smooth a recording (unless it is smooth), with a filter of ``smoothing`` frames, and cut it into windows.
 
     Notes
     -----
     Windows of a driver do not overlap. The horizon is 12 s, or what the median driver has, not below 5 s; it is empty of windows
     if nobody follows a leader that long.
     """
-    smoothed = smooth(recording, already_smooth=recording.is_smooth)
+    smoothed = recording if recording.is_smooth else smooth_along(recording, smoothing)
     table = smoothed.table
     ahead = look_around(smoothed)
     gap = ahead.rear - table[c.X].to_numpy(np.float64)
@@ -112,9 +116,10 @@ def cut_windows(recording: Recording) -> Windows:
     }
     periods = np.asarray(table[c.PERIOD].astype(str))
     return Windows(
-        seen=seen[rows], blurred=_blurred(smoothed, ahead)[rows], driver=driver.astype(np.int64),
+        seen=seen[rows], blurred=_blurred(smoothed, ahead, smoothing)[rows], driver=driver.astype(np.int64),
         vehicle=table[c.VEHICLE].to_numpy(np.int64)[entry], period=periods[entry],
         platoon=_platoons(code[entry], table[c.LANE].to_numpy()[entry], table[c.FRAME].to_numpy()[entry]),
+        smoothing=smoothing,
         excluded={reason: number for reason, number in excluded.items() if number},
     )  # fmt: skip
 
@@ -177,11 +182,11 @@ def _clock(recording: Recording) -> Floats:
     return np.asarray((table[c.FRAME] - first).to_numpy() * FRAME_STEP, dtype=np.float64)
 
 
-def _blurred(recording: Recording, ahead: Ahead) -> Floats:
+def _blurred(recording: Recording, ahead: Ahead, smoothing: int) -> Floats:
     """Return leader's rear, its speed and the second leader's place as a second smoothing sees them."""
     if not recording.has_leader_rows or recording.is_smooth:
         return np.stack([ahead.rear, ahead.speed, ahead.second_place], 1)
-    twice = smooth(recording)
+    twice = smooth_along(recording, smoothing)
     again = look_around(twice)
     same = again.identity == ahead.identity
     pairs = ((again.rear, ahead.rear), (again.speed, ahead.speed), (again.second_place, ahead.second_place))

@@ -18,7 +18,7 @@ from idm_sumo.scenes import Scenes
 Observation = npt.NDArray[np.float32]
 
 
-class ReplayEnv(gymnasium.Env[Observation, npt.NDArray[np.float32]]):
+class ReplayEnv(gymnasium.Env[Any, Any]):
     """A vehicle that an agent drives, among recorded ones that do not react.
 
     Parameters

@@ -36,6 +36,7 @@ from idm_sumo.irl import features
 from idm_sumo.progress import Progress, silent
 
 Floats = npt.NDArray[np.float64]
+Integers = npt.NDArray[np.int64]
 
 ITERATIONS = 60
 TOLERANCE = 1e-8  # of the Newton decrement, per demonstration
@@ -109,22 +110,27 @@ class LearnedReward:
 
 def log_likelihood(expansion: Expansion, weights: npt.ArrayLike, dummy: float = 0.0) -> Floats:
     """Return the log-likelihood of each demonstration; minus infinity where the reward is not concave."""
-    return _evaluate(expansion, np.append(np.asarray(weights, dtype=np.float64), dummy), order=0)[0]
+    theta = np.append(np.asarray(weights, dtype=np.float64), dummy)
+    one_by_one = (
+        Expansion(expansion.gradient[i : i + 1], expansion.hessian[i : i + 1], expansion.scale)
+        for i in range(len(expansion))
+    )
+    return np.concatenate([_likelihoods(one, theta) for one in one_by_one])
 
 
-def learn_wanted(expansion: Expansion, progress: Progress = silent) -> LearnedReward:
+def learn_wanted(expansion: Expansion, free: LearnedReward, progress: Progress = silent) -> LearnedReward:
     """Find the most likely weights none of which is negative.
 
     Every feature is written so that a driver is thought to want more of it. A weight that comes
-    out negative is set to 0, the most negative first, and the others are learned anew.
+    out negative in ``free``, the weights learned without that bound, is set to 0, the most
+    negative first, and the others are learned anew.
     """
+    learned = free
     use: tuple[str, ...] = features.NAMES
-    while True:
+    while learned.weights.min() < 0.0:
+        use = tuple(name for name in use if name != features.NAMES[int(np.argmin(learned.weights))])
         learned = learn(expansion, use=use, progress=progress)
-        worst = int(np.argmin(learned.weights))
-        if learned.weights[worst] >= 0.0:
-            return learned
-        use = tuple(name for name in use if name != features.NAMES[worst])
+    return learned
 
 
 def learn(expansion: Expansion, *, use: tuple[str, ...] = features.NAMES, progress: Progress = silent) -> LearnedReward:
@@ -146,7 +152,7 @@ def learn(expansion: Expansion, *, use: tuple[str, ...] = features.NAMES, progre
     theta = np.zeros(features.COUNT + 1)
     theta[free] = FIRST_GUESS
     price, stiffness = 0.0, 0.0
-    if not np.isfinite(_evaluate(expansion, theta, order=0)[0]).all():
+    if not np.isfinite(_likelihoods(expansion, theta)).all():
         theta[-1] = _enough_dummy(expansion, theta)
         price, stiffness = 1.0, 1.0
     searched = np.append(free, features.COUNT) if theta[-1] else free
@@ -160,7 +166,7 @@ def learn(expansion: Expansion, *, use: tuple[str, ...] = features.NAMES, progre
     converged = converged and theta[-1] <= DUMMY_GONE
     if converged and theta[-1]:
         plain = np.append(theta[:-1], 0.0)
-        if np.isfinite(_evaluate(expansion, plain, order=0)[0]).all():
+        if np.isfinite(_likelihoods(expansion, plain)).all():
             theta, converged = _newton(expansion, plain, free, 0.0, 0.0)
     return _result(expansion, theta, free, converged)
 
@@ -169,27 +175,25 @@ def _enough_dummy(expansion: Expansion, theta: Floats) -> float:
     """Return a weight of the dummy feature that makes every reward concave."""
     trial = theta.copy()
     trial[-1] = 1.0
-    while not np.isfinite(_evaluate(expansion, trial, order=0)[0]).all():
+    while not np.isfinite(_likelihoods(expansion, trial)).all():
         trial[-1] *= 2.0
     return float(2.0 * trial[-1])
 
 
-def _newton(
-    expansion: Expansion, theta: Floats, free: npt.NDArray[np.int64], price: float, stiffness: float
-) -> tuple[Floats, bool]:
+def _newton(expansion: Expansion, theta: Floats, free: Integers, price: float, stiffness: float) -> tuple[Floats, bool]:
     """Maximise mean likelihood less ``price * dummy + stiffness / 2 * dummy**2`` by damped Newton steps."""
-    value, slope, bend = _objective(expansion, theta, price, stiffness)
     for _ in range(ITERATIONS):
+        value, slope, bend = _objective(expansion, theta, free, price, stiffness)
         step = np.zeros_like(theta)
-        step[free] = np.linalg.solve(-bend[np.ix_(free, free)], slope[free])
-        decrement = float(slope @ step)
+        step[free] = np.linalg.solve(-bend, slope)
+        decrement = float(slope @ step[free])
         if decrement < TOLERANCE:
             return theta, True
         size = 1.0
         while True:
             trial = theta + size * step
             trial[-1] = max(trial[-1], 0.0)
-            new = _objective(expansion, trial, price, stiffness, order=0)[0]
+            new = _value(expansion, trial, price, stiffness)
             if new >= value + 0.1 * size * decrement or (trial[-1] == 0.0 < theta[-1] and new > value):
                 break
             size *= 0.5
@@ -198,80 +202,84 @@ def _newton(
         theta = trial
         if theta[-1] == 0.0 and free[-1] == features.COUNT:
             return theta, True
-        value, slope, bend = _objective(expansion, theta, price, stiffness)
     return theta, False
 
 
+def _value(expansion: Expansion, theta: Floats, price: float, stiffness: float) -> float:
+    penalty = price * theta[-1] + 0.5 * stiffness * theta[-1] ** 2
+    return float(_likelihoods(expansion, theta).mean() - penalty)
+
+
 def _objective(
-    expansion: Expansion, theta: Floats, price: float, stiffness: float, order: int = 2
+    expansion: Expansion, theta: Floats, free: Integers, price: float, stiffness: float
 ) -> tuple[float, Floats, Floats]:
-    each, slope, bend = _evaluate(expansion, theta, order)
-    value = float(each.mean()) - price * theta[-1] - 0.5 * stiffness * theta[-1] ** 2
-    if order == 0 or not np.isfinite(value):
-        return value, np.zeros_like(theta), np.zeros((len(theta), len(theta)))
-    gradient, hessian = slope.mean(axis=0), bend / len(expansion)
-    gradient[-1] -= price + stiffness * theta[-1]
-    hessian[-1, -1] -= stiffness
-    return value, gradient, hessian
+    """Return value, gradient and Hessian of what :func:`_newton` maximises, by the weights ``free``."""
+    score, bend = _derivatives(expansion, theta, free)
+    gradient, hessian = score.mean(axis=0), bend / len(expansion)
+    if free[-1] == features.COUNT:
+        gradient[-1] -= price + stiffness * theta[-1]
+        hessian[-1, -1] -= stiffness
+    return _value(expansion, theta, price, stiffness), gradient, hessian
 
 
-def _evaluate(expansion: Expansion, theta: Floats, order: int) -> tuple[Floats, Floats, Floats]:
-    """Return likelihoods (demonstrations,), scores (demonstrations, p) and the sum of second derivatives (p, p)."""
-    n, p = len(expansion), len(theta)
-    each, slope, bend = np.full(n, -np.inf), np.zeros((n, p)), np.zeros((p, p))
-    for begin in range(0, n, CHUNK):
-        part = slice(begin, begin + CHUNK)
-        found = _evaluate_chunk(expansion.gradient[part], expansion.hessian[part], expansion.scale, theta, order)
-        if found is None:
-            break
-        each[part], slope[part] = found[0], found[1]
-        bend += found[2]
-    return each, slope, bend
-
-
-def _evaluate_chunk(
-    gradient: Floats, hessian: Floats, scale: Floats, theta: Floats, order: int
-) -> tuple[Floats, Floats, Floats] | None:
-    n, p, size = len(gradient), len(theta), len(scale)
-    dummy = np.diag(1.0 / scale**2)
+def _expanded(gradient: Floats, hessian: Floats, scale: Floats, theta: Floats) -> tuple[Floats, Floats]:
+    """Return the reward's gradient g and A, minus its Hessian."""
     g = np.einsum("k,ikm->im", theta[:-1], gradient)
-    a = theta[-1] * dummy - np.einsum("k,ikmn->imn", theta[:-1], hessian, optimize=True)
+    a = np.empty_like(hessian[:, 0])
+    a[:] = np.diag(theta[-1] / scale**2)
+    for k in np.flatnonzero(theta[:-1]):
+        a -= theta[k] * hessian[:, k]
+    return g, a
+
+
+def _likelihoods(expansion: Expansion, theta: Floats) -> Floats:
+    """Return the log-likelihood of each demonstration; all are minus infinity if one does not exist."""
+    g, a = _expanded(expansion.gradient, expansion.hessian, expansion.scale, theta)
     try:
         lower = np.linalg.cholesky(a)
     except np.linalg.LinAlgError:
-        return None
+        return np.full(len(expansion), -np.inf)
     half_log_determinant = np.log(np.diagonal(lower, axis1=1, axis2=2)).sum(axis=1)
-    w = np.linalg.solve(a, g[:, :, None])[:, :, 0]
-    each = -0.5 * np.einsum("im,im->i", g, w) + half_log_determinant - 0.5 * size * np.log(2.0 * np.pi)
-    if order == 0:
-        return each, np.zeros((n, p)), np.zeros((p, p))
-    curvature = np.concatenate([-hessian, np.broadcast_to(dummy, (n, 1, size, size))], axis=1)  # A_k
-    slopes = np.concatenate([gradient, np.zeros((n, 1, size))], axis=1)  # g_k
-    bent = np.einsum("ikmn,in->ikm", curvature, w, optimize=True)  # A_k w
-    inverse = np.linalg.inv(a)
-    solved = inverse[:, None] @ curvature  # A^-1 A_k
-    score = (
-        -np.einsum("ikm,im->ik", slopes, w) + 0.5 * np.einsum("ikm,im->ik", bent, w)
-        + 0.5 * np.trace(solved, axis1=2, axis2=3)
-    )  # fmt: skip
-    rest = slopes - bent
-    flat, turned = solved.reshape(n, p, -1), solved.swapaxes(2, 3).reshape(n, p, -1)
-    second = -(rest @ inverse @ rest.swapaxes(1, 2)) - 0.5 * flat @ turned.swapaxes(1, 2)
-    return each, score, second.sum(axis=0)
+    square = (g * np.linalg.solve(a, g[:, :, None])[:, :, 0]).sum(axis=1)
+    return np.asarray(-0.5 * square + half_log_determinant - 0.5 * g.shape[1] * np.log(2.0 * np.pi))
 
 
-def _result(expansion: Expansion, theta: Floats, free: npt.NDArray[np.int64], converged: bool) -> LearnedReward:
-    each, score, bend = _evaluate(expansion, theta, order=2)
-    chosen = np.ix_(free, free)
-    inverse = np.linalg.inv(-bend[chosen])
+def _derivatives(expansion: Expansion, theta: Floats, free: Integers) -> tuple[Floats, Floats]:
+    """Return scores, shape (demonstrations, free), and the sum of second derivatives, shape (free, free)."""
+    score, bend = np.empty((len(expansion), len(free))), np.zeros((len(free), len(free)))
+    for begin in range(0, len(expansion), CHUNK):
+        part = slice(begin, begin + CHUNK)
+        gradient, hessian = expansion.gradient[part], expansion.hessian[part]
+        g, a = _expanded(gradient, hessian, expansion.scale, theta)
+        inverse = np.linalg.inv(a)
+        w = (inverse @ g[:, :, None])[:, :, 0]
+        columns = [_one_weight(k, gradient, hessian, expansion.scale) for k in free]
+        slopes = np.stack([slope for slope, _ in columns], axis=1)  # g_k
+        bent = np.stack([np.einsum("imn,in->im", curvature, w) for _, curvature in columns], axis=1)  # A_k w
+        solved = np.stack([inverse @ curvature for _, curvature in columns], axis=1)  # A^-1 A_k
+        score[part] = (
+            -np.einsum("ikm,im->ik", slopes, w) + 0.5 * np.einsum("ikm,im->ik", bent, w)
+            + 0.5 * np.trace(solved, axis1=2, axis2=3)
+        )  # fmt: skip
+        rest = slopes - bent
+        flat, turned = (m.reshape(*m.shape[:2], -1) for m in (solved, solved.swapaxes(2, 3)))
+        bend -= (rest @ inverse @ rest.swapaxes(1, 2) + 0.5 * flat @ turned.swapaxes(1, 2)).sum(axis=0)
+    return score, bend
+
+
+def _one_weight(k: int, gradient: Floats, hessian: Floats, scale: Floats) -> tuple[Floats, Floats]:
+    """Return g_k and A_k of a feature, or of the dummy."""
+    if k < features.COUNT:
+        return gradient[:, k], -hessian[:, k]
+    return np.zeros_like(gradient[:, 0]), np.broadcast_to(np.diag(1.0 / scale**2), hessian[:, 0].shape)
+
+
+def _result(expansion: Expansion, theta: Floats, free: Integers, converged: bool) -> LearnedReward:
+    score, bend = _derivatives(expansion, theta, free)
+    inverse = np.linalg.inv(-bend)
     covariance = np.zeros((features.COUNT, features.COUNT))
-    covariance[chosen] = inverse @ (score[:, free].T @ score[:, free]) @ inverse
+    covariance[np.ix_(free, free)] = inverse @ (score.T @ score) @ inverse
     return LearnedReward(
-        theta[:-1],
-        np.sqrt(np.diag(covariance)),
-        covariance,
-        float(each.mean()),
-        len(expansion),
-        float(theta[-1]),
-        converged,
-    )
+        theta[:-1], np.sqrt(np.diag(covariance)), covariance, float(_likelihoods(expansion, theta).mean()), len(expansion),
+        float(theta[-1]), converged,
+    )  # fmt: skip

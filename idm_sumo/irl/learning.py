@@ -149,7 +149,8 @@ def learn_reward(
     used = min(most, max(1, round(len(drawn) * (1 - HELD_OUT))))
     learned_from, unseen = drawn[:used], drawn[used : used + max(1, most // 3)]
     expansion = _expansion(lessons.rows(learned_from), steps)
-    free, wanted = learn(expansion, progress=progress), learn_wanted(expansion, progress)
+    free = learn(expansion, progress=progress)
+    wanted = learn_wanted(expansion, free, progress)
     held_out = log_likelihood(_expansion(lessons.rows(unseen), steps), wanted.weights, wanted.dummy)
     recorded = step_features(lessons.demonstrations, lessons.episodes, lessons.around)
     reward = Reward.brought_to_scale(wanted.weights, recorded)

@@ -71,7 +71,9 @@ class ModelDrivers:
     Notes
     -----
     Each step all are looked at, then decide together, then SUMO is told their speeds: Euler with the new speed, as
-    SUMO's own models. What lies in the future (a cut-in, the own lane change) nobody knows here.
+    SUMO's own models; without causes the same to the last digit, except that SUMO overlooks leaders some hundreds of
+    metres ahead (centimetres), and that its lane changing adjusts the speeds of its own drivers, not of ours: in dense
+    traffic hold a model against the same loop without its causes. What lies in the future (a cut-in, the own lane change) nobody knows here.
     """
 
     def __init__(

@@ -18,10 +18,10 @@ EVOLVED = 6
 SIZES = (100, 1_000, 10_000, 100_000)
 
 
-def timed(work):
-    start = time.perf_counter()
+def timed(work, clock=time.perf_counter):
+    start = clock()
     result = work()
-    return result, time.perf_counter() - start
+    return result, clock() - start
 
 
 def test_fits_a_second_side_by_side(benchmark):
@@ -32,8 +32,8 @@ def test_fits_a_second_side_by_side(benchmark):
     solver.fit_all(problem, everybody[:2], designs)
     reference.l_bfgs_b(problem, everybody[:1], starts=1)
     reference.l_bfgs_b(problem, everybody[:1], starts=1, derivatives=True)
-    _, ours, _ = benchmark.pedantic(solver.fit_all, (problem, everybody, designs), rounds=3)
-    seconds = benchmark.stats.stats.min
+    (_, ours, _), seconds = timed(lambda: solver.fit_all(problem, everybody, designs), time.process_time)
+    benchmark.pedantic(solver.fit_all, (problem, everybody, designs), rounds=3)
     rivals = {
         "L-BFGS-B, differences, 10 starts": (SLOW, lambda p, w: reference.l_bfgs_b(p, w)),
         "L-BFGS-B, our derivatives, 10 starts": (SLOW, lambda p, w: reference.l_bfgs_b(p, w, derivatives=True)),
@@ -41,12 +41,14 @@ def test_fits_a_second_side_by_side(benchmark):
         "differential evolution": (EVOLVED, reference.evolve),
     }
     rate = len(ours) / seconds
-    print("\n\n| solver | fits a second | ours is faster by | mean objective (m) | ours, same drivers | ours as good |")
+    print(
+        "\n\n| solver | fits a second of one core | ours is faster by | mean objective (m) | ours, same drivers | ours as good |"
+    )
     print("|---|---|---|---|---|---|")
     print(f"| ours | {rate:.0f} | | {ours.mean():.4f} | {ours.mean():.4f} | |")
     for name, (count, fit) in rivals.items():
         (_, theirs), taken = timed(
-            lambda fit=fit, count=count: fit(only(problem, everybody[:count]), everybody[:count])
+            lambda fit=fit, count=count: fit(only(problem, everybody[:count]), everybody[:count]), time.process_time
         )
         same = ours[:count]
         good = (same <= 1.01 * theirs + 0.01).mean()

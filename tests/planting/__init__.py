@@ -4,12 +4,28 @@
     planted = simulate(chosen)                               # true paths, apart from what is measured
     write(planted, path)                                     # NGSIM's official layout; nothing reveals the plan
 
-Own car-following (an IDM stepped by 0.05 s, ballistic, and a full-velocity-difference model), own lane changes, own
-driver and measurement noise, and for each effect a usual and another form (:mod:`tests.planting.behaviour`).
+    truth = achievable(simulate(chosen, remember=True))      # what the true model is better by, with and without it
+
+Own car-following (an IDM stepped by 0.05 s, ballistic, a full-velocity-difference model and Gipps's), own lane changes,
+own driver and measurement noise, and for each effect a usual and another form (:mod:`tests.planting.behaviour`).
 """
 
 from tests.planting.files import write
-from tests.planting.plans import CATALOGUE, OUTSIDE, SIZES, Plan, plan
+from tests.planting.plans import CATALOGUE, MODELS, OUTSIDE, SIZES, Plan, plan
 from tests.planting.simulation import Planted, simulate
+from tests.planting.truth import NOT_BEHAVIOUR, Achievable, achievable
 
-__all__ = ["CATALOGUE", "OUTSIDE", "SIZES", "Plan", "Planted", "plan", "simulate", "write"]
+__all__ = [
+    "CATALOGUE",
+    "MODELS",
+    "NOT_BEHAVIOUR",
+    "OUTSIDE",
+    "SIZES",
+    "Achievable",
+    "Plan",
+    "Planted",
+    "achievable",
+    "plan",
+    "simulate",
+    "write",
+]

@@ -1,4 +1,4 @@
-"""How a simulated driver accelerates: two car-following models, and the effects by a flat vector ``e``."""
+"""How a simulated driver accelerates: three car-following models, and the effects by a flat vector ``e``."""
 
 from __future__ import annotations
 
@@ -9,17 +9,26 @@ from tests.planting.plans import SIZES
 
 INDEX = {name: number for number, name in enumerate(SIZES)}
 DELAY, SECOND, RELAX, ASYM, TRUCK_AHEAD, SPEED_T, BAND, HYST, FRICTION, PLACE, TIME, LIMIT, OWN_TRUCK, MEMORY, \
-    PRESSURE, COURTESY, PREPARE, _, DISTRACT, THROTTLE, ENFORCE, BESIDE, LATE = range(len(SIZES))  # fmt: skip
+    PRESSURE, COURTESY, PREPARE, _, DISTRACT, THROTTLE, ENFORCE, BESIDE, LATE, ACROSS, WEARY = range(len(SIZES))  # fmt: skip
+
+# What a driver sees, one row a driver: what is ahead, beside, behind, and what came before.
+(REAR, AHEAD_V, AHEAD_ACC, AHEAD_SLOW_ACC, AHEAD_TRUCK, SECOND_REACH, SECOND_V, JUMP, SINCE, MEAN_V, IN_TIME, COURTEOUS,
+ PREPARING, BESIDE_V, TRUCK_BESIDE, TAIL, ANGLE, SPECIAL_LANE, BRAKING_ACROSS, UNREST) = range(20)  # fmt: skip
+SEEN = 20
 
 
 @njit(cache=True)
 def base_acceleration(kind, v, s, dv, v0, T, a, b, s0):  # type: ignore[no-untyped-def]
-    """Follow at gap ``s``, closing in by ``dv``; ``kind`` 0 is an IDM, 1 full velocity difference."""
+    """Follow at gap ``s``, closing in by ``dv``; ``kind`` 0 is an IDM, 1 full velocity difference, 2 Gipps."""
     s = max(s, 0.3)
     if kind == 0:
         want = s0 + max(0.0, v * T + 0.5 * v * dv / np.sqrt(a * b))
         acc = a * (1.0 - (v / v0) ** 4 - (want / s) ** 2)
         return max(acc, -8.0)
+    if kind == 2:
+        ahead = max(0.0, v - dv)
+        safe = -b * T + np.sqrt((b * T) ** 2 + ahead * ahead + 2.0 * b * max(s - s0, 0.0))
+        return max(-8.0, min(a * (1.0 - v / v0), (safe - v) / 0.9))
     ideal = min(v0, max(0.0, (s - s0) / T))
     acc = (0.2 + 0.25 * a) * (ideal - v) - 0.35 * b * dv * min(1.0, 40.0 / s)
     if dv > 0.0 and dv * dv / (2.0 * s) > b:  # would not stop comfortably
@@ -71,3 +80,42 @@ def credit(e, jump, since, other):  # type: ignore[no-untyped-def]
         return 0.0
     fade = max(0.0, 1.0 - since / 24.0) if other else np.exp(-since / 12.0)
     return e[RELAX] * min(jump, 40.0) * fade
+
+
+@njit(cache=True)
+def respond(model, other, e, theta, limit, own_truck, seen, where, x, v, own, s, dv):  # type: ignore[no-untyped-def]
+    """Return the acceleration of a driver at ``x`` with speed ``v`` who acts on ``own`` speed, gap ``s`` and ``dv``.
+
+    ``seen`` is what else there is to see (the columns above); driver noise comes on top.
+    """
+    v0, T, a, b, s0 = theta[0] * limit, theta[1], theta[2], theta[3], theta[4]
+    truck = seen[AHEAD_TRUCK] > 0.0
+    T = headway(
+        T, own, e, other, seen[AHEAD_ACC], seen[AHEAD_SLOW_ACC], truck, own_truck, seen[MEAN_V], seen[IN_TIME],
+        seen[COURTEOUS] > 0.0, seen[PREPARING] > 0.0,
+    )  # fmt: skip
+    T *= 1.0 + e[WEARY] * min(1.0, seen[UNREST])
+    if other and truck:
+        s0 += e[TRUCK_AHEAD] * theta[1] * 9.0
+    room = s + credit(e, seen[JUMP], seen[SINCE], other)
+    new = base_acceleration(model, own, room, dead(dv, e[BAND], other), v0, T, a, b, s0)
+    w = e[SECOND]
+    if w > 0.0 and np.isfinite(seen[SECOND_V]):
+        if other:
+            new = base_acceleration(
+                model, own, room, own - (1 - w) * seen[AHEAD_V] - w * seen[SECOND_V], v0, T, a, b, s0
+            )
+        else:
+            far = 0.5 * (seen[SECOND_REACH] - x)
+            new = (1 - w) * new + w * base_acceleration(model, own, far, own - seen[SECOND_V], v0, T, a, b, s0)
+    if e[ASYM] > 0.0 and new > 0.0:
+        new *= 1.0 - e[ASYM] * (min(1.0, new / 0.3) if other else 1.0)
+    if e[PLACE] > 0.0:
+        new -= e[PLACE] * ramp(x, where[0], where[1], 30.0 if other else 0.1)
+    if v > seen[BESIDE_V]:
+        new -= e[FRICTION] * (3.0 * np.tanh((v - seen[BESIDE_V]) / 3.0) if other else v - seen[BESIDE_V])
+    new -= e[BESIDE] * seen[TRUCK_BESIDE] + e[ACROSS] * seen[BRAKING_ACROSS]
+    if e[PRESSURE] > 0.0 and np.isfinite(seen[TAIL]):
+        new += e[PRESSURE] * max(0.0, 1.0 - (x - seen[TAIL]) / 15.0)
+    new -= e[ENFORCE] * seen[IN_TIME] * seen[SPECIAL_LANE]
+    return new + e[THROTTLE] * np.sin(seen[ANGLE])

@@ -36,8 +36,8 @@ def measured(planted: Planted) -> pd.DataFrame:
     x = planted.x + position_noise(rng, planted.x.shape, planted.plan.noise, planted.plan.sigma)
     x = x + _seam(planted)
     side = (_path_of_lanes(planted.lane) + 0.5) * LANE + position_noise(rng, x.shape, "correlated", 0.3)
-    speed = np.abs(np.gradient(np.nan_to_num(planted.x), 0.1, axis=1))[vehicle, frame]
-    speed = np.where(speed > 60, planted.v[vehicle, frame], speed)
+    speeds, accelerations = _rates(x)
+    speed = speeds[vehicle, frame]
     ahead, after = _preceding(planted, vehicle, frame)
     headway = np.where(ahead >= 0, x[ahead, frame] - x[vehicle, frame], 0.0)
     counts = np.bincount(vehicle, minlength=len(planted.x))
@@ -48,7 +48,7 @@ def measured(planted: Planted) -> pd.DataFrame:
         "Local_Y": x[vehicle, frame] / FOOT, "Global_X": 6451137.641 + side[vehicle, frame],
         "Global_Y": 1873344.962 - x[vehicle, frame] / FOOT, "v_Length": planted.length[vehicle] / FOOT,
         "v_Width": np.select([kinds == 3, kinds == 1], [8.4, 3.0], 6.2), "v_Class": kinds, "v_Vel": speed / FOOT,
-        "v_Acc": 0.0, "Lane_ID": planted.lane[vehicle, frame].astype(int) + 1,
+        "v_Acc": np.clip(accelerations[vehicle, frame] / FOOT, -11.2, 11.2), "Lane_ID": planted.lane[vehicle, frame].astype(int) + 1,
         "Preceding": np.where(ahead >= 0, ahead + 2, 0), "Following": np.where(after >= 0, after + 2, 0),
         "Space_Headway": headway / FOOT, "Time_Headway": np.where(speed > 0.1, headway / np.maximum(speed, 0.1), 9999.99),
     })  # fmt: skip
@@ -68,6 +68,27 @@ def position_noise(
     for k in range(1, shape[1]):
         out[:, k] = keep * out[:, k - 1] + np.sqrt(1 - keep * keep) * white[:, k]
     return sigma * out
+
+
+def _rates(x: npt.NDArray[np.float64]) -> tuple[npt.NDArray[np.float64], npt.NDArray[np.float64]]:
+    """Return speed (never negative) and acceleration as the measured positions give them, over one second each."""
+    speeds, accelerations = np.full(x.shape, np.nan), np.full(x.shape, np.nan)
+    for i, row in enumerate(x):
+        seen = np.flatnonzero(np.isfinite(row))
+        if len(seen) < 3:
+            speeds[i, seen] = accelerations[i, seen] = 0.0
+            continue
+        part = slice(seen[0], seen[-1] + 1)
+        slope = _over_a_second(row[part])
+        speeds[i, part], accelerations[i, part] = np.maximum(slope, 0.0), _over_a_second(slope)
+    return speeds, accelerations
+
+
+def _over_a_second(values: npt.NDArray[np.float64]) -> npt.NDArray[np.float64]:
+    """Return the rate of change between five frames before and five after, fewer at the ends."""
+    k = np.arange(len(values))
+    low, high = np.maximum(k - 5, 0), np.minimum(k + 5, len(values) - 1)
+    return np.asarray((values[high] - values[low]) / (0.1 * (high - low)))
 
 
 def _seam(planted: Planted) -> npt.NDArray[np.float64]:

@@ -40,38 +40,57 @@ def around(i, target, order, on, x, lane):  # type: ignore[no-untyped-def]
 
 
 @njit(cache=True)
-def adjacent(i, order, on, x, v, lane, lanes, length):  # type: ignore[no-untyped-def]
-    """Return the mean speed in the slower lane beside (NaN for none), and whether a truck is alongside."""
+def look_aside(i, order, on, x, v, acc, lane, length, seen):  # type: ignore[no-untyped-def]
+    """Fill the slower adjacent lane's speed, whether a truck is alongside, and braking two lanes over."""
     total, count = np.zeros(2), np.zeros(2)
-    truck = False
+    seen[act.BESIDE_V], seen[act.TRUCK_BESIDE], seen[act.BRAKING_ACROSS] = np.nan, 0.0, 0.0
     for j in order:
         side = lane[j] - lane[i]
         if on[j] and abs(side) == 1 and abs(x[j] - x[i]) < 30.0:
             total[(side + 1) // 2] += v[j]
             count[(side + 1) // 2] += 1
-            truck = truck or (length[j] > 8.0 and x[j] + 2.0 > x[i] - 5.0 and x[j] - length[j] < x[i] + 2.0)
-    slowest = np.nan
+            if length[j] > 8.0 and x[j] + 2.0 > x[i] - 5.0 and x[j] - length[j] < x[i] + 2.0:
+                seen[act.TRUCK_BESIDE] = 1.0
+        if on[j] and abs(side) == 2 and 0.0 < x[j] - x[i] < 40.0 and acc[j] < -1.0:
+            seen[act.BRAKING_ACROSS] = 1.0
     for side in range(2):
-        if count[side] > 0:
-            mean = total[side] / count[side]
-            if not mean >= slowest:
-                slowest = mean
-    return slowest, truck
+        if count[side] > 0 and not total[side] / count[side] >= seen[act.BESIDE_V]:
+            seen[act.BESIDE_V] = total[side] / count[side]
+
+
+@njit(cache=True)
+def look_ahead(i, ahead, behind, x, v, acc, length, kind, seen):  # type: ignore[no-untyped-def]
+    """Fill what the leader, the second leader and the follower show."""
+    j, back = ahead[i], behind[i]
+    seen[act.REAR], seen[act.AHEAD_V], seen[act.AHEAD_ACC], seen[act.AHEAD_TRUCK] = np.nan, np.nan, 0.0, 0.0
+    seen[act.SECOND_REACH], seen[act.SECOND_V], seen[act.TAIL] = np.nan, np.nan, np.nan
+    if j >= 0:
+        seen[act.REAR], seen[act.AHEAD_V], seen[act.AHEAD_ACC] = x[j] - length[j], v[j], acc[j]
+        seen[act.AHEAD_TRUCK] = 1.0 if kind[j] == 3 else 0.0
+        two = ahead[j]
+        if two >= 0:
+            seen[act.SECOND_REACH], seen[act.SECOND_V] = x[two] - length[two] - length[j], v[two]
+    if back >= 0:
+        seen[act.TAIL] = x[back] + length[i]
 
 
 @njit(cache=True)
 def run(  # type: ignore[no-untyped-def]
     seed, model, other, theta, length, kind, lane, affected, effects, where, special_lane, only_lane, caps, section,
-    before, after, frames, warm, lanes, noise, changing,
+    before, after, frames, warm, lanes, noise, changing, log,
 ):  # fmt: skip
-    """Return positions, speeds (NaN outside the section) and lanes (-1), each of shape (vehicles, frames)."""
+    """Return positions, speeds (NaN outside the section) and lanes (-1), each of shape (vehicles, frames).
+
+    ``log``, if not empty, shape (vehicles, frames, SEEN), is filled with what each driver saw.
+    """
     np.random.seed(seed)
     n = len(length)
     X, V, K = np.full((n, frames), np.nan), np.full((n, frames), np.nan), np.full((n, frames), np.int8(-1))
     x, v, on, acc = np.full(n, -1e9), np.zeros(n), np.zeros(n, np.bool_), np.zeros(n)
     ahead, behind, before_ahead = np.full(n, -1), np.full(n, -1), np.full(n, -2)
-    drift, slow_acc, mean_v = np.zeros(n), np.zeros(n), np.full(n, 12.0)
-    jump, since, gap_was = np.zeros(n), np.full(n, 1e9), np.full(n, 1e9)
+    drift, gap_was = np.zeros(n), np.full(n, 1e9)
+    sees = np.zeros((n, act.SEEN))
+    sees[:, act.MEAN_V], sees[:, act.SINCE], sees[:, act.BESIDE_V] = 12.0, 1e9, np.nan
     past_s, past_v, past_d = np.full((n, LAGS), 1e9), np.zeros((n, LAGS)), np.zeros((n, LAGS))
     target, planned, changed, courteous = np.full(n, -1), np.zeros(n), np.full(n, -1e9), np.zeros(n, np.bool_)
     frozen, phase, freezes = np.zeros(n), np.random.rand(n) * 6.283, np.random.rand(n)
@@ -79,7 +98,7 @@ def run(  # type: ignore[no-untyped-def]
     limit_factor, enters = np.ones(lanes), lane.copy()
     limit_factor[special_lane] -= effects[act.LIMIT]
     none = np.zeros_like(effects)
-    look_beside = effects[act.FRICTION] > 0 or effects[act.BESIDE] > 0
+    look_beside = effects[act.FRICTION] > 0 or effects[act.BESIDE] > 0 or effects[act.ACROSS] > 0
     keep = np.exp(-DT / 1.4)
     for step in range(-warm, 2 * frames):
         t = step * DT
@@ -99,59 +118,34 @@ def run(  # type: ignore[no-untyped-def]
         slot = step % LAGS
         for i in order:
             e = effects if affected[i] and (only_lane < 0 or lane[i] == only_lane) else none
-            j = ahead[i]
-            s = x[j] - length[j] - x[i] if j >= 0 else 1e9
+            j, seen = ahead[i], sees[i]
+            look_ahead(i, ahead, behind, x, v, acc, length, kind, seen)
+            if look_beside:
+                look_aside(i, order, on, x, v, acc, lane, length, seen)
+            s = seen[act.REAR] - x[i] if j >= 0 else 1e9
             dv = v[i] - v[j] if j >= 0 else 0.0
-            since[i] += DT
+            seen[act.SINCE] += DT
             if j != before_ahead[i] and before_ahead[i] != -2:
-                shorter = min(gap_was[i], 60.0) - s
-                jump[i], since[i] = max(shorter, 0.0), 0.0
+                seen[act.JUMP], seen[act.SINCE] = max(min(gap_was[i], 60.0) - s, 0.0), 0.0
             before_ahead[i], gap_was[i] = j, s
             past_s[i, slot], past_v[i, slot], past_d[i, slot] = s, v[i], dv
-            in_time = act.ramp(t, where[2], where[3], 20.0 if other else 0.1)
-            delay = e[act.DELAY] + e[act.LATE] * (in_time > 0.5)
+            seen[act.IN_TIME] = act.ramp(t, where[2], where[3], 20.0 if other else 0.1)
+            seen[act.AHEAD_SLOW_ACC] += DT / 1.0 * (seen[act.AHEAD_ACC] - seen[act.AHEAD_SLOW_ACC])
+            seen[act.MEAN_V] += DT / 40.0 * (v[i] - seen[act.MEAN_V])
+            seen[act.UNREST] += DT / 15.0 * ((2.5 if abs(acc[i]) > 0.8 else 0.0) - seen[act.UNREST])
+            seen[act.COURTEOUS], seen[act.PREPARING] = courteous[i], target[i] >= 0
+            seen[act.SPECIAL_LANE], seen[act.ANGLE] = lane[i] == special_lane, 6.283 * t / 9.0 + phase[i]
+            if log.size and step > 0 and step % 2 == 1:
+                log[i, step // 2] = seen
+            delay = e[act.DELAY] + e[act.LATE] * (seen[act.IN_TIME] > 0.5)
             own = v[i]
             if delay > 0.0:
                 ago = (slot - round(delay / DT)) % LAGS
                 s, dv = past_s[i, ago], past_d[i, ago]
                 own = v[i] if other else past_v[i, ago]
-            leader_acc = acc[j] if j >= 0 else 0.0
-            slow_acc[i] += DT / 1.0 * (leader_acc - slow_acc[i])
-            mean_v[i] += DT / 40.0 * (v[i] - mean_v[i])
-            T = act.headway(
-                theta[i, 1], own, e, other, leader_acc, slow_acc[i], j >= 0 and kind[j] == 3, kind[i] == 3, mean_v[i],
-                in_time, courteous[i], target[i] >= 0,
+            new = act.respond(
+                model, other, e, theta[i], limit_factor[lane[i]], kind[i] == 3, seen, where, x[i], v[i], own, s, dv
             )  # fmt: skip
-            v0, a, b, s0 = theta[i, 0] * limit_factor[lane[i]], theta[i, 2], theta[i, 3], theta[i, 4]
-            if other and e[act.TRUCK_AHEAD] > 0.0 and j >= 0 and kind[j] == 3:
-                s0 += e[act.TRUCK_AHEAD] * theta[i, 1] * 9.0
-            seen = act.dead(dv, e[act.BAND], other)
-            room = s + act.credit(e, jump[i], since[i], other)
-            new = act.base_acceleration(model, own, room, seen, v0, T, a, b, s0)
-            if e[act.SECOND] > 0.0 and j >= 0 and ahead[j] >= 0:
-                two = ahead[j]
-                w = e[act.SECOND]
-                if other:
-                    new = act.base_acceleration(model, own, room, own - (1 - w) * v[j] - w * v[two], v0, T, a, b, s0)
-                else:
-                    far = 0.5 * (x[two] - length[two] - x[i] - length[j])
-                    new = (1 - w) * new + w * act.base_acceleration(model, own, far, own - v[two], v0, T, a, b, s0)
-            if e[act.ASYM] > 0.0 and new > 0.0:
-                new *= 1.0 - e[act.ASYM] * (min(1.0, new / 0.3) if other else 1.0)
-            if e[act.PLACE] > 0.0:
-                new -= e[act.PLACE] * act.ramp(x[i], where[0], where[1], 30.0 if other else 0.1)
-            if look_beside:
-                beside, truck = adjacent(i, order, on, x, v, lane, lanes, length)
-                if beside == beside and v[i] > beside:
-                    new -= e[act.FRICTION] * (3.0 * np.tanh((v[i] - beside) / 3.0) if other else v[i] - beside)
-                if truck:
-                    new -= e[act.BESIDE]
-            if e[act.PRESSURE] > 0.0 and behind[i] >= 0:
-                rear = x[i] - length[i] - x[behind[i]]
-                new += e[act.PRESSURE] * max(0.0, 1.0 - rear / 15.0)
-            if lane[i] == special_lane:
-                new -= e[act.ENFORCE] * in_time
-            new += e[act.THROTTLE] * np.sin(6.283 * t / 9.0 + phase[i])
             if freezes[i] < e[act.DISTRACT] and frozen[i] < 3.0 and x[i] > where[0]:
                 frozen[i] += DT
                 new = max(acc[i] if frozen[i] > DT else new, 0.0)  # foot held, eyes elsewhere

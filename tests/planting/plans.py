@@ -32,11 +32,15 @@ SIZES = {
     "lane_enforcement": (0.1, 0.2, 0.4),  # m/s^2, one lane slows for a stretch of time
     "beside_truck": (0.1, 0.2, 0.4),  # m/s^2, slows while a truck is alongside
     "late_for_a_while": (0.4, 0.8, 1.2),  # s, delay during a stretch of time only
+    "brake_lights_across": (0.2, 0.4, 0.8),  # m/s^2, slows when somebody two lanes over brakes hard
+    "weariness": (0.15, 0.3, 0.6),  # longer headway after own hard accelerations and brakings
 }
-OUTSIDE = ("distraction", "throttle_wave", "lane_enforcement", "beside_truck", "late_for_a_while")
+OUTSIDE = ("distraction", "throttle_wave", "lane_enforcement", "beside_truck", "late_for_a_while",
+           "brake_lights_across", "weariness")  # fmt: skip
 CATALOGUE = tuple(name for name in SIZES if name not in OUTSIDE)
 LEVELS = ("small", "mid", "large")
-UNDERLYING = ("idm", "fvd")
+MODELS = ("idm", "fvd", "gipps")
+UNDERLYING = MODELS[:2]  # that are drawn from the seed
 NOISES = ("white", "correlated")
 DENSITIES = ("moderate", "congested")
 

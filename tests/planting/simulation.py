@@ -7,9 +7,9 @@ from dataclasses import dataclass
 import numpy as np
 import numpy.typing as npt
 
-from tests.planting.behaviour import INDEX
+from tests.planting.behaviour import INDEX, SEEN
 from tests.planting.motion import DT, run
-from tests.planting.plans import Plan
+from tests.planting.plans import MODELS, Plan
 
 WARM_UP = 120.0  # s
 BEFORE, AFTER = 250.0, 220.0  # m of road outside the recorded section
@@ -28,10 +28,14 @@ class Planted:
     kind: npt.NDArray[np.int64]
     theta: Floats
     affected: npt.NDArray[np.bool_]
+    sights: npt.NDArray[np.float32]  # what each driver saw, shape (vehicles, frames, SEEN); empty unless asked for
 
 
-def simulate(chosen: Plan) -> Planted:
-    """Simulate a plan. The recording ends early once ``drivers`` vehicles have been on the section."""
+def simulate(chosen: Plan, *, remember: bool = False) -> Planted:
+    """Simulate a plan. The recording ends early once ``drivers`` vehicles have been on the section.
+
+    ``remember`` keeps what each driver saw, for :func:`tests.planting.truth.achievable`.
+    """
     rng = np.random.default_rng([chosen.seed, 1])
     n = int(chosen.drivers * 1.5) + 60 * chosen.lanes
     kind = rng.choice([1, 2, 3], size=n, p=[0.01, 0.99 - chosen.trucks, chosen.trucks])
@@ -47,12 +51,13 @@ def simulate(chosen: Plan) -> Planted:
     frames = int(chosen.minutes * 600) + 1
     caps = _downstream(rng, chosen, int((chosen.minutes * 60 + WARM_UP) / DT) + 2)
     where = np.array([*chosen.place, *chosen.time])
+    log = np.zeros((n, frames, SEEN) if remember else (0, 0, 0), dtype=np.float32)
     x, v, lanes = run(
-        int(rng.integers(2**31)), 0 if chosen.underlying == "idm" else 1, chosen.form == "other", theta, length, kind,
+        int(rng.integers(2**31)), MODELS.index(chosen.underlying), chosen.form == "other", theta, length, kind,
         lane.astype(np.int64), affected, effects, where, chosen.lane, chosen.only_lane, caps, chosen.length,
-        BEFORE, AFTER, frames, int(WARM_UP / DT), chosen.lanes, chosen.driver_noise, chosen.lane_changes,
+        BEFORE, AFTER, frames, int(WARM_UP / DT), chosen.lanes, chosen.driver_noise, chosen.lane_changes, log,
     )  # fmt: skip
-    return _ended(Planted(chosen, x, v, lanes, length, kind, theta, affected))
+    return _ended(Planted(chosen, x, v, lanes, length, kind, theta, affected, log))
 
 
 def _people(rng: np.random.Generator, n: int, spread: float, kind: npt.NDArray[np.int64]) -> Floats:
@@ -87,4 +92,4 @@ def _ended(p: Planted) -> Planted:
     keep = first < last
     order = np.flatnonzero(keep)[np.argsort(first[keep], kind="stable")]
     return Planted(p.plan, p.x[order, :last], p.v[order, :last], p.lane[order, :last], p.length[order], p.kind[order],
-                   p.theta[order], p.affected[order])  # fmt: skip
+                   p.theta[order], p.affected[order], p.sights[order, :last] if p.sights.size else p.sights)  # fmt: skip

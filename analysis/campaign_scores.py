@@ -1,0 +1,130 @@
+"""How one blind trial is judged: what was named, how large, how much better, against what was hidden."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping
+from typing import Any
+
+import pandas as pd
+
+RIGHT, WRONG, SILENT, UNKNOWN, FALSE_ALARM = "right", "wrong", "silent", "unknown", "false alarm"
+# Where an effect outside the catalogue must show: covariates (their beginnings), or its planted place or time.
+SHOWS_IN: dict[str, tuple[str, ...]] = {
+    "distraction": ("place", "leader_acceleration"),
+    "throttle_wave": ("time", "leader_acceleration"),
+    "lane_enforcement": ("lane", "time"),
+    "beside_truck": ("adjacent_difference", "lane"),
+    "late_for_a_while": ("time", "leader_acceleration"),
+    "brake_lights_across": ("second_gap_change", "leader_acceleration", "adjacent_difference"),
+    "weariness": ("leader_acceleration", "time"),
+}
+GAIN_CLASSES = ("5 % or more", "2 to 5 %", "below 2 %")
+SIGMA_CLASSES = ("0.1-0.2 m", "0.2-0.35 m", "0.35-0.5 m")
+
+
+def scored(trials: pd.DataFrame) -> pd.DataFrame:
+    """Return one row a trial: its conditions, what was said, and the grades."""
+    return pd.DataFrame([_row(trial) for trial in trials.to_dict("records")])
+
+
+def _row(trial: dict[str, Any]) -> dict[str, Any]:
+    found, plan = trial["found"], trial["plan"]
+    gain, best = found["gain"], trial.get("achievable")
+    sure = gain is not None and gain["base"] > 0
+    names = [cause["name"] for cause in found["causes"]]
+    return {
+        "group": trial["group"], "name": trial["name"], "size": trial["size"], "kind": trial.get("kind", ""),
+        "outcome": outcome(trial), "verdict": found["verdict"], "named": ", ".join(names),
+        "first": names[0] if names else found["verdict"], **size_of(trial), "best_gain": _share(best),
+        "gain_class": gain_class(_share(best)), "gain": gain["difference"] / gain["base"] if sure else math.nan,
+        "realised": gain["difference"] / (best["base"] - best["extended"])
+        if best and sure and names and best["base"] > 1.02 * best["extended"] else math.nan,
+        **{key: plan[key] for key in ("underlying", "noise", "form", "density", "lanes")},
+        "sigma": sigma_class(plan["sigma"]), "sigma_m": plan["sigma"], "seed": trial["seed"], "seconds": trial["seconds"],
+    }  # fmt: skip
+
+
+def outcome(trial: Mapping[str, Any]) -> str:
+    """Return right (the right cause first), wrong, silent, unknown; for nulls silent or false alarm.
+
+    Pairs are right if both are named, else ``one of two``; ``right and more`` names a further cause that was not hidden.
+    An effect outside the catalogue is right as ``unknown`` where it shows, ``unknown, elsewhere`` otherwise.
+    """
+    found, hidden = trial["found"], list(trial["effects"])
+    names = [cause["name"] for cause in found["causes"]]
+    if trial["group"] == "outside":
+        if names:
+            return WRONG
+        if found["verdict"] != UNKNOWN:
+            return SILENT
+        return RIGHT if shows(trial) else "unknown, elsewhere"
+    if not hidden:
+        return SILENT if found["verdict"] == "none" else FALSE_ALARM
+    if not names:
+        return UNKNOWN if found["verdict"] == UNKNOWN else SILENT
+    if names[0] not in hidden:
+        return WRONG
+    if set(hidden) - set(names):
+        return "one of two"
+    return "right and more" if set(names) - set(hidden) else RIGHT
+
+
+def shows(trial: Mapping[str, Any]) -> bool:
+    """Return whether what is unexplained lies where the effect acts: its covariate, its place or its time."""
+    plan = trial["plan"]
+    for one in trial["found"]["unexplained"]:
+        for key in SHOWS_IN.get(trial["name"], ()):
+            if key == "place" and "position" in one["covariate"] and _meet(one["position_m"], plan["place"]):
+                return True
+            if key == "time" and "time" in one["covariate"] and _meet(one["time_s"], plan["time"]):
+                return True
+            if key not in ("place", "time") and key in one["covariate"]:
+                return True
+    return False
+
+
+def size_of(trial: Mapping[str, Any]) -> dict[str, Any]:
+    """Return the planted and the found size, and whether the 95 % interval holds it; NaN where there is none.
+
+    Sizes compare only where the planted form is the catalogue's own and every driver has the effect.
+    """
+    nothing = {"planted": math.nan, "estimate": math.nan, "error": math.nan, "covered": math.nan}
+    if trial["group"] != "single" or trial["plan"]["form"] != "usual":
+        return nothing
+    truth = abs(trial["effects"][trial["name"]])
+    for cause in trial["found"]["causes"]:
+        if cause["name"] == trial["name"]:
+            one = next(iter(cause["parameters"].values()))  # the size comes first
+            value, (low, high) = abs(one["value"]), sorted(abs(bound) for bound in one["ci95"])
+            return {
+                "planted": truth,
+                "estimate": value,
+                "error": abs(value / truth - 1),
+                "covered": low <= truth <= high,
+            }
+    return {**nothing, "planted": truth}
+
+
+def gain_class(share: float) -> str:
+    """Return the class of what the true model could gain."""
+    if math.isnan(share):
+        return ""
+    return GAIN_CLASSES[0] if share >= 0.05 else GAIN_CLASSES[1] if share >= 0.02 else GAIN_CLASSES[2]
+
+
+def sigma_class(sigma: float) -> str:
+    """Return the class of a measurement noise (m)."""
+    return SIGMA_CLASSES[0] if sigma < 0.2 else SIGMA_CLASSES[1] if sigma < 0.35 else SIGMA_CLASSES[2]
+
+
+def _share(best: Mapping[str, float] | None) -> float:
+    return (best["base"] - best["extended"]) / best["base"] if best else math.nan
+
+
+def _meet(one: Any, other: Any) -> bool:
+    """Whether two ranges overlap by a third of the shorter."""
+    if one is None or other is None:
+        return False
+    both = min(one[1], other[1]) - max(one[0], other[0])
+    return bool(both > min(one[1] - one[0], other[1] - other[0]) / 3)

@@ -1,0 +1,48 @@
+"""Smoothing for the diagnosis: the house's filter with a window that suits the noise.
+
+Speeds of leaders are what drivers answer to, and noise in them looks like anticipation. The window grows with the noise; the
+null twins are smoothed alike, so that what the filter blurs is blurred in them, too.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+import numpy.typing as npt
+from scipy.signal import savgol_filter
+
+from idm_sumo import columns as c
+from idm_sumo.recording import Recording
+from idm_sumo.road import FRAME_STEP
+from idm_sumo.smoothing import ORDER, SHORTEST, WINDOW, runs
+
+LONGEST = 41  # frames
+QUIET = 0.06  # m/s: speed noise behind the shortest window that needs no longer one
+GROWTH = 0.4  # power of the noise with which the window grows
+
+Floats = npt.NDArray[np.float64]
+
+
+def window_for(speed_noise: float) -> int:
+    """Return an odd number of frames for a speed noise (m/s, standard deviation behind the shortest window)."""
+    wanted = WINDOW * max(speed_noise / QUIET, 1.0) ** GROWTH
+    return min(int(wanted) // 2 * 2 + 1, LONGEST)
+
+
+def smooth_along(recording: Recording, window: int) -> Recording:
+    """Return the recording with positions along the road, speeds and accelerations smoothed; run by run."""
+    table = recording.table
+    raw = table[c.X].to_numpy(np.float64)
+    x, v, a = raw.copy(), table[c.SPEED].to_numpy(np.float64).copy(), np.zeros(len(raw))
+    for start, length in zip(*runs(table), strict=True):
+        frames = min(window, int(length) - 1 + int(length) % 2)
+        if frames < SHORTEST:
+            continue
+        part = slice(int(start), int(start + length))
+        x[part], v[part], a[part] = derivatives(raw[part], frames)
+    return recording.with_table(table.assign(**{c.X: x, c.SPEED: np.maximum(v, 0.0), c.ACCELERATION: a}))
+
+
+def derivatives(position: Floats, window: int) -> tuple[Floats, Floats, Floats]:
+    """Return smoothed position, speed and acceleration along the last axis."""
+    one, two, three = (savgol_filter(position, window, ORDER, deriv=d, delta=FRAME_STEP) for d in range(3))
+    return one, two, three

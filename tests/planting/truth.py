@@ -1,0 +1,145 @@
+"""What the best model could gain: true followers behind the true leaders, with and without the planted effect."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+import numpy.typing as npt
+from numba import njit
+
+from tests.planting import behaviour as act
+from tests.planting.plans import MODELS
+from tests.planting.simulation import Planted
+
+FRAME = 0.1  # s
+PAST = 13  # frames that a delay reaches into
+PASSES = (0.3, 0.15, 0.07)  # steps of the logarithms of the parameters, tried one after the other
+NOT_BEHAVIOUR = ("measurement_artefact", "distraction")
+
+
+@dataclass(frozen=True)
+class Achievable:
+    """Mean absolute position error (m) over drivers, each with its best parameters, without and with the effect."""
+
+    base: float
+    extended: float
+    drivers: int
+
+    @property
+    def share(self) -> float:
+        """Return the gain as a share of the base."""
+        return (self.base - self.extended) / self.base
+
+
+def achievable(planted: Planted, *, seconds: float = 10.0) -> Achievable:
+    """Return the errors of the true model with and without its effect; in both each driver is refitted.
+
+    Without refitting, what a driver's own parameters can absorb would count as gain. The traffic must have been
+    simulated with ``remember=True``. Noise of the driver is in the truth and in neither model, measurement noise in none.
+
+    Raises
+    ------
+    ValueError
+        If nothing was remembered, or the effect is not one of behaviour.
+    """
+    chosen = planted.plan
+    if not planted.sights.size or not chosen.effects or any(name in NOT_BEHAVIOUR for name in chosen.effects):
+        raise ValueError("needs simulate(plan, remember=True) and a planted effect of behaviour")
+    driver, start = _windows(planted, round(seconds / FRAME))
+    effects = np.zeros(len(act.INDEX))
+    for name, size in chosen.effects.items():
+        effects[act.INDEX[name]] = size
+    ade = best_errors(
+        MODELS.index(chosen.underlying), chosen.form == "other", effects, planted.affected, planted.kind, planted.theta,
+        np.array([*chosen.place, *chosen.time]), chosen.lane, chosen.only_lane, planted.x, planted.v, planted.lane,
+        planted.sights, driver, start, round(seconds / FRAME), np.array(PASSES),
+    )  # fmt: skip
+    return Achievable(float(ade[0].mean()), float(ade[1].mean()), ade.shape[1])
+
+
+def _windows(planted: Planted, frames: int) -> tuple[npt.NDArray[np.int64], npt.NDArray[np.int64]]:
+    """Return driver and first frame of windows with a leader on the section throughout, one after the other."""
+    rear = planted.sights[:, :, act.REAR]
+    usable = np.isfinite(planted.x) & np.isfinite(rear) & (rear < planted.plan.length - 4.0)
+    driver, start = [], []
+    for i, row in enumerate(usable):
+        k = 0
+        while k + PAST + frames < len(row):
+            gone = np.flatnonzero(~row[k : k + PAST + frames + 1])
+            if len(gone):
+                k += int(gone[-1]) + 1
+                continue
+            driver.append(i)
+            start.append(k + PAST)
+            k += frames
+    return np.array(driver, np.int64), np.array(start, np.int64)
+
+
+@njit(cache=True)
+def best_errors(  # type: ignore[no-untyped-def]
+    model, other, effects, affected, kind, theta, where, special_lane, only_lane, x, v, lane, sights, driver, start,
+    frames, passes,
+):  # fmt: skip
+    """Return each driver's least mean error over its windows, shape (2, drivers): without and with the effect."""
+    first = np.flatnonzero(np.append(True, driver[1:] != driver[:-1]))
+    ends = np.append(first[1:], len(driver))
+    out = np.empty((2, len(first)))
+    for which in range(2):
+        planted = effects * which
+        for n in range(len(first)):
+            i = driver[first[n]]
+            best = theta[i].copy()
+            least = np.inf
+            for step in passes:
+                for p in range(-1, len(best)):  # -1: as it is
+                    for sign in (-1.0, 1.0):
+                        tried = best.copy()
+                        if p >= 0:
+                            tried[p] *= np.exp(sign * step)
+                        total = 0.0
+                        for k in range(first[n], ends[n]):
+                            total += window_error(
+                                model, other, planted if affected[i] else effects * 0.0, tried, kind[i] == 3, where,
+                                special_lane, only_lane, x[i], v[i], lane[i], sights[i], start[k], frames,
+                            )  # fmt: skip
+                        if total < least:
+                            least, best = total, tried
+            out[which, n] = least / (ends[n] - first[n])
+    return out
+
+
+@njit(cache=True)
+def window_error(  # type: ignore[no-untyped-def]
+    model, other, planted, theta, own_truck, where, special_lane, only_lane, x, v, lane, sights, start, frames
+):  # fmt: skip
+    """Return the mean absolute position error (m) of one closed-loop window from the true state."""
+    size = PAST + frames + 1
+    past_s, past_v, past_d = np.empty(size), np.empty(size), np.empty(size)
+    none = np.zeros_like(planted)
+    seen = np.empty(sights.shape[1])
+    here, speed, total = x[start], v[start], 0.0
+    for n in range(size):
+        k = start - PAST + n
+        if n < PAST:
+            here, speed = x[k], v[k]
+        elif n == PAST:
+            here, speed = x[start], v[start]
+        seen[:] = sights[k]
+        past_s[n], past_v[n], past_d[n] = seen[act.REAR] - here, speed, speed - seen[act.AHEAD_V]
+        if n < PAST:
+            continue
+        if n > PAST:
+            total += abs(here - x[k])
+        e = planted if only_lane < 0 or lane[k] == only_lane else none
+        ago = n - round((e[act.DELAY] + e[act.LATE] * (seen[act.IN_TIME] > 0.5)) / FRAME)
+        own = speed if other else past_v[ago]
+        limit = 1.0 - e[act.LIMIT] if lane[k] == special_lane else 1.0
+        new = act.respond(
+            model, other, e, theta, limit, own_truck, seen, where, here, speed, own, past_s[ago], past_d[ago]
+        )  # fmt: skip
+        new = min(max(new, -8.0), 4.0)
+        time = -speed / new if new < 0.0 and speed + new * FRAME < 0.0 else FRAME
+        here += speed * time + 0.5 * new * time * time
+        speed = max(0.0, speed + new * FRAME)
+    return total / frames

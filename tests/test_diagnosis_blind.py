@@ -1,0 +1,79 @@
+"""Blind: an effect is hidden in a recording by a simulator that shares no code; the finder gets the file alone."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from idm_sumo import columns as c
+from idm_sumo.diagnosis import Diagnosis, diagnose
+from idm_sumo.diagnosis.artefact import find_seam
+from idm_sumo.reading import read_recording
+from idm_sumo.recording import Recording
+from tests import planting
+
+SMALL = {"drivers": 260, "minutes": 4.0, "lanes": 3, "noise": "white", "sigma": 0.2, "underlying": "idm"}
+
+
+def hidden(folder: Path, seed: int, effect: str | None, size: str = "large", **given: object) -> Recording:
+    planted = planting.simulate(planting.plan(seed, effect=effect, size=size, **{**SMALL, **given}))
+    path = folder / "recording.parquet"
+    planting.write(planted, path)
+    return read_recording(path).recording
+
+
+def checked(found: Diagnosis) -> Diagnosis:
+    """What holds for every verdict."""
+    assert (found.verdict == "named") == bool(found.causes)
+    assert (found.verdict == "unknown") == bool(found.unexplained)
+    assert found.gain is not None
+    assert found.gain.vehicles == found.drivers["held_out"].sum()
+    named = {cause.name for cause in found.causes}
+    assert not named & {one.name for one in found.ruled_out}
+    assert {cause.name for cause in found.model.causes} == named - {"measurement_artefact"}
+    for cause in found.causes:
+        assert all(e.ci95[0] <= e.value <= e.ci95[1] for e in cause.parameters.values())
+    return found
+
+
+def test_nothing_hidden_nothing_named(tmp_path):
+    found = checked(diagnose(hidden(tmp_path, 11, None)))
+    assert found.verdict == "none"
+    assert found.power
+    assert {one.name for one in found.power} == {one.name for one in found.ruled_out} | {
+        one.name for one in found.without_gain
+    }
+
+
+@pytest.mark.parametrize(("effect", "seed"), [("reaction_delay", 12), ("location", 13)])
+def test_what_is_hidden_is_named_first_and_makes_rollouts_better(effect, seed, tmp_path):
+    recording = hidden(tmp_path, seed, effect, form="usual")
+    found = checked(diagnose(recording))
+    assert found.causes[0].name == effect
+    assert found.gain is not None
+    assert found.gain.ci95[0] > 0.0
+    assert len(found.residuals)
+    assert found.residuals["extended"].abs().mean() < found.residuals["base"].abs().mean()
+
+
+def test_a_seam_between_cameras_is_found_and_nothing_else_jumps(tmp_path):
+    recording = hidden(tmp_path, 14, None, drivers=120, minutes=2.5)
+    assert find_seam(recording) is None
+    table = recording.table
+    shifted = recording.with_table(table.assign(**{c.X: table[c.X] + 1.0 * (table[c.X] > 300.0)}))
+    seam = find_seam(shifted)
+    assert seam is not None
+    assert abs(seam.position - 300.0) < 4.0
+    assert abs(seam.shift - 1.0) < 0.2
+
+
+def test_too_few_drivers_say_nothing(tmp_path):
+    recording = hidden(tmp_path, 15, None, drivers=60, minutes=2.0)
+    few = recording.table[c.VEHICLE].unique()[:10]
+    found = diagnose(
+        recording.with_table(recording.table[np.isin(recording.table[c.VEHICLE], few)].reset_index(drop=True))
+    )
+    assert found.verdict == "none"
+    assert "too little" in found.notes[0]

@@ -1,0 +1,120 @@
+"""Rollouts of windows: the linear response is the derivative, the fit finds the drivers, twins show nothing planted."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from idm_sumo.diagnosis import atoms as at
+from idm_sumo.diagnosis import rollout as ro
+from idm_sumo.diagnosis import windows as w
+from idm_sumo.diagnosis.fit import fit_drivers, for_others
+from idm_sumo.diagnosis.noise import DRIVER_MEMORIES, Noise
+from idm_sumo.diagnosis.twins import make_twin, refit
+from idm_sumo.effects import slots
+
+QUIET = Noise(0.0, np.zeros(len(DRIVER_MEMORIES)), DRIVER_MEMORIES)
+DRIVERS, EACH = 30, 3
+
+
+def followers(by_lane: np.ndarray, rng: np.random.Generator) -> tuple[w.Windows, np.ndarray]:
+    """Return windows behind leaders that oscillate, driven by IDM drivers with the given magnitudes."""
+    count, frames = DRIVERS * EACH, w.LEAD + w.HORIZON + 1
+    time = 0.1 * np.arange(frames)
+    wave = rng.uniform(0.2, 0.6, (count, 1))
+    phase = rng.uniform(0.0, 6.0, (count, 1))
+    speed = 9.0 + 3.0 * np.sin(wave * time + phase)
+    place = 9.0 * time - 3.0 / wave * (np.cos(wave * time + phase) - np.cos(phase))
+    seen = np.zeros((count, frames, w.COLUMNS))
+    seen[:, :, w.REAR], seen[:, :, w.SPEED] = place + 20.0, speed
+    seen[:, :, w.ACCELERATION] = np.gradient(speed, 0.1, axis=1)
+    seen[:, :, w.SECOND], seen[:, :, w.BEHIND], seen[:, :, w.ADJACENT] = np.inf, -np.inf, np.nan
+    seen[:, :, [w.SINCE, w.UNTIL_CUT_IN, w.UNTIL_OWN]] = 1e6
+    seen[:, :, w.LANE], seen[:, :, w.TIME], seen[:, :, w.OWN_KIND] = 1.0, time, 2.0
+    seen[:, :, w.V] = speed
+    theta = np.exp(np.log([1.2, 1.8, 1.2, 2.2, 28.0]) + 0.2 * rng.standard_normal((DRIVERS, 5)) * [1, 1, 1, 1, 0.2])
+    driver = np.repeat(np.arange(DRIVERS), EACH)
+    x, v = ro.drive(seen, driver, theta, by_lane, np.zeros(2), ro.NO_PUSH, 0)
+    seen[:, :, w.X], seen[:, :, w.V] = x, v
+    windows = w.Windows(
+        seen, seen[:, :, [w.REAR, w.SPEED, w.SECOND]], driver, np.arange(1, DRIVERS + 1), np.full(DRIVERS, "p"),
+        np.arange(DRIVERS) // 5, 21, {},
+    )  # fmt: skip
+    return windows, theta
+
+
+@pytest.fixture(name="plain", scope="module")
+def make_plain():
+    return followers(ro.PLAIN, np.random.default_rng(4))
+
+
+def test_true_drivers_end_where_they_were_recorded(plain):
+    windows, theta = plain
+    np.testing.assert_allclose(ro.positions(windows, theta, ro.PLAIN), windows.target, atol=1e-6)
+
+
+def test_response_to_pulses_is_the_derivative_of_the_rollout(plain):
+    windows, theta = plain
+    response, _ = ro.respond(windows.seen, windows.driver, theta, ro.PLAIN)
+    small = 1e-4
+    push = np.zeros((len(windows.seen), w.HORIZON))
+    push[:, 4 * ro.BIN : 5 * ro.BIN] = small
+    moved, _ = ro.drive(windows.seen, windows.driver, theta, ro.PLAIN, np.zeros(2), push, w.LEAD)
+    change = (moved[:, w.EVERY :: w.EVERY] - ro.positions(windows, theta, ro.PLAIN)) / small
+    np.testing.assert_allclose(response[:, :, 4], change, atol=2e-3)
+
+
+def test_linear_fields_are_the_derivatives_by_the_magnitudes(plain):
+    windows, theta = plain
+    response, state = ro.respond(windows.seen, windows.driver, theta, ro.PLAIN)
+    fields = at.linear_fields(windows, state, pivot=9.0)
+    for name, slot in (("hysteresis", slots.HYSTERESIS), ("speed_dependent_headway", slots.SPEED_HEADWAY)):
+        m = ro.PLAIN.copy()
+        m[:, slot], m[:, slots.PIVOT_SPEED] = 1e-4, 9.0
+        change = (ro.positions(windows, theta, m) - ro.positions(windows, theta, ro.PLAIN)) / 1e-4
+        predicted = np.einsum("wkp,wp->wk", response, at.pulse_means(fields[name]))
+        assert np.abs(predicted - change).max() < 0.06 * np.abs(change).max()
+
+
+def test_the_fit_finds_the_drivers(plain):
+    windows, theta = plain
+    fit = fit_drivers(windows, ro.PLAIN.copy(), np.array([1e-4, 1e-4]), rounds=8)
+    gap = np.abs(ro.positions(windows, fit.theta, ro.PLAIN) - windows.target)
+    assert gap.mean() < 0.03
+    assert np.corrcoef(np.log(theta[:, 2]), fit.own[:, 2])[0, 1] > 0.9
+    others = for_others(windows, fit)
+    assert np.abs(ro.positions(windows, others.theta, ro.PLAIN) - windows.target).mean() < 0.05
+
+
+def test_a_twin_of_quiet_drivers_is_fitted_by_the_same_drivers(plain):
+    windows, _ = plain
+    fit = fit_drivers(windows, ro.PLAIN.copy(), np.array([1e-4, 1e-4]), rounds=8)
+    twin = make_twin(windows, fit, QUIET, QUIET, np.random.default_rng(0), is_smooth=True)
+    np.testing.assert_allclose(twin.target, windows.target, atol=0.5)
+    again = refit(twin, fit)
+    assert np.abs(again.own - fit.own).max() < 0.1
+
+
+def test_a_planted_delay_is_larger_than_what_refitting_absorbs():
+    m = ro.PLAIN.copy()
+    m[:, slots.DELAY] = 0.6
+    windows, _ = followers(m, np.random.default_rng(4))
+    start = np.array([1e-4, 1e-4])
+    plain_fit = fit_drivers(windows, ro.PLAIN.copy(), start, rounds=8)
+    with_delay = fit_drivers(windows, m, start, rounds=8)
+
+    def off(fit):
+        return np.abs(ro.positions(windows, fit.theta, fit.by_lane) - windows.target).mean()
+
+    assert off(with_delay) < 0.5 * off(plain_fit)
+
+
+def test_drivers_can_be_taken_apart(plain):
+    windows, _ = plain
+    part = windows.of_drivers(np.array([7, 3]))
+    assert part.vehicle.tolist() == [8, 4]
+    np.testing.assert_array_equal(part.seen[:EACH], windows.seen[7 * EACH : 8 * EACH])
+    assert part.driver.tolist() == [0] * EACH + [1] * EACH
+    assert replace(part, smoothing=21).drivers == 2
