@@ -6,7 +6,7 @@ import numpy as np
 
 from idm_sumo import risk
 
-from .agents import AGENT, CLONE, Agents, clearances, recorded_paths
+from .agents import AGENT, CLONE, Agents, clearances, recorded_paths, rewards_a_step
 from .drivers import Drivers
 from .paper import METHODS
 
@@ -43,8 +43,19 @@ def _findings(test: Drivers, agents: Agents) -> str:
         f"{abs(final.mean()):.1f} m {'ahead of' if final.mean() > 0 else 'behind'} the recorded car on average, between "
         f"{np.quantile(final, 0.05):.0f} and {np.quantile(final, 0.95):.0f} m in nine of ten runs. {np.mean(close < BRUSH):.1%} come within "
         f"{BRUSH:g} m of another vehicle or touch it, of the recorded drivers {np.mean(recorded < BRUSH):.1%}. "
-        f"The mean ADE of {ade.mean():.2f} m stands beside the paper's {paper.ade_m:.2f} m."
+        f"The mean ADE of {ade.mean():.2f} m stands beside the paper's {paper.ade_m:.2f} m. {_optimised(test, agents)}"
     )
+
+
+def _optimised(test: Drivers, agents: Agents) -> str:
+    """Tell a reward that says too little from an agent that did not learn it."""
+    ours, theirs = rewards_a_step(test, agents.driven[AGENT][0], agents.learners.reward)
+    verdict = (
+        "the agent does better by that reward than people do, so what parts it from them is the reward, not the training"
+        if ours > theirs
+        else "the training falls short of what the reward allows"
+    )
+    return f"By its own reward an agent's step is worth {ours:.2f}, a recorded driver's {theirs:.2f}: {verdict}."
 
 
 def _effort(agents: Agents) -> str:

@@ -15,6 +15,7 @@ from joblib import Parallel, cpu_count, delayed
 from idm_sumo import risk
 from idm_sumo.errors import InputError
 from idm_sumo.irl import approaches, simulation
+from idm_sumo.irl.demonstrations import Demonstrations, rollout
 from idm_sumo.irl.learning import (
     INSTALL,
     Lessons,
@@ -26,6 +27,7 @@ from idm_sumo.irl.learning import (
     train_agent,
 )
 from idm_sumo.irl.policy import Policy, drive_policy
+from idm_sumo.irl.trajectory import step_features
 from idm_sumo.metrics import summary
 from idm_sumo.outputs import new_file
 from idm_sumo.progress import Progress, silent
@@ -130,7 +132,9 @@ def fingerprint(train: Drivers, settings: Settings) -> str:
     """Return what names the agents of these drivers, settings and sources."""
     sources = [Path(risk.__file__), *sorted(Path(simulation.__file__).parent.glob("*.py"))]
     digest = hashlib.sha256(b"".join(path.read_bytes() for path in sources))
-    digest.update(json.dumps([settings.agent_steps, settings.agent_demonstrations, settings.seed, settings.horizon]).encode())
+    digest.update(
+        json.dumps([settings.agent_steps, settings.agent_demonstrations, settings.seed, settings.horizon]).encode()
+    )
     for scenes in train.scenes:
         for array in (scenes.x, scenes.y, scenes.speed, scenes.vehicle, scenes.traffic.x, scenes.traffic.offsets):
             digest.update(np.ascontiguousarray(array).tobytes())
@@ -262,6 +266,17 @@ def recorded_paths(test: Drivers) -> list[Trajectories]:
             getattr(path, name)[:] = getattr(scenes, name)[:, span]
         paths.append(path)
     return paths
+
+
+def rewards_a_step(test: Drivers, driven: list[Trajectories], reward: dict[str, Any]) -> tuple[float, float]:
+    """Return the learned reward of a step, without penalties, of driven runs and of the recorded drivers, on average."""
+    recorded = lessons_of(test.scenes)
+    control = np.concatenate([np.stack([path.acceleration, path.steering], axis=2) for path in driven])
+    modelled = Demonstrations(rollout(recorded.episodes, control), control, np.zeros(len(control)))
+    weigh = reward_of_json(reward).of
+    steps = (step_features(paths, recorded.episodes, recorded.around) for paths in (modelled, recorded.demonstrations))
+    ours, theirs = (float(weigh(features).mean()) for features in steps)
+    return ours, theirs
 
 
 def weights_table(reward: dict[str, Any]) -> pd.DataFrame:

@@ -4,7 +4,8 @@
     python -m analysis.campaign -o DIR --small        # four short recordings, to see that it works
 
 The recordings come from a simulator under ``tests/`` that shares no code with ``idm_sumo``; the finder is given the
-file and nothing else. A finished case is kept as JSON in DIR/cases and not run again, so an interrupted campaign goes on.
+file and nothing else. A finished case is kept as JSON in DIR/cases and not run again, so an interrupted campaign goes on
+(after a change of the finder take another DIR).
 Recordings with nothing planted alternate with the others, and the tables are written anew as cases finish.
 """
 
@@ -97,7 +98,9 @@ def run_trial(trial: dict[str, Any], folder: Path) -> dict[str, Any]:
     name = "+".join(trial["effect"]) if isinstance(trial["effect"], list) else trial["effect"] or NO_EFFECT
     kept = folder / f"{trial['seed']}-{name}-{trial['size']}.json"
     if kept.exists():
-        return dict(json.loads(kept.read_text(encoding="utf-8")))
+        before = dict(json.loads(kept.read_text(encoding="utf-8")))
+        if all(before.get(key) == value for key, value in trial.items()):
+            return before
     planting = _planting()
     effect = tuple(trial["effect"]) if isinstance(trial["effect"], list) else trial["effect"]
     given = {key: trial[key] for key in GIVEN if key in trial}

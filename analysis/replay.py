@@ -27,6 +27,7 @@ from idm_sumo.progress import Progress, silent
 from idm_sumo.recording import Recording
 from idm_sumo.rollout import Trajectories, drive_idm
 from idm_sumo.scenes import Scenes, Window, build_scenes
+from idm_sumo.sight import what_is_seen
 
 from .animation import animate
 from .figures import time_space
@@ -116,15 +117,21 @@ def fit_extended(
 ) -> npt.NDArray[np.float64]:
     """Return the parameters, shape (1, 5), with which one driver of an extended model stays nearest to its recording."""
     span = slice(scenes.start, scenes.start + scenes.window.horizon + 1)
-    lower, upper = np.array(LOWER), np.array(UPPER)
+    lower, upper, seen = np.array(LOWER), np.array(UPPER), what_is_seen(recording, scenes)
 
     def distances(theta: npt.NDArray[np.float64]) -> npt.NDArray[np.float64]:
-        driven = drive_extended(scenes, recording, model, theta, desired_speed=model.desired_speed)
+        driven = drive_extended(scenes, seen, model, theta, desired_speed=model.desired_speed)
         return np.asarray((driven.x - scenes.x[:, span])[0])
 
-    inside = np.clip(start[0], lower + 1e-6, upper - 1e-6)
-    found = least_squares(distances, inside, bounds=(lower, upper), x_scale=upper - lower, max_nfev=200)
-    return np.asarray(found.x)[None]
+    found = []
+    for begin in (start[0], np.array(model.parameters)):
+        inside = np.clip(begin, lower + 1e-6, upper - 1e-6)
+        # Nearly the sum of distances, as the plain fit: squares would favour the end of the horizon.
+        fit = least_squares(
+            distances, inside, bounds=(lower, upper), x_scale=upper - lower, loss="soft_l1", f_scale=0.05, max_nfev=200
+        )
+        found += [inside, fit.x]
+    return np.asarray(min(found, key=lambda theta: float(np.abs(distances(theta)).mean())))[None]
 
 
 def _scene_of(recording: Recording, request: Request) -> Scenes:

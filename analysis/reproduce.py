@@ -15,7 +15,7 @@ from idm_sumo.progress import Progress, silent
 from idm_sumo.rollout import Trajectories, drive_idm
 from idm_sumo.scenes import LEADER_OF_TWIN
 
-from . import agent_figures, agent_words, agents, figures, paper, tables
+from . import agent_figures, agent_words, agents, figures, paper, prediction_figures, prediction_share, tables
 from .drivers import Drive
 from .manifest import manifest, write_manifest
 from .report import render
@@ -47,6 +47,7 @@ class Results:
     other_methods: pd.DataFrame
     backend_difference_m: float
     agents: agents.Agents | None
+    prediction: dict[str, pd.DataFrame]
 
 
 def reproduce(
@@ -98,7 +99,15 @@ def compute(settings: Settings, jobs: int = 1, progress: Progress = silent) -> R
     return Results(
         source, study, _ordered(methods), scores, driven, _ordered(by_features), _ordered(by_frames),
         _ordered(by_neighbours), _ordered(other_methods), _backend_difference(study, driven, settings), learned,
+        _prediction(source, study),
     )  # fmt: skip
+
+
+def _prediction(source: Source, study: Study) -> dict[str, pd.DataFrame]:
+    """Return the tables of what predicting is worth, by the name of their file."""
+    share, coverage = prediction_share.tables(source, study.settings, study.learned)
+    explained = prediction_share.explained(study.learned, study.train_fits, study.train)
+    return {"prediction_share": share, "prediction_coverage": coverage, "prediction_explained": explained}
 
 
 def _agents(study: Study, settings: Settings, progress: Progress) -> agents.Agents | None:
@@ -153,6 +162,8 @@ def _write_tables(results: Results, folder: Path) -> None:
     for name in ("methods", "features", "frames", "neighbours"):
         getattr(results, name).to_csv(folder / f"{name}.csv", index=False, float_format="%.6g")
     results.other_methods.to_csv(folder / "methods_other_start.csv", index=False, float_format="%.6g")
+    for name, table in results.prediction.items():
+        table.to_csv(folder / f"{name}.csv", index=False, float_format="%.6g")
     left_out(results).to_csv(folder / "left_out.csv", index=False)
     fits = pd.concat({"train": results.study.train_fits, "test": results.study.test_fits}, names=["side"])
     fits.reset_index(level=0).to_csv(folder / "oracle.csv", index=False, float_format="%.6g")
@@ -164,7 +175,8 @@ def _write_tables(results: Results, folder: Path) -> None:
             folder / "reward.csv", index=False, float_format="%.6g"
         )
         if not results.agents.learners.curve.empty:
-            results.agents.learners.curve.to_csv(folder / "learning_curve.csv", index=False, float_format="%.6g")
+            curve = results.agents.learners.curve.drop(columns="seconds")  # equal runs give equal tables
+            curve.to_csv(folder / "learning_curve.csv", index=False, float_format="%.6g")
 
 
 def left_out(results: Results) -> pd.DataFrame:
@@ -191,6 +203,7 @@ def _write_figures(results: Results, folder: Path) -> None:
     save(figures.oracle_parameters(fits), folder / "oracle_parameters.png")
     save(figures.error_growth(study, results.driven), folder / "error_growth.png")
     save(figures.flat_directions(tables.flat_directions(study)), folder / "flat_directions.png")
+    save(prediction_figures.fan(study), folder / "prediction_fan.png")
     part, which = _median_driver(results)
     chosen = {name: trajectories[part] for name, trajectories in results.driven.items()}
     save(figures.time_space(study.test.scenes[part], which, chosen), folder / "time_space.png")
@@ -227,7 +240,7 @@ def _write_report(results: Results, part: Path) -> None:
         frames=tables.beside_paper(results.frames[["frames", *COLUMNS_FIRST]], paper.FRAMES, "frames"),
         neighbours=results.neighbours[["k", *COLUMNS_FIRST]],
         other_methods=results.other_methods[["method", *COLUMNS_FIRST]],
-        quality=results.methods[QUALITY], at_bound=tables.at_bound(results.study), accounts=left_out(results),
+        quality=results.methods[QUALITY], **results.prediction, at_bound=tables.at_bound(results.study), accounts=left_out(results),
         frame_start=max(settings.frame_counts), **_agent_section(results), **describe(results),
     )  # fmt: skip
 

@@ -12,11 +12,12 @@ import pandas as pd
 from idm_sumo.calibration import Population, calibrate, hierarchical, pooled
 from idm_sumo.driving_code import FEATURES, features_of
 from idm_sumo.idm import IDMParameters
-from idm_sumo.prediction import KNNPredictor, average_parameters, first_gap_parameters
+from idm_sumo.prediction import KNNPredictor, average_parameters, first_gap_parameters, first_second
 from idm_sumo.progress import Progress, silent
 from idm_sumo.scenes import Window
 
 from .drivers import Drivers
+from .prediction_share import Learned, learn
 from .settings import Settings
 from .source import Source
 
@@ -38,6 +39,8 @@ class Study:
         The one set that minimises the training drivers' mean ADE.
     population : Population
         What the training drivers say of drivers at large.
+    learned : Learned
+        The predictor that was fitted through the rollout, and its windows.
     drawn_fits : pandas.DataFrame
         Test drivers fitted to their whole window and drawn to that population.
     excluded : pandas.DataFrame
@@ -51,6 +54,7 @@ class Study:
     test_fits: pd.DataFrame
     pooled: IDMParameters
     population: Population
+    learned: Learned
     drawn_fits: pd.DataFrame
     excluded: pd.DataFrame
 
@@ -95,8 +99,9 @@ def prepare(source: Source, settings: Settings, window: Window, progress: Progre
     progress("calibration", 4, 5)
     drawn_fits, _ = hierarchical(test.scenes, population=population, desired_speed=settings.desired_speed)
     progress("calibration", 5, 5)
+    learned = learn(source, settings, window)
     excluded = pd.concat([excluded_train, excluded_test], ignore_index=True)
-    return Study(settings, train, test, train_fits, test_fits, one_for_all, population, drawn_fits, excluded)
+    return Study(settings, train, test, train_fits, test_fits, one_for_all, population, learned, drawn_fits, excluded)
 
 
 def _fits(drivers: Drivers, settings: Settings) -> pd.DataFrame:
@@ -113,6 +118,7 @@ def predictions(study: Study) -> dict[str, Floats]:
     n = len(study.test)
     first_gap = [first_gap_parameters(scenes, study.pooled) for scenes in study.test.scenes]
     one_for_all = np.tile(study.pooled, (n, 1))
+    first_seconds = pd.concat([first_second(scenes, s.observed) for scenes in study.test.scenes])
 
     def or_pooled(fits: pd.DataFrame) -> Floats:
         """Return the fits; a driver whose fit failed keeps the pooled parameters, its status says so."""
@@ -122,6 +128,7 @@ def predictions(study: Study) -> dict[str, Floats]:
     return {
         "idm_average": np.tile(average_parameters(theta), (n, 1)),
         "idm_prediction": study.neighbours(seen, s.neighbours),
+        "idm_rollout": study.learned.predictor.predict(first_seconds),
         "idm_first_gap": np.concatenate(first_gap),
         "idm_pooled": one_for_all,
         "idm_typical": np.tile(study.population.typical(), (n, 1)),

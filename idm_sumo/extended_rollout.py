@@ -76,14 +76,18 @@ class Body(NamedTuple):
 
 
 def set_out(
-    scenes: Scenes, recording: Recording, model: ExtendedModel, parameters: npt.ArrayLike, desired_speed: npt.ArrayLike
+    scenes: Scenes,
+    recording: Recording | tuple[Others, Twin],
+    model: ExtendedModel,
+    parameters: npt.ArrayLike,
+    desired_speed: npt.ArrayLike,
 ) -> tuple[Minds, Road, Body]:
     """Return drivers, road and vehicles at the start.
 
     Parameters
     ----------
     scenes : Scenes
-    recording : Recording
+    recording : Recording, or what :func:`idm_sumo.sight.what_is_seen` returns of it
         The period they were cut from.
     model : ExtendedModel
     parameters : array_like, shape (windows, 5) or (5,)
@@ -92,7 +96,7 @@ def set_out(
         m/s.
     """
     n, t = len(scenes), scenes.traffic
-    others, twin = what_is_seen(recording, scenes)
+    others, twin = what_is_seen(recording, scenes) if isinstance(recording, Recording) else recording
     lanes = np.minimum(scenes.lane, road.MAIN_LANES)
     rows = scenes.start + scenes.window.horizon + 1
     minds = Minds(
@@ -113,7 +117,7 @@ def set_out(
 
 def drive_extended(
     scenes: Scenes,
-    recording: Recording,
+    recording: Recording | tuple[Others, Twin],
     model: ExtendedModel,
     parameters: npt.ArrayLike,
     *,

@@ -132,6 +132,13 @@ def test_commands(settings: Settings, tmp_path: Path, capsys: pytest.CaptureFixt
     assert (folder / "learning_curve.png").is_file()
     main(["irl", "evaluate", recording, "--agents", str(folder), "-o", str(tmp_path / "scores.csv")])
     assert pd.read_csv(tmp_path / "scores.csv")["method"].tolist() == ["irl_rl", "behaviour_cloning"]
+    main(
+        ["reproduce", recording, "--quick", "--backend", "kernel", "--agents", str(folder), "-o", str(tmp_path / "out")]
+    )
+    methods = pd.read_csv(tmp_path / "out" / "tables" / "methods.csv").set_index("method")
+    assert list(methods.index[:3]) == ["constant_velocity", "irl_rl", "behaviour_cloning"]
+    assert methods.loc["irl_rl", ["ade_m", "fde_m", "collisions", "vehicles", "jerk_rms_m_s3"]].notna().all()
+    assert "short training" in (tmp_path / "out" / "report.html").read_text(encoding="utf-8")
     capsys.readouterr()
     with pytest.raises(SystemExit) as stopped:
         main([*train, "--agent-steps", "12800"])

@@ -16,7 +16,7 @@ from idm_sumo.idm import TEXTBOOK
 from tests.ngsim_files import official
 from tests.platoons import platoon_recording
 
-METHODS = ["constant_velocity", "idm_average", "idm_prediction", "idm_first_gap", "idm_pooled", "idm_typical",
+METHODS = ["constant_velocity", "idm_average", "idm_prediction", "idm_rollout", "idm_first_gap", "idm_pooled", "idm_typical",
            "idm_hierarchical", "idm_oracle"]  # fmt: skip
 
 
@@ -38,7 +38,7 @@ def drivers(recording: Path) -> Path:
 def study(recording: Path) -> Path:
     """The tables of a quick run in SUMO."""
     out = recording.with_name("study")
-    main(["reproduce", str(recording), "-o", str(out), "--quick"])
+    main(["reproduce", str(recording), "-o", str(out), "--quick", "--no-agents"])
     return out
 
 
@@ -105,6 +105,20 @@ def test_predict_from_first_frames(recording: Path, drivers: Path, tmp_path: Pat
     assert (table["status"] != "ok").sum() == 2 * 4  # the platoons' first cars see nobody
 
 
+def test_predict_through_the_rollout(recording: Path, drivers: Path, tmp_path: Path) -> None:
+    main(["predict", str(recording), "--method", "rollout", "--drivers", str(drivers), "-o", str(tmp_path / "p.parquet")])
+    table = pd.read_parquet(tmp_path / "p.parquet")
+    assert len(table) == 2 * 24
+    assert (table["T_low"] <= table["T"]).all()
+    assert (table["status"] == "population: no leader seen").sum() == 2 * 4
+
+
+def test_neighbours_need_calibrated_drivers(
+    recording: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    assert "--drivers" in refused(["predict", str(recording), "-o", str(tmp_path / "p.csv")], capsys)
+
+
 @pytest.mark.parametrize("backend", ["sumo", "kernel"])
 def test_replay_leaves_trajectory_and_animation(recording: Path, tmp_path: Path, backend: str) -> None:
     out = tmp_path / "replay"
@@ -151,7 +165,7 @@ def test_export_refuses_impossible_drivers(drivers: Path, tmp_path: Path, capsys
 
 def test_reproduce_writes_the_interface_and_repeats(recording: Path, study: Path, tmp_path: Path) -> None:
     first, second = study, tmp_path / "second"
-    main(["reproduce", str(recording), "-o", str(second), "--quick"])
+    main(["reproduce", str(recording), "-o", str(second), "--quick", "--no-agents"])
     methods = pd.read_csv(first / "tables" / "methods.csv")
     assert list(methods["method"]) == METHODS
     assert list(methods.columns[:7]) == ["method", "ade_m", "ade_se_m", "fde_m", "fde_se_m", "collisions", "vehicles"]
@@ -170,7 +184,7 @@ def test_reproduce_writes_the_interface_and_repeats(recording: Path, study: Path
 
 
 def test_sumo_and_kernel_give_the_same_table(recording: Path, study: Path, tmp_path: Path) -> None:
-    main(["reproduce", str(recording), "-o", str(tmp_path / "kernel"), "--quick", "--backend", "kernel"])
+    main(["reproduce", str(recording), "-o", str(tmp_path / "kernel"), "--quick", "--no-agents", "--backend", "kernel"])
     sumo, kernel = (
         pd.read_csv(folder / "tables" / "methods.csv").set_index("method") for folder in (study, tmp_path / "kernel")
     )
@@ -183,7 +197,7 @@ def test_a_later_run_replaces_an_earlier_result_but_nothing_else(
     out = tmp_path / "mine"
     out.mkdir()
     (out / "thesis.tex").write_text("years of work")
-    line = refused(["reproduce", str(recording), "-o", str(out), "--quick"], capsys)
+    line = refused(["reproduce", str(recording), "-o", str(out), "--quick", "--no-agents"], capsys)
     assert str(out) in line
     assert (out / "thesis.tex").read_text() == "years of work"
 

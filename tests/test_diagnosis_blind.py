@@ -70,7 +70,7 @@ def test_a_seam_between_cameras_is_found_and_nothing_else_jumps(tmp_path):
 
 
 def test_too_few_drivers_say_nothing(tmp_path):
-    recording = hidden(tmp_path, 15, None, drivers=60, minutes=2.0)
+    recording = hidden(tmp_path, 15, None, drivers=120, minutes=2.5)
     few = recording.table[c.VEHICLE].unique()[:10]
     found = diagnose(
         recording.with_table(recording.table[np.isin(recording.table[c.VEHICLE], few)].reset_index(drop=True))

@@ -10,7 +10,11 @@ from idm_sumo.cli import options as shared
 from idm_sumo.cli.console import note, progress_bar, say, text_table
 
 if TYPE_CHECKING:
+    from collections.abc import Callable
+
     import pandas as pd
+
+    from idm_sumo.scenes import Scenes
 
 
 def add(commands: Any) -> None:
@@ -29,10 +33,15 @@ def add(commands: Any) -> None:
                         help="gauss-newton: fast, exact derivatives (default); l-bfgs-b: the paper's")  # fmt: skip
     shared.output_argument(parser, "FILE", ".parquet or .csv, one row a driver")
 
-    parser = shared.command(commands, "predict", predict, "predict IDM parameters from the first observed frames (KNN on the driving code)",
+    parser = shared.command(commands, "predict", predict, "predict IDM parameters from the first observed frames",
                             "idm-sumo predict RECORDING --drivers drivers.parquet -o predicted.parquet")  # fmt: skip
     shared.recording_argument(parser)
-    parser.add_argument("--drivers", type=Path, required=True, metavar="FILE", help="calibrated drivers to learn from")
+    parser.add_argument("--method", choices=("knn", "rollout"), default="knn",
+                        help="knn: the paper's, average the calibrated neighbours (default); rollout: weights fitted to drive the "
+                        "RECORDING right, with spread; a driver is left out of what predicts it")  # fmt: skip
+    parser.add_argument(
+        "--drivers", type=Path, metavar="FILE", help="calibrated drivers to learn from (rollout: all of RECORDING without)"
+    )
     parser.add_argument(
         "--period", action="append", metavar="LABEL", help="only this recording period; may be repeated"
     )
@@ -99,23 +108,42 @@ def predict(options: argparse.Namespace) -> None:
     import pandas as pd
 
     from idm_sumo.departures import departures
-    from idm_sumo.driver_table import read_drivers
-    from idm_sumo.prediction import predict_drivers
 
-    library = read_drivers(options.drivers)
+    foresee = _through_rollout(options) if options.method == "rollout" else _neighbours(options)
     scenes, left_out = shared.scenes_of(options, shared.window_of(options))
-    predicted = [
-        _beside(
-            predict_drivers(one, library, observed=options.observed, neighbours=options.neighbours), departures(one)
-        )
-        for one in scenes
-    ]
+    predicted = [_beside(foresee(one), departures(one)) for one in scenes]
     table = pd.concat(predicted, ignore_index=True)
     write(table, options.output)
     for reason, count in left_out.items():
         note(f"{count} vehicles not predicted: {reason}")
     statuses = ", ".join(f"{count} {status}" for status, count in table["status"].value_counts().items())
     say(f"{len(table)} drivers; status: {statuses}", f"wrote {options.output}")
+
+
+def _neighbours(options: argparse.Namespace) -> Callable[[Scenes], pd.DataFrame]:
+    """Return the paper's prediction."""
+    from idm_sumo.driver_table import read_drivers
+    from idm_sumo.errors import InputError
+    from idm_sumo.prediction import predict_drivers
+
+    if options.drivers is None:
+        raise InputError("--drivers: the neighbours need calibrated drivers; `idm-sumo calibrate RECORDING -o FILE` writes them")
+    library = read_drivers(options.drivers)
+    return lambda scenes: predict_drivers(scenes, library, observed=options.observed, neighbours=options.neighbours)
+
+
+def _through_rollout(options: argparse.Namespace) -> Callable[[Scenes], pd.DataFrame]:
+    """Learn from the recording; return the prediction."""
+    from idm_sumo.driver_table import read_drivers
+    from idm_sumo.prediction import RolloutPredictor
+    from idm_sumo.prediction.driver_prediction import LEARNING_STEP, drivers_of, predict_through_rollout
+    from idm_sumo.scenes import Window
+
+    training, _ = shared.scenes_of(options, Window(observed=options.observed, every=LEARNING_STEP))
+    if options.drivers is not None:
+        training = drivers_of(training, read_drivers(options.drivers))
+    predictor = RolloutPredictor(seed=options.seed).fit(training)
+    return lambda scenes: predict_through_rollout(scenes, predictor)
 
 
 def _beside(table: pd.DataFrame, *more: pd.DataFrame) -> pd.DataFrame:

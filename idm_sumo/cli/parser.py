@@ -47,6 +47,13 @@ def build_parser() -> argparse.ArgumentParser:
     )
     parser.add_argument("--version", action="version", version=f"idm-sumo {idm_sumo.__version__}")
     commands = parser.add_subparsers(title="commands", metavar="COMMAND", required=True, parser_class=OneLineParser)
-    for module in (recording_commands, driver_commands, study_commands, closed_loop_commands, diagnosis_commands, irl_commands):
+    for module in (
+        recording_commands,
+        driver_commands,
+        study_commands,
+        closed_loop_commands,
+        diagnosis_commands,
+        irl_commands,
+    ):
         module.add(commands)
     return parser

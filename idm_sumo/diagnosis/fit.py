@@ -171,11 +171,3 @@ def for_others(windows: Windows, fit: Fit, *, rounds: int = 4) -> Fit:
     for _ in range(rounds):
         fit = improve(windows, fit, hyper=False, new_mean=False)
     return fit
-
-
-def deviance(windows: Windows, fit: Fit) -> float:
-    """Return the residuals' generalised sum of squares with the drivers' prior: smaller is better."""
-    line = linearise(windows, fit)
-    (left,) = gls.whiten(line.covariance, (windows.target - line.simulated)[:, :, None])
-    deviation = fit.own - fit.mean
-    return float((left**2).sum() + np.einsum("ip,pq,iq->", deviation, np.linalg.inv(fit.spread), deviation))

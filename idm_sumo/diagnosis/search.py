@@ -9,7 +9,7 @@ import numpy.typing as npt
 
 from idm_sumo.diagnosis import evidence as ev
 from idm_sumo.diagnosis import hypotheses as hy
-from idm_sumo.diagnosis.fit import Fit, deviance, improve
+from idm_sumo.diagnosis.fit import Fit, fit_drivers, improve
 from idm_sumo.diagnosis.gain import compare, errors
 from idm_sumo.diagnosis.hypotheses import Candidate
 from idm_sumo.effects import BY_NAME
@@ -25,9 +25,8 @@ CLEAR = 5.0  # standard errors that a further cause needs, beside its share of t
 FURTHER_SHARE = 0.06  # of the first cause's squared z, for a further one: less is what its shape leaves over
 LEAST_GAIN = 0.004  # of the ADE, on the drivers that fit
 CLOSE = 0.3  # of the best's squared z: from there on causes are refitted and compared
-DELAYS = (0.15, 0.35, 0.7)  # s
-RIVAL = 0.85  # of the chosen cause's squared z: from there on another says as much
-SETTLED = 1.3  # times: a cause whose z is that far below a rival's was chosen by the refit, clearly
+DELAYS = (0.2, 0.45, 0.8)  # s
+RIVAL = 1.003  # times the least ADE: a refitted cause that leaves no more cannot be told apart
 FREE_EXCESS = 1.5  # times the best cause's squared z: from there on a free field says the catalogue does not hold it
 FREE_CLEAR = 7.0  # standard errors of a free field
 
@@ -112,35 +111,38 @@ def _next(
         open_ = [c for c in open_ if c.z**2 > needed]
     if not open_:
         return None
-    chosen, model = _best_refit(subject, fit, open_, hy.candidates(evidence), used)
-    rivals = tuple(c.name for c in open_ if c.name != chosen.name and c.z**2 > RIVAL * chosen.z**2 and len(open_) > 1)
+    chosen, model, rivals = _best_refit(subject, fit, open_, hy.candidates(evidence), used)
     before, after = errors(subject.windows, fit).ade_m, errors(subject.windows, model).ade_m
     gain = compare("ade_m", before, after, subject.windows.platoon, rng, held_out=False)
     if gain.difference < LEAST_GAIN * gain.base or gain.ci95[0] <= 0.0:
         without.append(chosen)
         return _next(subject, fit, evidence, accepted, without, rng)
-    return chosen, model, gain.difference, rivals if chosen.z**2 < SETTLED * max(c.z**2 for c in open_) else ()
+    return chosen, model, gain.difference, rivals
 
 
 def _best_refit(
     subject: ev.Subject, fit: Fit, open_: list[Candidate], every: list[Candidate], used: set[str]
-) -> tuple[Candidate, Fit]:
+) -> tuple[Candidate, Fit, tuple[str, ...]]:
     """Refit the most significant causes, and a delay at several sizes, and return the one that leaves least.
 
     A long delay is far from what is linear near none: its score alone underrates it.
     """
     close = [c for c in open_ if c.z**2 > CLOSE * open_[0].z ** 2][:3]
     delay = next((c for c in every if c.name == "reaction_delay" and c.name not in used), None)
-    if delay is not None and delay.value > 0.0 and delay.p < SIGNIFICANT and delay.z**2 > CLOSE * open_[0].z ** 2:
+    if delay is not None and delay.value > 0.0 and delay.p < SIGNIFICANT:
         close = [c for c in close if c.name != delay.name] + [replace(delay, value=size) for size in DELAYS]
-    models = [refitted(subject, with_cause(fit, c), rounds=4) for c in close]
+    models = [
+        fit_drivers(subject.windows, with_cause(fit, c).by_lane, fit.start_variance, rounds=6)
+        if c.name == "reaction_delay"  # from scratch: drivers fitted without a delay are far from those with one
+        else refitted(subject, with_cause(fit, c))
+        for c in close
+    ]
     if len(models) == 1:
-        return close[0], models[0]
-    # The same covariance and weights for all, or they would not compare.
-    same = {"residual": fit.residual, "weight": fit.weight, "spread": fit.spread}
-    costs = [deviance(subject.windows, replace(model, **same)) for model in models]
-    best = int(np.argmin(costs))
-    return close[best], models[best]
+        return close[0], models[0], ()
+    left = np.array([errors(subject.windows, model).ade_m.mean() for model in models])
+    best = int(np.argmin(left))
+    rivals = {c.name for c, ade in zip(close, left, strict=True) if ade < RIVAL * left[best]} - {close[best].name}
+    return close[best], models[best], tuple(sorted(rivals))
 
 
 def _refined(

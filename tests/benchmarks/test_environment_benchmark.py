@@ -8,16 +8,13 @@ from typing import Any
 import numpy as np
 import pytest
 
-ppo = pytest.importorskip("idm_sumo.irl.ppo", reason="needs the extra rl: pip install 'idm-sumo[rl]'")
-
-from stable_baselines3 import PPO
-
-from idm_sumo.irl.environment import ReplayEnv
 from idm_sumo.irl.features import COUNT
 from idm_sumo.irl.learning import Lessons, lessons_of, train_agent
 from idm_sumo.irl.reward import Reward
 from idm_sumo.scenes import Scenes
 from tests.irl_traffic import busy
+
+ppo = pytest.importorskip("idm_sumo.irl.ppo", reason="needs the extra rl: pip install 'idm-sumo[rl]'")
 
 REWARD = Reward(np.linspace(0.1, 1.0, COUNT), 0.0, 1.0)
 TRAINING = ppo.Training(steps=8 * 128 * 50)
@@ -36,8 +33,12 @@ def lessons(scenes: Scenes) -> Lessons:
     return found
 
 
-def _plain(scenes: Scenes, training: Any) -> PPO:
+def _plain(scenes: Scenes, training: Any) -> Any:
     """Train on one environment with the same network and the same number of passes."""
+    from stable_baselines3 import PPO
+
+    from idm_sumo.irl.environment import ReplayEnv
+
     model = PPO(
         "MlpPolicy", ReplayEnv([scenes], REWARD), n_steps=1600, batch_size=training.batch, n_epochs=training.passes, seed=1,
         device="cpu", policy_kwargs={"net_arch": list(training.hidden)},

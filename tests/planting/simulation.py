@@ -12,6 +12,7 @@ from tests.planting.motion import DT, run
 from tests.planting.plans import MODELS, Plan
 
 WARM_UP = 120.0  # s
+LEAST = 900  # frames: a long road is full from the start
 BEFORE, AFTER = 250.0, 220.0  # m of road outside the recorded section
 Floats = npt.NDArray[np.float64]
 
@@ -32,7 +33,7 @@ class Planted:
 
 
 def simulate(chosen: Plan, *, remember: bool = False) -> Planted:
-    """Simulate a plan. The recording ends early once ``drivers`` vehicles have been on the section.
+    """Simulate a plan. The recording ends early once ``drivers`` vehicles have been on the section (not before 90 s).
 
     ``remember`` keeps what each driver saw, for :func:`tests.planting.truth.achievable`.
     """
@@ -89,6 +90,7 @@ def _ended(p: Planted) -> Planted:
     first = np.where(seen.any(axis=1), seen.argmax(axis=1), p.x.shape[1])
     arrivals = np.sort(first)
     last = int(arrivals[p.plan.drivers]) if p.plan.drivers < len(arrivals) else p.x.shape[1]
+    last = min(max(last, LEAST), p.x.shape[1])
     keep = first < last
     order = np.flatnonzero(keep)[np.argsort(first[keep], kind="stable")]
     return Planted(p.plan, p.x[order, :last], p.v[order, :last], p.lane[order, :last], p.length[order], p.kind[order],

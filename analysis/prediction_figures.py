@@ -1,0 +1,55 @@
+"""The fan: where a driver will be, given its first second."""
+
+from __future__ import annotations
+
+import numpy as np
+from matplotlib.figure import Figure
+
+from idm_sumo import road
+from idm_sumo.calibration.hierarchical import to_parameters
+from idm_sumo.prediction import Prediction, first_second
+from idm_sumo.prediction.spread import logarithms
+from idm_sumo.rollout import drive_idm
+
+from .study import Study
+from .style import METHOD_COLOURS, RECORDED, new_figure
+
+QUARTILES = (0.25, 0.5, 0.75)
+DRAWN = 20  # rollouts a driver
+
+
+def fan(study: Study) -> Figure:
+    """Draw three test drivers, at the quartiles of the error: intervals, rollouts of drawn parameters, and what was recorded.
+
+    All as distance along the road from the predicted rollout.
+    """
+    scenes, predictor = max(study.test.scenes, key=len), study.learned.predictor
+    found = predictor.predict_with_spread(first_second(scenes))
+    own = slice(scenes.start, scenes.start + scenes.window.horizon + 1)
+    off = scenes.x[:, own] - drive_idm(scenes, found.theta).x
+    order = np.argsort(np.abs(off).mean(axis=1), kind="stable")
+    figure, axes = new_figure(9.0, 3.4, columns=len(QUARTILES))
+    for ax, q in zip(axes, QUARTILES, strict=True):
+        which = order[[round(q * (len(order) - 1))]]
+        one = scenes.subset(which)
+        prediction = Prediction(found.theta[which], found.covariance[which], found.status[which])
+        scale, time = predictor.scale(one, prediction)[0], road.FRAME_STEP * np.arange(off.shape[1])
+        for share, alpha in ((0.9, 0.18), (0.5, 0.3)):
+            low, high = predictor.noise_.interval(share, scale)
+            ax.fill_between(time[1:], low, high, color=METHOD_COLOURS["idm_rollout"], alpha=alpha, linewidth=0,
+                            label=f"{share:.0%}")  # fmt: skip
+        for path in _drawn(one, prediction):
+            ax.plot(time, path, color=METHOD_COLOURS["idm_rollout"], linewidth=0.5, alpha=0.5)
+        ax.plot(time, off[which[0]], color=RECORDED, label="recorded")
+        ax.set(xlabel="time (s)", title=f"vehicle {one.vehicle[0]}")
+    axes[0].set_ylabel("ahead of the predicted rollout (m)")
+    axes[0].legend(frameon=False)
+    return figure
+
+
+def _drawn(one, prediction):  # type: ignore[no-untyped-def]
+    """Return positions of rollouts with parameters drawn from the prediction, less the predicted one."""
+    rng = np.random.default_rng(0)
+    u = rng.multivariate_normal(logarithms(prediction.theta)[0], prediction.covariance[0], DRAWN)
+    many = one.subset(np.zeros(DRAWN, dtype=np.int64))
+    return drive_idm(many, to_parameters(u)).x - drive_idm(one, prediction.theta).x

@@ -1,0 +1,68 @@
+"""A table of drivers predicted through the rollout: parameters, their spread, and what they are based on."""
+
+from __future__ import annotations
+
+import numpy as np
+import pandas as pd
+from scipy.stats import norm
+
+from idm_sumo import columns as c
+from idm_sumo.calibration.hierarchical import SHIFT
+from idm_sumo.errors import InputError
+from idm_sumo.idm import LOWER, UPPER, IDMParameters
+from idm_sumo.prediction.observation import first_second
+from idm_sumo.prediction.rollout_predictor import RolloutPredictor
+from idm_sumo.prediction.spread import logarithms
+from idm_sumo.scenes import Scenes
+
+LEARNING_STEP = 30  # frames between the windows that are learned from
+LIKELY = 0.9  # of the drivers lie between the columns `*_low` and `*_high`
+
+
+def predict_through_rollout(scenes: Scenes, predictor: RolloutPredictor) -> pd.DataFrame:
+    """Predict the drivers of ``scenes`` from their first frames.
+
+    Parameters
+    ----------
+    scenes : Scenes
+    predictor : RolloutPredictor
+        Fitted. A driver it was fitted to is predicted by the fold that left it out.
+
+    Returns
+    -------
+    pandas.DataFrame
+        ``period, vehicle, first_frame, a, b, T, d0, d1, status, based_on``, the ends of the
+        90 % interval of every parameter (``a_low, a_high``, ...) and the first second.
+    """
+    prediction = predictor.predict_left_out(scenes)
+    table = pd.DataFrame({c.PERIOD: scenes.period, c.VEHICLE: scenes.vehicle, "first_frame": scenes.first_frame})
+    table[list(IDMParameters._fields)] = prediction.theta
+    table["status"] = prediction.status
+    table["based_on"] = (
+        f"{scenes.window.observed} frames, fit through the rollout of {predictor.windows_} windows of "
+        f"{predictor.drivers_} drivers"
+    )
+    half = norm.ppf(0.5 + 0.5 * LIKELY) * np.sqrt(np.einsum("njj->nj", prediction.covariance))
+    middle = logarithms(prediction.theta)
+    for end, sign in (("low", -1.0), ("high", 1.0)):
+        limit = np.clip(np.exp(middle + sign * half) - SHIFT, np.array(LOWER), np.array(UPPER))
+        table[[f"{name}_{end}" for name in IDMParameters._fields]] = limit
+    return table.join(first_second(scenes))
+
+
+def drivers_of(scenes: list[Scenes], table: pd.DataFrame) -> list[Scenes]:
+    """Return the windows of the drivers that a driver table names.
+
+    Raises
+    ------
+    InputError
+        If none of them is in the scenes.
+    """
+    keys = pd.MultiIndex.from_frame(table[[c.PERIOD, c.VEHICLE]].astype({c.PERIOD: str}))
+    found = []
+    for one in scenes:
+        own = pd.MultiIndex.from_arrays([np.full(len(one), one.period), one.vehicle])
+        found.append(one.subset(np.asarray(own.isin(keys))))
+    if not sum(map(len, found)):
+        raise InputError("--drivers: none of its drivers is in the recording; use `--method knn`, or leave it out")
+    return [one for one in found if len(one)]

@@ -1,0 +1,262 @@
+"""Parameters predicted from one second by weights that were fitted through the rollout."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from typing import NamedTuple
+
+import numpy as np
+import numpy.typing as npt
+import pandas as pd
+from sklearn.base import BaseEstimator
+from sklearn.utils.validation import check_is_fitted
+
+from idm_sumo import road
+from idm_sumo.calibration import pooled
+from idm_sumo.calibration.hierarchical import SHIFT
+from idm_sumo.calibration.kernel import from_search, sensitivities, slopes_at, to_search
+from idm_sumo.calibration.pooled import usable_windows
+from idm_sumo.calibration.problem import Problem, only, prepare
+from idm_sumo.errors import InputError
+from idm_sumo.idm import IDMParameters
+from idm_sumo.prediction import basis
+from idm_sumo.prediction.noise import ResidualNoise
+from idm_sumo.prediction.observation import COLUMNS, first_second
+from idm_sumo.prediction.spread import remaining_covariance
+from idm_sumo.prediction.through_rollout import at, fit_weights
+from idm_sumo.scenes import Scenes
+
+Floats = npt.NDArray[np.float64]
+Integers = npt.NDArray[np.int64]
+
+OK, NO_LEADER, ONE_FRAME, STANDING, OUTSIDE, FEW = (
+    "ok", "population: no leader seen", "population: one frame only", "population: standing",
+    "population: outside the training range", "population: too few training drivers",
+)  # fmt: skip
+STANDING_SPEED = 0.5  # m/s
+FURTHEST = 3.0  # standard deviations: a standardised value counts as this at most
+OUTSIDE_MARGIN = 0.25  # of the training range, beyond its ends
+FEWEST_DRIVERS = 10
+SPREAD_WINDOWS = 600  # that the remaining covariance is learnt from
+NOISE = 0.2  # m, times the root of the seconds: what positions are uncertain by even if the parameters were known
+
+
+class Prediction(NamedTuple):
+    """What is foreseen of drivers.
+
+    Attributes
+    ----------
+    theta : float64, shape (drivers, 5)
+        ``a, b, T, d0, d1``.
+    covariance : float64, shape (drivers, 5, 5)
+        Of ``log(a, b, T, d0, d1 + 1 m)`` about them.
+    status : str, shape (drivers,)
+        "ok", or why it is the population's.
+    """
+
+    theta: Floats
+    covariance: Floats
+    status: npt.NDArray[np.str_]
+
+
+class RolloutPredictor(BaseEstimator):  # type: ignore[misc]
+    """IDM parameters linear in functions of the first second, fitted to drive right (not to look like fitted parameters).
+
+    Parameters
+    ----------
+    ridge : float
+        How strongly drivers are drawn to the pooled one.
+    folds : int
+        In which drivers are left out in turn, to learn how far the prediction is off.
+    desired_speed : float
+        m/s.
+    seed : int
+        Of the folds.
+
+    Attributes
+    ----------
+    pooled_ : IDMParameters
+    weights_ : float64, shape (29, 5)
+        From the constant and standardised features to search coordinates.
+    covariance_, population_covariance_ : float64, shape (5, 5)
+        What remains unknown of a driver after its first second, and without it.
+    noise_ : ResidualNoise
+        Of positions of drivers that were left out.
+    drivers_, windows_ : int
+        Learned from.
+    """
+
+    def __init__(
+        self, ridge: float = 0.03, folds: int = 5, desired_speed: float = road.SPEED_LIMIT, seed: int = 1
+    ) -> None:
+        self.ridge = ridge
+        self.folds = folds
+        self.desired_speed = desired_speed
+        self.seed = seed
+
+    def fit(self, scenes: Scenes | Sequence[Scenes], y: None = None) -> RolloutPredictor:
+        """Learn from the windows of training drivers, best several a driver (``Window(every=20)``).
+
+        Raises
+        ------
+        InputError
+            If no window can be driven.
+        """
+        every = _driveable([scenes] if isinstance(scenes, Scenes) else list(scenes), self.desired_speed)
+        problems = [prepare(one, desired_speed=self.desired_speed) for one in every]
+        codes = [first_second(one)[list(COLUMNS)].to_numpy(np.float64) for one in every]
+        driver, self.keys_ = _drivers(every)
+        self.drivers_, self.windows_ = int(driver.max()) + 1, len(driver)
+        self.pooled_: IDMParameters = pooled(every, desired_speed=self.desired_speed)
+        self.center_ = to_search(np.asarray(self.pooled_))
+        self._standardise(np.concatenate(codes))
+        features = [self._features(code) for code in codes]
+        self.weights_ = self._fit_weights(problems, features)
+        parts = np.split(driver, np.cumsum([len(one) for one in every])[:-1])
+        left_out = self._left_out(problems, features, parts)
+        self._learn_spread(problems, left_out)
+        return self
+
+    def predict(self, X: pd.DataFrame | npt.ArrayLike) -> Floats:
+        """Return the parameters, shape ``(drivers, 5)``, of drivers with these first seconds (``first_second``)."""
+        code = self._codes(X)
+        theta = from_search(at(self.center_, self._features(code), self.weights_))
+        return np.asarray(np.where(self._known(code)[:, None], theta, np.asarray(self.pooled_)))
+
+    def predict_with_spread(self, X: pd.DataFrame | npt.ArrayLike) -> Prediction:
+        """Return parameters, how uncertain they are, and which drivers get the population's and why."""
+        code = self._codes(X)
+        status = self.status(code)
+        known = (status == OK)[:, None, None]
+        return Prediction(self.predict(code), np.where(known, self.covariance_, self.population_covariance_), status)
+
+    def predict_left_out(self, scenes: Scenes) -> Prediction:
+        """Return the same for scenes whose drivers may be among the training ones: each by weights that have not seen it."""
+        code = first_second(scenes)
+        prediction = self.predict_with_spread(code)
+        own = pd.MultiIndex.from_arrays([np.full(len(scenes), scenes.period), scenes.vehicle])
+        number = self.keys_.get_indexer(own)
+        fold = np.where(number >= 0, self.fold_of_driver_[number], -1)
+        features, theta = self._features(self._codes(code)), prediction.theta.copy()
+        for k, weights in enumerate(self.fold_weights_):
+            mine = (fold == k) & (prediction.status == OK)
+            theta[mine] = from_search(at(self.center_, features[mine], weights))
+        return prediction._replace(theta=theta)
+
+    def status(self, X: pd.DataFrame | npt.ArrayLike) -> npt.NDArray[np.str_]:
+        """Return "ok", or why a driver is given the population's parameters."""
+        code = self._codes(X)
+        reasons = self._reasons(code)
+        return np.asarray(np.select(list(reasons.values()), list(reasons), default=OK), dtype=np.str_)
+
+    def scale(self, scenes: Scenes, prediction: Prediction) -> Floats:
+        """Return how uncertain (m) the positions are, shape ``(windows, horizon)``: what :attr:`noise_` multiplies.
+
+        The spread of the parameters through the rollout's derivatives, and noise that grows with the root of time.
+        """
+        problem = prepare(scenes, desired_speed=self.desired_speed)
+        return _scale(problem, prediction.theta, prediction.covariance)
+
+    def _codes(self, X: pd.DataFrame | npt.ArrayLike) -> Floats:
+        check_is_fitted(self)
+        if isinstance(X, pd.DataFrame):
+            if absent := [name for name in COLUMNS if name not in X.columns]:
+                raise InputError(f"first second has no column {absent[0]!r}; make it with `first_second`")
+            X = X[list(COLUMNS)]
+        code = np.asarray(X, dtype=np.float64)
+        if code.ndim != 2 or code.shape[1] != len(COLUMNS):
+            raise InputError(f"first second: shape {code.shape}, needed is (drivers, {len(COLUMNS)})")
+        return code
+
+    def _standardise(self, code: Floats) -> None:
+        """Remember what is usual and how far the training drivers went."""
+        usual = np.isfinite(code[:, 1]) & np.isfinite(code[:, 3])
+        values = basis.plain(code[usual], self.pooled_, self.desired_speed)
+        self.mean_, self.deviation_ = values.mean(axis=0), np.maximum(values.std(axis=0), 1e-6)
+        more = basis.expand(self._standard(values))
+        self.more_mean_, self.more_deviation_ = more.mean(axis=0), np.maximum(more.std(axis=0), 1e-6)
+        low, high = np.nanmin(code[usual], axis=0), np.nanmax(code[usual], axis=0)
+        margin = OUTSIDE_MARGIN * (high - low)
+        self.range_ = np.stack([low - margin, high + margin])
+
+    def _standard(self, values: Floats) -> Floats:
+        return np.asarray(np.clip((values - self.mean_) / self.deviation_, -FURTHEST, FURTHEST))
+
+    def _features(self, code: Floats) -> Floats:
+        """Return the constant and the standardised features; a driver without a leader has none."""
+        more = basis.expand(self._standard(basis.plain(code, self.pooled_, self.desired_speed)))
+        more = np.clip((more - self.more_mean_) / self.more_deviation_, -FURTHEST, FURTHEST)
+        return np.column_stack([np.ones(len(code)), more])
+
+    def _fit_weights(self, problems: list[Problem], features: list[Floats]) -> Floats:
+        if self.drivers_ < FEWEST_DRIVERS:
+            return np.zeros((features[0].shape[1], len(self.center_)))
+        return fit_weights(problems, features, self.center_, self.ridge)
+
+    def _left_out(self, problems: list[Problem], features: list[Floats], driver: list[Integers]) -> list[Floats]:
+        """Return the search coordinates predicted for every training window by models that have not seen its driver."""
+        fold = np.random.default_rng(self.seed).permutation(self.drivers_) % self.folds
+        self.fold_of_driver_: Integers = fold
+        self.fold_weights_: list[Floats] = []
+        found = [np.empty((len(phi), len(self.center_))) for phi in features]
+        for k in range(self.folds):
+            seen = [np.flatnonzero(fold[who] != k) for who in driver]
+            weights = self._fit_weights(
+                [only(p, w) for p, w in zip(problems, seen, strict=True)],
+                [f[w] for f, w in zip(features, seen, strict=True)],
+            )
+            self.fold_weights_.append(weights)
+            for z, phi, who in zip(found, features, driver, strict=True):
+                z[fold[who] == k] = at(self.center_, phi[fold[who] == k], weights)
+        return found
+
+    def _learn_spread(self, problems: list[Problem], left_out: list[Floats]) -> None:
+        """Learn what remains unknown of parameters, then what positions are off by beyond that."""
+        step = max(1, self.windows_ // SPREAD_WINDOWS)
+        few = [only(problem, np.arange(0, len(z), step)) for problem, z in zip(problems, left_out, strict=True)]
+        theta = [from_search(z[::step]) for z in left_out]
+        self.covariance_ = remaining_covariance(few, theta)
+        self.population_covariance_ = remaining_covariance(few, [np.tile(self.pooled_, (len(t), 1)) for t in theta])
+        residuals, scales = [], []
+        for problem, z in zip(problems, left_out, strict=True):
+            errors, _ = sensitivities(problem, z)
+            residuals.append(np.where(problem.counted, -errors, np.nan))
+            scales.append(_scale(problem, from_search(z), self.covariance_))
+        self.noise_ = ResidualNoise.fit(np.concatenate(residuals), np.concatenate(scales))
+
+    def _reasons(self, code: Floats) -> dict[str, npt.NDArray[np.bool_]]:
+        outside = (np.nan_to_num(code) < np.minimum(self.range_[0], 0.0)) | (np.nan_to_num(code) > self.range_[1])
+        return {
+            FEW: np.full(len(code), self.drivers_ < FEWEST_DRIVERS),
+            NO_LEADER: ~np.isfinite(code[:, 1]),
+            ONE_FRAME: ~np.isfinite(code[:, 3]),
+            STANDING: code[:, 0] < STANDING_SPEED,
+            OUTSIDE: outside.any(axis=1),
+        }
+
+    def _known(self, code: Floats) -> npt.NDArray[np.bool_]:
+        return np.asarray(~np.any(list(self._reasons(code).values()), axis=0))
+
+
+def _driveable(every: list[Scenes], desired_speed: float) -> list[Scenes]:
+    found = [one.subset(usable_windows(prepare(one, desired_speed=desired_speed), one)) for one in every]
+    if not sum(map(len, found)):
+        raise InputError("prediction: no training window can be driven; see `idm-sumo inspect` for why")
+    return [one for one in found if len(one)]
+
+
+def _drivers(every: list[Scenes]) -> tuple[Integers, pd.MultiIndex]:
+    """Return the driver of every window, numbered from 0 over all periods, and the drivers' periods and vehicles."""
+    keys = [(one.period, int(vehicle)) for one in every for vehicle in one.vehicle]
+    number, found = pd.factorize(pd.MultiIndex.from_tuples(keys))
+    return np.asarray(number, dtype=np.int64), pd.MultiIndex.from_tuples(list(found))
+
+
+def _scale(problem: Problem, theta: Floats, covariance: Floats) -> Floats:
+    """Return the standard deviation (m) of each position by the parameters' covariance and time."""
+    z = to_search(theta)
+    _, slopes = sensitivities(problem, z)
+    by_log = slopes * ((theta + SHIFT) / slopes_at(z))[:, :, None]
+    spread = np.einsum("njh,njk,nkh->nh", by_log, np.broadcast_to(covariance, (len(z), *covariance.shape[-2:])), by_log)
+    time = road.FRAME_STEP * np.arange(1, problem.target.shape[1] + 1)
+    return np.asarray(np.sqrt(np.maximum(spread, 0.0) + NOISE**2 * time))

@@ -1,0 +1,96 @@
+"""Grades and tables of blind trials."""
+
+from __future__ import annotations
+
+import json
+import math
+
+import pandas as pd
+import pytest
+
+from analysis import campaign
+from analysis.campaign_scores import outcome, scored
+from analysis.campaign_tables import summarise
+
+PLAN = {"underlying": "idm", "noise": "white", "sigma": 0.3, "form": "usual", "density": "congested", "lanes": 4,
+        "place": [200.0, 300.0], "time": [100.0, 200.0]}  # fmt: skip
+
+
+def cause(name, value=0.4, ci95=(0.3, 0.5)):
+    return {"name": name, "parameters": {"size": {"value": value, "unit": "1", "ci95": list(ci95)}}}
+
+
+def trial(group, effects, causes=(), verdict=None, unexplained=(), **more):
+    gain = {"base": 1.0, "extended": 0.9, "difference": 0.1}
+    verdict = verdict or ("named" if causes else "none")
+    found = {"verdict": verdict, "causes": list(causes), "unexplained": list(unexplained), "gain": gain}
+    return {"group": group, "name": "+".join(effects) or "none", "size": "mid", "effects": effects, "found": found,
+            "plan": PLAN, "seed": 1, "seconds": 9.0,
+            "achievable": {"base": 1.0, "extended": 0.8, "drivers": 9} if effects else None, **more}  # fmt: skip
+
+
+SEAM = {"covariate": "position and time", "position_m": [190.0, 310.0], "time_s": [0.0, 400.0]}
+
+
+@pytest.mark.parametrize(
+    ("one", "expected"),
+    [
+        (trial("none", {}), "silent"),
+        (trial("none", {}, verdict="unknown"), "false alarm"),
+        (trial("none", {}, [cause("location")]), "false alarm"),
+        (trial("single", {"location": 0.4}, [cause("location")]), "right"),
+        (trial("single", {"location": 0.4}, [cause("location"), cause("hysteresis")]), "right and more"),
+        (trial("single", {"location": 0.4}, [cause("hysteresis"), cause("location")]), "wrong"),
+        (trial("single", {"location": 0.4}), "silent"),
+        (trial("single", {"location": 0.4}, verdict="unknown"), "unknown"),
+        (trial("pair", {"location": 0.4, "hysteresis": 0.2}, [cause("location")]), "one of two"),
+        (trial("pair", {"location": 0.4, "hysteresis": 0.2}, [cause("location"), cause("hysteresis")]), "right"),
+        (trial("outside", {"distraction": 0.4}, [cause("location")]), "wrong"),
+        (trial("outside", {"distraction": 0.4}, verdict="unknown", unexplained=[SEAM]), "right"),
+        (trial("outside", {"distraction": 0.4}, verdict="unknown", unexplained=[{**SEAM, "position_m": [400.0, 500.0]}]),
+         "unknown, elsewhere"),
+    ],
+)  # fmt: skip
+def test_outcomes(one, expected):
+    assert outcome(one) == expected
+
+
+def test_sizes_and_gains():
+    rows = scored(pd.DataFrame([
+        trial("single", {"location": 0.5}, [cause("location")]), trial("single", {"location": 0.5}), trial("none", {}),
+    ]))  # fmt: skip
+    assert rows["error"][0] == pytest.approx(0.2)
+    assert rows["covered"][0]
+    assert rows["realised"][0] == pytest.approx(0.5)
+    assert rows["gain_class"].tolist() == ["5 % or more", "5 % or more", ""]
+    assert math.isnan(rows["error"][1])
+    assert math.isnan(rows["realised"][1])
+
+
+def test_tables_count_every_trial(tmp_path):
+    trials = [trial("none", {}) for _ in range(3)] + [trial("none", {}, [cause("location")])]
+    trials += [trial("single", {"location": 0.5}, [cause("location")]), trial("single", {"location": 0.5})]
+    summarise(pd.DataFrame(trials), tmp_path)
+    groups = pd.read_csv(tmp_path / "groups.csv").set_index("group")
+    assert groups.loc["none", ["silent", "false alarm", "recordings"]].tolist() == [3, 1, 4]
+    assert groups.loc["none", "good"] == 0.75
+    assert groups.loc["none", "ci95"] == "0.19-0.99"  # exact binomial interval of 3 of 4
+    assert groups.loc["single", "good"] == 0.5
+    assert (tmp_path / "power.png").exists()
+    assert "| location | mid |" in (tmp_path / "README.md").read_text()
+
+
+def test_seeds_do_not_depend_on_how_many_trials_there_are():
+    few, many = campaign.trials(1, 3, 0), campaign.trials(2, 40, 0)
+    assert all(one in many for one in few)
+    assert len({one["seed"] for one in many}) == len(many)
+    assert {one["seed"] for one in many}.isdisjoint(one["seed"] for one in campaign.trials(2, 40, 1))
+
+
+def test_a_finished_case_is_not_run_again(tmp_path, monkeypatch):
+    given = campaign.trials(1, 1, 0)[0]
+    (tmp_path / f"{given['seed']}-none-mid.json").write_text(json.dumps({**given, "kept": True}))
+    monkeypatch.setattr(campaign, "find", lambda *_: pytest.fail("ran again"))
+    assert campaign.run_trial(given, tmp_path)["kept"]
+    with pytest.raises(pytest.fail.Exception, match="ran again"):  # of another size: not the same trial
+        campaign.run_trial({**given, "drivers": 40, "minutes": 0.5}, tmp_path)
