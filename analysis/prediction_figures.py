@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import numpy as np
+import numpy.typing as npt
 from matplotlib.figure import Figure
 
 from idm_sumo import road
@@ -10,6 +11,7 @@ from idm_sumo.calibration.hierarchical import to_parameters
 from idm_sumo.prediction import Prediction, first_second
 from idm_sumo.prediction.spread import logarithms
 from idm_sumo.rollout import drive_idm
+from idm_sumo.scenes import Scenes
 
 from .study import Study
 from .style import METHOD_COLOURS, RECORDED, new_figure
@@ -47,9 +49,9 @@ def fan(study: Study) -> Figure:
     return figure
 
 
-def _drawn(one, prediction):  # type: ignore[no-untyped-def]
+def _drawn(one: Scenes, prediction: Prediction) -> npt.NDArray[np.float64]:
     """Return positions of rollouts with parameters drawn from the prediction, less the predicted one."""
     rng = np.random.default_rng(0)
     u = rng.multivariate_normal(logarithms(prediction.theta)[0], prediction.covariance[0], DRAWN)
     many = one.subset(np.zeros(DRAWN, dtype=np.int64))
-    return drive_idm(many, to_parameters(u)).x - drive_idm(one, prediction.theta).x
+    return np.asarray(drive_idm(many, to_parameters(u)).x - drive_idm(one, prediction.theta).x)

@@ -33,10 +33,10 @@ def _optimal(episodes: Episodes, around: Surroundings, weights: Floats) -> tuple
     n = len(episodes.length)
     control = np.zeros((n, STEPS, 2))
     floor = np.diag(1.0 / np.tile([features.ACCELERATION_SCALE, features.STEERING_SCALE], STEPS) ** 2)
-    for step in range(60):
+    for step in range(30):
         expansion = _expand(control, episodes, around)
         g, h = (np.einsum("k,ik...->i...", weights, part) for part in (expansion.gradient, expansion.hessian))
-        damping = 50.0 * 0.7**step if step < 40 else 0.0
+        damping = 50.0 * 0.5**step if step < 20 else 0.0
         move = np.linalg.solve(-h + damping * floor, g[:, :, None])[:, :, 0].reshape(n, STEPS, 2)
         control = control + np.clip(move, (-0.5, -0.01), (0.5, 0.01))
     assert np.abs(move).max() < 1e-8
