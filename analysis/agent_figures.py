@@ -174,7 +174,7 @@ def _draw_brush(ax: Axes, test: Drivers, driven: list[Trajectories], score: pd.D
         ax.axhline(-lane * road.LANE_WIDTH, color="0.7", linewidth=0.8)
     ax.grid(visible=False)
     ax.set(xlim=(-NEAR, NEAR), ylim=(y - 7, y + 7), aspect="equal", xlabel="along the road (m)", ylabel="y (m)",
-           title=f"nearest brush: {close['clearance_m']:.2f} m, vehicle {scenes.vehicle[i]}, {k * road.FRAME_STEP:.1f} s")  # fmt: skip
+           title=f"nearest without contact: {close['clearance_m']:.2f} m, vehicle {scenes.vehicle[i]}, {k * road.FRAME_STEP:.1f} s")  # fmt: skip
 
 
 def _draw_gap(ax: Axes, test: Drivers, driven: list[Trajectories], score: pd.DataFrame, name: str) -> None:

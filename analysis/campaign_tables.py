@@ -54,7 +54,9 @@ def summarise(trials: pd.DataFrame, folder: Path) -> None:
 def tables(graded: pd.DataFrame) -> dict[str, pd.DataFrame]:
     """Return the tables by their titles."""
     single, none = graded[graded["group"] == "single"], graded[graded["group"] == "none"]
-    by_condition = [counts(single, [key]).rename(columns={key: "condition"}) for key in CONDITIONS]
+    by_condition = [
+        counts(single.assign(of=key, condition=single[key].astype(str)), ["of", "condition"]) for key in CONDITIONS
+    ]
     power = counts(single, ["name", "size"])
     if len(power):
         medians = single.groupby(["name", "size"], sort=False)[["best_gain", "gain"]].median().round(3).reset_index()
@@ -121,7 +123,7 @@ def magnitudes(single: pd.DataFrame) -> pd.DataFrame:
 
 def realised(graded: pd.DataFrame) -> pd.DataFrame:
     """Return the gain on held-out drivers over the true model's, by size."""
-    known = graded.dropna(subset=["realised"])
+    known = graded[graded["outcome"].isin(GOOD)].dropna(subset=["realised"])
     if known.empty:
         return pd.DataFrame()
     both = pd.concat([known, known.assign(size="all")])
@@ -141,8 +143,9 @@ def power_curves(graded: pd.DataFrame) -> Figure:
         share = [float(one.mean()) if len(one) else np.nan for one in groups]
         ax.plot(range(3), share, marker="o", color="black")
         for k, one in enumerate(groups):
-            ax.annotate(f"{int(one.sum())}/{len(one)}", (k, 0.5), ha="center", fontsize=7, color="0.4")
-        ax.set(ylim=(-0.05, 1.05), xticks=range(3), xticklabels=LEVELS)
+            ax.annotate(f"{int(one.sum())} of {len(one)}" if len(one) else "", (k, 0.5), ha="center", fontsize=7)
+        ax.set(xlim=(-0.4, 2.4), ylim=(-0.05, 1.05), xticks=range(3), xticklabels=LEVELS)
+        ax.xaxis.set_tick_params(labelbottom=True)
         ax.set_title(name.replace("_", " "), fontsize=9)
     for ax in list(axes.flat)[len(names) :]:
         ax.axis("off")
