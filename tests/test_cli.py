@@ -106,7 +106,9 @@ def test_predict_from_first_frames(recording: Path, drivers: Path, tmp_path: Pat
 
 
 def test_predict_through_the_rollout(recording: Path, drivers: Path, tmp_path: Path) -> None:
-    main(["predict", str(recording), "--method", "rollout", "--drivers", str(drivers), "-o", str(tmp_path / "p.parquet")])
+    main(
+        ["predict", str(recording), "--method", "rollout", "--drivers", str(drivers), "-o", str(tmp_path / "p.parquet")]
+    )
     table = pd.read_parquet(tmp_path / "p.parquet")
     assert len(table) == 2 * 24
     assert (table["T_low"] <= table["T"]).all()

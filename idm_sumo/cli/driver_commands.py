@@ -40,7 +40,10 @@ def add(commands: Any) -> None:
                         help="knn: the paper's, average the calibrated neighbours (default); rollout: weights fitted to drive the "
                         "RECORDING right, with spread; a driver is left out of what predicts it")  # fmt: skip
     parser.add_argument(
-        "--drivers", type=Path, metavar="FILE", help="calibrated drivers to learn from (rollout: all of RECORDING without)"
+        "--drivers",
+        type=Path,
+        metavar="FILE",
+        help="calibrated drivers to learn from (rollout: all of RECORDING without)",
     )
     parser.add_argument(
         "--period", action="append", metavar="LABEL", help="only this recording period; may be repeated"
@@ -127,7 +130,9 @@ def _neighbours(options: argparse.Namespace) -> Callable[[Scenes], pd.DataFrame]
     from idm_sumo.prediction import predict_drivers
 
     if options.drivers is None:
-        raise InputError("--drivers: the neighbours need calibrated drivers; `idm-sumo calibrate RECORDING -o FILE` writes them")
+        raise InputError(
+            "--drivers: the neighbours need calibrated drivers; `idm-sumo calibrate RECORDING -o FILE` writes them"
+        )
     library = read_drivers(options.drivers)
     return lambda scenes: predict_drivers(scenes, library, observed=options.observed, neighbours=options.neighbours)
 
