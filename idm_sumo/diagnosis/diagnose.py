@@ -79,7 +79,7 @@ def _diagnose(recording: Recording, rng: np.random.Generator, progress: Progress
     clock.append(("fit", time.perf_counter()))
     driver = twins.driver_noise(train, base, measurement, rng, is_smooth=recording.is_smooth)
     subject = ev.Subject(train, measurement, driver, at.grid_of(windows), recording.is_smooth)
-    found = search(subject, base, rng, progress)
+    found = _confirmed(search(subject, base, rng, progress), held)
     clock.append(("search", time.perf_counter()))
     progress("measuring the gain", 0, 1)
     told = _told(recording, windows, held, found, measurement, clock, rng)
@@ -88,6 +88,17 @@ def _diagnose(recording: Recording, rng: np.random.Generator, progress: Progress
         if seam is None
         else replace(told, verdict=NAMED, causes=(statements.seam_cause(seam), *told.causes), unexplained=())
     )
+
+
+def _confirmed(found: Found, held: Windows) -> Found:
+    """Return what was found, its causes without gain if drivers that were never touched are driven no better by them."""
+    if not found.accepted or not len(held.seen):
+        return found
+    base, extended = (errors(held, for_others(held, fit)).ade_m.mean() for fit in (found.base, found.fit))
+    if extended < base:
+        return found
+    there = (*found.without_gain, *(cause.candidate for cause in found.accepted))
+    return replace(found, fit=found.base, accepted=(), without_gain=there)
 
 
 def _split(windows: Windows, rng: np.random.Generator) -> tuple[Windows, Windows]:
