@@ -2,8 +2,8 @@
 
 import numpy as np
 import pytest
-from hypothesis import assume, given, settings
-from hypothesis import strategies as st
+from hypothesis import assume, example, given, settings
+from hypothesis import assume, example, given, settings
 
 from idm_sumo import idm, road
 from idm_sumo.calibration import kernel
@@ -119,12 +119,15 @@ def test_the_leader_is_the_one_ahead_of_where_it_drives_now():
 
 @settings(max_examples=60, deadline=None)
 @given(parameters, st.integers(0, 39), st.sampled_from(sorted(CODES)), st.sampled_from(sorted(LOSSES)))
+@example((6.0, 0.25, 0.109375, 0.109375, 0.0625), 0, "ade", "huber")
 def test_gradients_are_finite_differences(known, theta, driver, objective, loss):
     scenes, _ = known
     problem = prepare(scenes.subset(np.array([driver])), objective=objective, loss=loss)
-    z, h = kernel.to_search(theta)[None], 1e-7  # small: among clips and kinks a rollout bends sharply
+    z = kernel.to_search(theta)[None]
     values, gradient, normal = kernel.costs_and_derivatives(problem, z, 0.1)
     assume(np.isfinite(values).all())
+    # Small: among clips and kinks a rollout bends sharply. Where it is unstable (thousands of metres a unit) smaller still.
+    h = 1e-7 if np.abs(gradient).max() < 100.0 else 1e-9
     steps = h * np.concatenate([np.eye(5), -np.eye(5)])
     around = kernel.costs(problem, (z[:, None] + steps).copy(), 0.1)[0]
     right, left = (around[:5] - values[0]) / h, (values[0] - around[5:]) / h
