@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 from hypothesis import assume, example, given, settings
-from hypothesis import assume, example, given, settings
+from hypothesis import strategies as st
 
 from idm_sumo import idm, road
 from idm_sumo.calibration import kernel
