@@ -28,13 +28,13 @@ def damped(normal, damping):
 
 
 @given(st.integers(0, 10_000), st.sampled_from([0.0, 0.3, 0.8]))
-def test_steps_stay_inside_and_lower_the_model(seed, at_bound):
+def test_steps_stay_inside_and_are_newton_s_where_no_bound_is_near(seed, at_bound):
+    """Cut off at bounds they need not lower the model: the solver judges every step by the cost itself."""
     z, gradient, normal = problem(seed, at_bound)
     ends = steps_from(z, gradient, normal, DAMPINGS)
     assert np.all((ends >= LOWER) & (ends <= UPPER))
     for end, damping in zip(ends, DAMPINGS, strict=True):
         matrix, step = damped(normal, damping), end - z
-        assert gradient @ step + 0.5 * step @ matrix @ step <= 1e-9 * (1.0 + abs(gradient) @ abs(step))
         free = np.linalg.solve(matrix, -gradient)
         if np.all((z + free > LOWER) & (z + free < UPPER)) and np.all((z > LOWER) & (z < UPPER)):
             assert np.allclose(step, free, rtol=1e-6, atol=1e-9)

@@ -295,6 +295,7 @@ def test_interrupted_run_leaves_nothing(recording: Path, tmp_path: Path) -> None
         "from idm_sumo.cli import main\n"
         "import analysis.reproduce as study\n"
         "whole = study.load_source\n"
+        "signal.signal(signal.SIGINT, signal.default_int_handler)\n"  # a shell's background jobs ignore it
         "def interrupted(*given):\n"
         "    os.kill(os.getpid(), signal.SIGINT)\n"
         "    return whole(*given)\n"

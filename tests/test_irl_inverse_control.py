@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import json
 from functools import cache
 
 import numpy as np
@@ -150,3 +151,10 @@ def test_wanted_features_have_no_negative_weight() -> None:
     wanted = learn_wanted(full, learn(full))
     assert (wanted.weights >= 0).all()
     assert wanted.converged
+
+
+def test_a_learned_reward_is_written_as_plain_json():
+    """Also where the search for the weights ends with a truth value of numpy's."""
+    ones = np.ones(features.COUNT)
+    learned = LearnedReward(ones, ones, np.eye(features.COUNT), np.float64(-1.0), 3, 0.0, np.True_)
+    assert json.loads(json.dumps(learned.to_json()))["converged"] is True

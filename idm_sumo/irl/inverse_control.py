@@ -103,8 +103,8 @@ class LearnedReward:
         return {
             "weights": dict(zip(features.NAMES, self.weights.tolist(), strict=True)),
             "standard_errors": dict(zip(features.NAMES, self.standard_errors.tolist(), strict=True)),
-            "log_likelihood": self.log_likelihood, "demonstrations": self.demonstrations,
-            "dummy": self.dummy, "converged": self.converged,
+            "log_likelihood": float(self.log_likelihood), "demonstrations": self.demonstrations,
+            "dummy": float(self.dummy), "converged": bool(self.converged),
         }  # fmt: skip
 
 
