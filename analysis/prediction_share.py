@@ -14,8 +14,10 @@ from idm_sumo import columns as c
 from idm_sumo.calibration import calibrate
 from idm_sumo.calibration.kernel import to_search
 from idm_sumo.idm import IDMParameters
+from idm_sumo.metrics import displacement
 from idm_sumo.prediction import Prediction, RolloutPredictor, first_second
 from idm_sumo.prediction.basis import plain
+from idm_sumo.prediction.driver_prediction import LEARNING_STEP
 from idm_sumo.prediction.noise import ResidualNoise
 from idm_sumo.rollout import Trajectories, drive_constant_velocity, drive_idm
 from idm_sumo.scenes import Scenes, Window
@@ -26,7 +28,6 @@ from .source import Source
 
 Floats = npt.NDArray[np.float64]
 
-LEARNING_STEP = 30  # frames between the windows that are learned from
 TEST_STEP = 60
 MOST_DRIVERS = 300  # to learn from
 RESAMPLES = 2000
@@ -69,7 +70,7 @@ def tables(source: Source, settings: Settings, learned: Learned) -> tuple[pd.Dat
         [calibrate(s, desired_speed=settings.desired_speed)[list(IDMParameters._fields)] for s in test.scenes]
     )
     driven["idm_oracle"] = test.drive(np.where(np.isfinite(oracle), oracle, np.asarray(pooled)))
-    errors = {name: np.concatenate([_ade(s, t.x, t.y) for s, t in zip(test.scenes, found, strict=True)])
+    errors = {name: np.concatenate([_ade(s, t) for s, t in zip(test.scenes, found, strict=True)])
               for name, found in driven.items()}  # fmt: skip
     for name, with_leader in (("black_box_first_second", False), ("black_box_with_leaders_path", True)):
         errors[name] = _black_box(learned.windows, test, pooled, with_leader=with_leader)
@@ -105,8 +106,8 @@ def _twin(scenes: Scenes, name: str) -> Floats:
     return values[:, scenes.start : scenes.start + scenes.window.horizon + 1]
 
 
-def _ade(scenes: Scenes, x: Floats, y: Floats) -> Floats:
-    return np.asarray(np.hypot(x - _twin(scenes, "x"), y - _twin(scenes, "y"))[:, 1:].mean(axis=1))
+def _ade(scenes: Scenes, driven: Trajectories) -> Floats:
+    return np.asarray(displacement(scenes, driven).mean(axis=1))
 
 
 def _black_box(train: Drivers, test: Drivers, pooled: IDMParameters, *, with_leader: bool) -> Floats:
@@ -119,7 +120,7 @@ def _black_box(train: Drivers, test: Drivers, pooled: IDMParameters, *, with_lea
     for scenes, trajectories, part in zip(test.scenes, driven, test.parts(model.predict(features)), strict=True):
         steps = np.arange(trajectories.x.shape[1])
         whole = np.array([np.interp(steps, _moments(scenes), [0.0, *row]) for row in part]).reshape(len(scenes), -1)
-        found.append(_ade(scenes, trajectories.x + whole, trajectories.y))
+        found.append(_ade(scenes, replace(trajectories, x=trajectories.x + whole)))
     return np.concatenate(found)
 
 

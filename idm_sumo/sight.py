@@ -16,16 +16,16 @@ from numba import njit
 from idm_sumo import columns as c
 from idm_sumo import road
 from idm_sumo.effects import Sight
+from idm_sumo.effects.adjacent_lane_friction import BESIDE
 from idm_sumo.recording import Recording
 from idm_sumo.rollout import perceive
 from idm_sumo.scenes import LEADER_FROM_LANE, Scenes
-from idm_sumo.traffic import NOBODY
+from idm_sumo.traffic import NOBODY, first_ahead
 from idm_sumo.twin_leaders import leader_lengths, leader_runs, recorded_leaders
 
 Floats = npt.NDArray[np.float64]
 Integers = npt.NDArray[np.int64]
 
-REACH = 30.0  # m, within which neighbours are beside
 NOBODY_YET = -2  # number of the leader before anybody was looked at
 
 
@@ -194,26 +194,18 @@ def _until(event: npt.NDArray[np.bool_], vehicle: Integers, frame: Integers, sta
 @njit(cache=True)
 def behind(offsets, x, vehicle, cell, front, own):  # type: ignore[no-untyped-def]
     """Return the row of the last vehicle of ``cell`` whose front is not ahead of ``front`` (m), or ``NOBODY``."""
-    low, high = offsets[cell], offsets[cell + 1]
-    first = low
-    while low < high:
-        middle = (low + high) >> 1
-        if x[middle] > front:
-            high = middle
-        else:
-            low = middle + 1
-    low -= 1
-    while low >= first and vehicle[low] == own:
-        low -= 1
-    return low if low >= first else NOBODY
+    row, first = first_ahead(offsets, x, cell, front) - 1, offsets[cell]
+    while row >= first and vehicle[row] == own:
+        row -= 1
+    return row if row >= first else NOBODY
 
 
 @njit(cache=True)
 def mean_speed_near(offsets, x, speed, vehicle, cell, front, own):  # type: ignore[no-untyped-def]
-    """Return the mean speed (m/s) of the vehicles of ``cell`` within ``REACH`` of ``front`` (m), NaN for none."""
+    """Return the mean speed (m/s) of the vehicles of ``cell`` within ``BESIDE`` of ``front`` (m), NaN for none."""
     total, count = 0.0, 0
     for row in range(offsets[cell], offsets[cell + 1]):
-        if abs(x[row] - front) <= REACH and vehicle[row] != own:
+        if abs(x[row] - front) <= BESIDE and vehicle[row] != own:
             total += speed[row]
             count += 1
     return total / count if count else np.nan

@@ -73,12 +73,17 @@ def runs(table: pd.DataFrame) -> tuple[Integers, Integers]:
     -------
     starts, lengths : numpy.ndarray, shape (runs,)
     """
-    broken = np.ones(len(table), dtype=bool)
-    broken[1:] = np.diff(table[c.FRAME].to_numpy()) != 1
-    broken[1:] |= np.diff(table[c.VEHICLE].to_numpy()) != 0
-    broken[1:] |= np.diff(table[c.PERIOD].cat.codes.to_numpy()) != 0
-    starts = np.flatnonzero(broken)
+    starts = np.flatnonzero(~same_run(table))
     return starts, np.diff(np.append(starts, len(table)))
+
+
+def same_run(table: pd.DataFrame) -> npt.NDArray[np.bool_]:
+    """Return whether each row follows its predecessor: same period, same vehicle, next frame; shape ``(rows,)``."""
+    same = np.zeros(len(table), dtype=bool)
+    same[1:] = np.diff(table[c.FRAME].to_numpy()) == 1
+    same[1:] &= np.diff(table[c.VEHICLE].to_numpy()) == 0
+    same[1:] &= np.diff(table[c.PERIOD].cat.codes.to_numpy()) == 0
+    return same
 
 
 def filter_runs(position: Floats, starts: Integers, lengths: Integers) -> tuple[Floats, Floats, Floats]:

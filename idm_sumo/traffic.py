@@ -87,6 +87,19 @@ def sort_into_cells(
 
 
 @njit(cache=True)
+def first_ahead(offsets: npt.NDArray[np.int64], x: npt.NDArray[np.float64], cell: int, front: float) -> int:
+    """Return the first row of ``cell`` whose front is ahead of ``front`` (m), or the cell's end."""
+    low, high = offsets[cell], offsets[cell + 1]
+    while low < high:
+        middle = (low + high) >> 1
+        if x[middle] > front:
+            high = middle
+        else:
+            low = middle + 1
+    return low
+
+
+@njit(cache=True)
 def leader_row(
     offsets: npt.NDArray[np.int64],
     x: npt.NDArray[np.float64],
@@ -99,14 +112,8 @@ def leader_row(
 
     The modelled vehicle's recorded twin, number ``own``, is not there for it.
     """
-    low, high = offsets[cell], offsets[cell + 1]
-    end = high
-    while low < high:
-        middle = (low + high) >> 1
-        if x[middle] > front:
-            high = middle
-        else:
-            low = middle + 1
-    while low < end and vehicle[low] == own:
-        low += 1
-    return low if low < end else NOBODY
+    row: int = first_ahead(offsets, x, cell, front)
+    end = offsets[cell + 1]
+    while row < end and vehicle[row] == own:
+        row += 1
+    return row if row < end else NOBODY

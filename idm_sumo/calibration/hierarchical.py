@@ -115,7 +115,7 @@ def hierarchical(
         raise InputError(
             f"hierarchical calibration: {count} windows can be fitted; it needs {FEWEST_DRIVERS} or a population"
         )
-    parts = [_Part.of(only(problem, w)) for problem, w in zip(problems, which, strict=True)]
+    parts = [Part.of(only(problem, w)) for problem, w in zip(problems, which, strict=True)]
     if population is None:
         population = _learn(parts)
     for part in parts:
@@ -125,7 +125,7 @@ def hierarchical(
     return pd.concat(tables, ignore_index=True), population
 
 
-class _Part:
+class Part:
     """The drivers of one problem, where they are, and how curved their likelihood is there."""
 
     def __init__(self, problem: Problem, u: Floats, frames: Floats) -> None:
@@ -133,7 +133,7 @@ class _Part:
         self.hessian = np.zeros((len(u), PARAMETERS, PARAMETERS))
 
     @classmethod
-    def of(cls, problem: Problem) -> _Part:
+    def of(cls, problem: Problem) -> Part:
         """Start from the drivers' own fits, which also tell how many frames their errors are worth."""
         z, _, _ = fit_all(problem, np.arange(len(problem.start_x)), design_of_starts(STARTS))
         frames = identifiability.effective_frames(sensitivities(problem, z)[0], problem.counted)
@@ -194,7 +194,7 @@ def _step(u: Floats, gradient: Floats, hessian: Floats, damping: Floats) -> Floa
     return np.asarray(np.clip(u + step, LOWER, UPPER))
 
 
-def _learn(parts: list[_Part]) -> Population:
+def _learn(parts: list[Part]) -> Population:
     """Return the population from which the drivers most likely come.
 
     EM alone creeps where the windows say little of a parameter. Two of its rounds tell how fast
@@ -211,7 +211,7 @@ def _learn(parts: list[_Part]) -> Population:
     return twice
 
 
-def _em_round(parts: list[_Part], population: Population, rounds: int) -> Population:
+def _em_round(parts: list[Part], population: Population, rounds: int) -> Population:
     """Return the population after one round of EM."""
     for part in parts:
         part.draw(population, STEPS)
@@ -243,7 +243,7 @@ def _as_table(
     scenes: Scenes,
     problem: Problem,
     which: npt.NDArray[np.int64],
-    part: _Part,
+    part: Part,
     population: Population,
     desired_speed: float,
 ) -> pd.DataFrame:

@@ -34,7 +34,6 @@ SCANNED = ("location", "time_of_day")
 WIDEST = 0.6  # of the road or the recording: a wider interval is the rest, with the other sign
 NARROWEST = {"location": 40.0, "time_of_day": 30.0}  # m, s
 CONSISTENT = 0.85  # of the strongest secant's z: among these the size that agrees with its own estimate
-NOT_NAMED = ("vehicle_class", "memory", "measurement_artefact", "correlated_noise")
 
 
 @dataclass(frozen=True)

@@ -10,12 +10,13 @@ import pandas as pd
 
 from idm_sumo import columns as c
 from idm_sumo import road
+from idm_sumo.effects.adjacent_lane_friction import BESIDE
 from idm_sumo.effects.lane_change_relaxation import LARGEST_JUMP
 from idm_sumo.leaders import frame_code, row_ahead, row_of
 from idm_sumo.recording import Recording
-from idm_sumo.twin_leaders import leader_lengths, recorded_leaders
+from idm_sumo.smoothing import same_run
+from idm_sumo.twin_leaders import JUMP, leader_lengths, recorded_leaders
 
-REACH = 30.0  # m, to either side: who counts as beside
 LEAST_JUMP = 0.5  # m; a smaller step of the gap is noise
 NEVER = 1e6  # s, since or until an event that there is not
 
@@ -75,7 +76,7 @@ def _without_rows(recording: Recording) -> Ahead:
     for rows, x, v in parts:
         front[rows], speed[rows] = x, v
     jump = np.abs(np.diff(front) - speed[1:] * road.FRAME_STEP)
-    same = same_run(table) & np.concatenate([[False], jump < 2.5])
+    same = same_run(table) & np.concatenate([[False], jump < JUMP])
     acceleration = np.concatenate([[0.0], np.diff(speed) / road.FRAME_STEP])
     acceleration[~same] = 0.0
     count = len(table)
@@ -87,19 +88,10 @@ def _without_rows(recording: Recording) -> Ahead:
     )  # fmt: skip
 
 
-def same_run(table: pd.DataFrame) -> Flags:
-    """Whether each row follows its predecessor: same period, same vehicle, next frame."""
-    same = np.zeros(len(table), dtype=bool)
-    same[1:] = np.diff(table[c.FRAME].to_numpy()) == 1
-    same[1:] &= np.diff(table[c.VEHICLE].to_numpy()) == 0
-    same[1:] &= np.diff(table[c.PERIOD].cat.codes.to_numpy()) == 0
-    return same
-
-
 def adjacent_speed(table: pd.DataFrame) -> Floats:
     """Return the mean speed (m/s) near each row in the slower adjacent lane, NaN beside empty lanes; shape ``(rows,)``."""
     lane, x = table[c.LANE].to_numpy(np.int64), table[c.X].to_numpy(np.float64)
-    stride = float(np.ptp(x)) + 4.0 * REACH
+    stride = float(np.ptp(x)) + 4.0 * BESIDE
     _, dense = np.unique(frame_code(table), return_inverse=True)
     place = (dense * 16.0 + lane) * stride + (x - x.min())
     order = np.argsort(place, kind="stable")
@@ -107,8 +99,8 @@ def adjacent_speed(table: pd.DataFrame) -> Floats:
     total = np.concatenate([[0.0], np.cumsum(table[c.SPEED].to_numpy(np.float64)[order])])
     slowest = np.full(len(table), np.inf)
     for side in (-1.0, 1.0):
-        first = np.searchsorted(ordered, place + side * stride - REACH)
-        last = np.searchsorted(ordered, place + side * stride + REACH)
+        first = np.searchsorted(ordered, place + side * stride - BESIDE)
+        last = np.searchsorted(ordered, place + side * stride + BESIDE)
         with np.errstate(invalid="ignore", divide="ignore"):
             mean = (total[last] - total[first]) / (last - first)
         slowest = np.fmin(slowest, np.where(last > first, mean, np.inf))

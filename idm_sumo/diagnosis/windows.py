@@ -10,10 +10,10 @@ import numpy.typing as npt
 
 from idm_sumo import columns as c
 from idm_sumo.diagnosis.smoother import smooth_along
-from idm_sumo.diagnosis.traffic_context import Ahead, adjacent_speed, leader_events, look_around, same_run
+from idm_sumo.diagnosis.traffic_context import Ahead, adjacent_speed, leader_events, look_around
 from idm_sumo.recording import Recording
 from idm_sumo.road import FRAME_STEP
-from idm_sumo.smoothing import WINDOW
+from idm_sumo.smoothing import WINDOW, same_run
 
 LEAD = 25  # frames before the start: the past that a delay reaches into, and a twin's run-up
 HORIZON = 120  # frames, 12 s
@@ -101,7 +101,7 @@ def cut_windows(recording: Recording, smoothing: int = WINDOW) -> Windows:
     good = np.isfinite(gap) & (gap > NEAREST)
     starts, lengths = _stretches(good, same_run(table))
     horizon = _horizon(lengths)
-    first, _count = _placed(starts, lengths, horizon)
+    first = _placed(starts, lengths, horizon)
     code = table[c.PERIOD].cat.codes.to_numpy(np.int64)
     key = (code << 32) + table[c.VEHICLE].to_numpy(np.int64)
     seen = _columns(smoothed, ahead)
@@ -140,13 +140,13 @@ def _horizon(lengths: Integers) -> int:
     return max(min(HORIZON, usual - 1 - LEAD), LEAST_HORIZON) // EVERY * EVERY
 
 
-def _placed(starts: Integers, lengths: Integers, horizon: int) -> tuple[Integers, Integers]:
+def _placed(starts: Integers, lengths: Integers, horizon: int) -> Integers:
     """Return the first rows of the windows, as many to a stretch as fit, evenly placed."""
     count = np.maximum(lengths - 1 - LEAD, 0) // horizon
     stretch = np.repeat(np.arange(len(starts)), count)
     within = np.arange(len(stretch)) - np.repeat(np.cumsum(count) - count, count)
     spare = (lengths - 1 - LEAD - count * horizon)[stretch]
-    return starts[stretch] + LEAD + within * horizon + spare * (within + 1) // (count[stretch] + 1), count
+    return np.asarray(starts[stretch] + LEAD + within * horizon + spare * (within + 1) // (count[stretch] + 1))
 
 
 def _columns(recording: Recording, ahead: Ahead) -> Floats:

@@ -16,7 +16,7 @@ How to drive with an extended model, step by step (0.1 s):
 :class:`Effect` record (``must_see``), as is how plain SUMO can express it (``sumo``, None if only the Python-driven loop can).
 Events that lie ahead (``until_cut_in``, ``until_own_change``) are known in replay only: in a closed loop they are NaN.
 ``jump`` is the old gap minus the new one (m) at the last change of leader, both at the moment of the change;
-``adjacent_speed`` the mean speed of the vehicles within :data:`~idm_sumo.diagnosis.traffic_context.REACH` m in the slower of the adjacent lanes.
+``adjacent_speed`` the mean speed of the vehicles within :data:`~idm_sumo.effects.adjacent_lane_friction.BESIDE` m in the slower of the adjacent lanes.
 """
 
 from idm_sumo.effects.acceleration import BLIND, Sight, extended_acceleration

@@ -12,6 +12,8 @@ from numba import njit
 from idm_sumo.effects import slots
 from idm_sumo.effects.record import Effect, Parameter
 
+BESIDE = 30.0  # m, to either side: who counts as near
+
 
 @njit(cache=True, error_model="numpy")
 def friction(speed: float, adjacent_speed: float, strength: float) -> float:

@@ -7,7 +7,7 @@ from collections.abc import Sequence
 import numpy as np
 import numpy.typing as npt
 
-from idm_sumo.calibration.hierarchical import LEAST_VARIANCE, LOWER, SHIFT, STEPS, UPPER, Population, _Part
+from idm_sumo.calibration.hierarchical import LEAST_VARIANCE, LOWER, SHIFT, STEPS, UPPER, Part, Population
 from idm_sumo.calibration.kernel import PARAMETERS
 from idm_sumo.calibration.problem import Problem
 
@@ -34,7 +34,7 @@ def remaining_covariance(problems: Sequence[Problem], predicted: Sequence[Floats
     predicted : sequence of arrays, shape (windows, 5)
         Parameters ``a, b, T, d0, d1``.
     """
-    parts, means = [_Part.of(problem) for problem in problems], [logarithms(theta) for theta in predicted]
+    parts, means = [Part.of(problem) for problem in problems], [logarithms(theta) for theta in predicted]
     for part, mean in zip(parts, means, strict=True):
         part.u = mean.copy()
     covariance = START * np.eye(PARAMETERS)
