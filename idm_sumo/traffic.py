@@ -96,7 +96,7 @@ def first_ahead(offsets: npt.NDArray[np.int64], x: npt.NDArray[np.float64], cell
             high = middle
         else:
             low = middle + 1
-    return low
+    return int(low)
 
 
 @njit(cache=True)
