@@ -2,11 +2,11 @@
 
 from __future__ import annotations
 
-from concurrent.futures import Future
+from concurrent.futures import Future, ProcessPoolExecutor
+from multiprocessing import get_context
 
 import numpy as np
 import pandas as pd
-from joblib.externals.loky import get_reusable_executor
 
 from idm_sumo import columns as c
 from idm_sumo import road
@@ -22,7 +22,10 @@ CARS, FRAMES, HEADWAY = 4, 40, 25.0
 
 def compile_beside() -> Future[None]:
     """Compile in another process, into the cache on disk that all processes share; wait with ``.result()``."""
-    return get_reusable_executor(max_workers=1, timeout=5).submit(compile_kernels)  # type: ignore[no-any-return]
+    pool = ProcessPoolExecutor(1, mp_context=get_context("spawn"))
+    compiled = pool.submit(compile_kernels)
+    pool.shutdown(wait=False)  # ends once it has compiled
+    return compiled
 
 
 def compile_kernels() -> None:

@@ -86,36 +86,40 @@ def same_run(table: pd.DataFrame) -> npt.NDArray[np.bool_]:
     return same
 
 
-def filter_runs(position: Floats, starts: Integers, lengths: Integers) -> tuple[Floats, Floats, Floats]:
+def filter_runs(
+    position: Floats, starts: Integers, lengths: Integers, window: int = WINDOW
+) -> tuple[Floats, Floats, Floats]:
     """Return position, its rate and its second rate, each of shape ``(rows,)``, run by run; see :func:`smooth`.
 
     All rows are filtered at once, as if they were one run, which is right except within half
     a window of the ends; these are then redone from the first and last windows of the runs.
     """
-    value, rate, second = (_savgol(position, WINDOW, deriv) for deriv in range(3))
+    value, rate, second = (_savgol(position, window, deriv, window) for deriv in range(3))
     out = (value, rate, second)
-    long = lengths >= WINDOW
-    half = WINDOW // 2
-    _fill(out, position, starts[long], WINDOW, slice(None, half))
-    _fill(out, position, starts[long] + lengths[long] - WINDOW, WINDOW, slice(half + 1, None))
+    long = lengths >= window
+    half = window // 2
+    _fill(out, position, starts[long], window, slice(None, half), window)
+    _fill(out, position, starts[long] + lengths[long] - window, window, slice(half + 1, None), window)
     for length in np.unique(lengths[~long]):
-        _fill(out, position, starts[lengths == length], int(length), slice(None))
+        _fill(out, position, starts[lengths == length], int(length), slice(None), window)
     return out
 
 
-def _fill(out: tuple[Floats, Floats, Floats], position: Floats, starts: Integers, length: int, part: slice) -> None:
+def _fill(
+    out: tuple[Floats, Floats, Floats], position: Floats, starts: Integers, length: int, part: slice, window: int
+) -> None:
     """Filter equally long stretches together and put the chosen part of each in place."""
     if not len(starts):
         return
     rows = starts[:, None] + np.arange(length)
     stretches = position[rows]
     for deriv, values in enumerate(out):
-        filtered = _savgol(stretches, length, deriv) if length >= SHORTEST else _differences(stretches, deriv)
+        filtered = _savgol(stretches, length, deriv, window) if length >= SHORTEST else _differences(stretches, deriv)
         values[rows[:, part]] = filtered[:, part]
 
 
-def _savgol(values: Floats, length: int, deriv: int) -> Floats:
-    window = min(WINDOW, length - 1 + length % 2, values.shape[-1] - 1 + values.shape[-1] % 2)
+def _savgol(values: Floats, length: int, deriv: int, window: int) -> Floats:
+    window = min(window, length - 1 + length % 2, values.shape[-1] - 1 + values.shape[-1] % 2)
     if window < SHORTEST:
         return np.zeros_like(values)  # redone by differences
     filtered: Floats = savgol_filter(values, window, ORDER, deriv=deriv, delta=FRAME_STEP, mode="interp")

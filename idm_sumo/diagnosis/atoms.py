@@ -6,6 +6,7 @@ what is not linear near zero (delay, second leader, relaxation, dead band) is a 
 
 from __future__ import annotations
 
+import itertools
 from collections.abc import Iterable
 from dataclasses import dataclass
 
@@ -15,6 +16,7 @@ import numpy.typing as npt
 from idm_sumo.diagnosis import free_fields
 from idm_sumo.diagnosis import rollout as ro
 from idm_sumo.diagnosis import windows as w
+from idm_sumo.diagnosis.bins import edges_of, numbered, pulses_by_bin
 from idm_sumo.diagnosis.fit import Fit
 from idm_sumo.effects import CATALOGUE, slots
 from idm_sumo.effects.courtesy_yielding import NOTICE
@@ -88,19 +90,6 @@ def form_fields(windows: w.Windows, state: Floats, pivot: float) -> list[Floats]
     return [speed * speed, closing * closing, speed * closing, gap * gap, gap * speed, gap * closing]
 
 
-def edges_of(values: Floats, width: float) -> Floats:
-    """Return bin edges of about ``width`` that cover the values."""
-    low, high = float(values.min()), float(values.max())
-    return np.linspace(low, high + 1e-9, max(2, round((high - low) / width) + 1))
-
-
-def binned(values: Floats, edges: Floats) -> Iterable[tuple[float, float, npt.NDArray[np.bool_]]]:
-    """Yield low and high edge of each bin and where the values are in it."""
-    number = np.digitize(values, edges) - 1
-    for k in range(len(edges) - 1):
-        yield edges[k], edges[k + 1], number == k
-
-
 @dataclass(frozen=True)
 class Grid:
     """What the atoms of a recording share with those of its twins: bin edges, lanes, pivot speed (m/s)."""
@@ -120,35 +109,61 @@ def grid_of(windows: w.Windows) -> Grid:
     )  # fmt: skip
 
 
-def build(windows: w.Windows, fit: Fit, simulated: Floats, grid: Grid) -> tuple[list[Atom], Floats, Floats, Floats]:
-    """Return the atoms, their columns ``(windows, moments, atoms)``, the response to pulses and the base state."""
+def build(windows: w.Windows, fit: Fit, simulated: Floats, grid: Grid) -> tuple[list[Atom], Floats]:
+    """Return the atoms and their columns ``(windows, moments, atoms)``."""
     response, state = ro.respond(windows.seen, windows.driver, fit.theta, fit.by_lane)
+    blocks = [*_linear(windows, state, grid), *_scanned(windows, state, grid)]
+    for labels, number in free_fields.families(windows, state, grid.place, grid.time, grid.lanes):
+        named = [Atom(free_fields.FREE + name, low=low, high=high) for name, low, high in labels]
+        blocks.append((named, pulses_by_bin(number, len(labels))))
+    return _with_secants(windows, fit, simulated, (*SECANT_ATOMS, *local_atoms(fit.by_lane)), blocks, response)
+
+
+def build_local(windows: w.Windows, fit: Fit, simulated: Floats, grid: Grid) -> tuple[list[Atom], Floats]:
+    """Return, as :func:`build`, the accepted magnitudes' own atoms only, and the car-following's form."""
+    response, state = ro.respond(windows.seen, windows.driver, fit.theta, fit.by_lane)
+    blocks = [block for block in _linear(windows, state, grid) if block[0][0].name.startswith((*INSTANT, GUARD))]
+    return _with_secants(windows, fit, simulated, local_atoms(fit.by_lane), blocks, response)
+
+
+Block = tuple[list[Atom], Floats]  # atoms, and their accelerations as means over pulses (windows, pulses, atoms)
+
+
+def _linear(windows: w.Windows, state: Floats, grid: Grid) -> list[Block]:
+    """Return the effects that add to the acceleration, and the car-following's form."""
+    fields = linear_fields(windows, state, grid.pivot)
+    form = {f"{GUARD}{n}": field for n, field in enumerate(form_fields(windows, state, grid.pivot))}
+    return [([Atom(name)], pulse_means(field)[:, :, None]) for name, field in {**fields, **form}.items()]
+
+
+def _scanned(windows: w.Windows, state: Floats, grid: Grid) -> list[Block]:
+    """Return lanes, places and times, bin by bin."""
     seen = windows.seen[:, w.LEAD : -1]
-    atoms, fields = [], []
-    for name, field in linear_fields(windows, state, grid.pivot).items():
-        atoms.append(Atom(name))
-        fields.append(pulse_means(field))
-    for lane in grid.lanes if len(grid.lanes) > 1 else []:
-        atoms.append(Atom("desired_speed", lane=int(lane)))
-        fields.append(pulse_means(state[:, :, ro.BY_V0] * (seen[:, :, w.LANE] == lane)))
-    for low, high, inside in binned(np.clip(state[:, :, ro.BASE_X], grid.place[0], grid.place[-1] - 1e-6), grid.place):
-        atoms.append(Atom("location", low=low, high=high))
-        fields.append(pulse_means(inside.astype(np.float64)))
-    for low, high, inside in binned(seen[:, :, w.TIME], grid.time):
-        atoms.append(Atom("time_of_day", low=low, high=high))
-        fields.append(pulse_means(inside * state[:, :, ro.BY_T]))
-    for number, field in enumerate(form_fields(windows, state, grid.pivot)):
-        atoms.append(Atom(f"{GUARD}{number}"))
-        fields.append(pulse_means(field))
-    for name, low, high, field in free_fields.fields(windows, state, grid.place, grid.time, grid.lanes):
-        atoms.append(Atom(free_fields.FREE + name, low=low, high=high))
-        fields.append(pulse_means(field))
-    columns = [response @ np.stack(fields, axis=2)]
-    for atom in (*SECANT_ATOMS, *local_atoms(fit.by_lane)):
+    place = numbered(np.clip(state[:, :, ro.BASE_X], grid.place[0], grid.place[-1] - 1e-6), grid.place)
+    time = numbered(seen[:, :, w.TIME], grid.time)
+    lanes = grid.lanes if len(grid.lanes) > 1 else grid.lanes[:0]
+    lane = np.searchsorted(grid.lanes, seen[:, :, w.LANE]) if len(lanes) else np.full(time.shape, -1)
+    by_lane = [Atom("desired_speed", lane=int(number)) for number in lanes]
+    by_place = [Atom("location", low=low, high=high) for low, high in itertools.pairwise(grid.place)]
+    by_time = [Atom("time_of_day", low=low, high=high) for low, high in itertools.pairwise(grid.time)]
+    return [
+        (by_lane, pulses_by_bin(lane, len(by_lane), state[:, :, ro.BY_V0])),
+        (by_place, pulses_by_bin(place, len(by_place))),
+        (by_time, pulses_by_bin(time, len(by_time), state[:, :, ro.BY_T])),
+    ]
+
+
+def _with_secants(
+    windows: w.Windows, fit: Fit, simulated: Floats, secants: Iterable[Atom], blocks: list[Block], response: Floats
+) -> tuple[list[Atom], Floats]:
+    """Return linear atoms and secants, and the columns of both."""
+    atoms = [atom for block in blocks for atom in block[0]]
+    columns = [response @ np.concatenate([block[1] for block in blocks], axis=2)]
+    for atom in secants:
         moved = ro.positions(windows, fit.theta, with_atom(fit.by_lane, atom))
         atoms.append(atom)
         columns.append(((moved - simulated) / atom.size)[:, :, None])
-    return atoms, np.concatenate(columns, axis=2), response, state
+    return atoms, np.concatenate(columns, axis=2)
 
 
 def _secant_atoms() -> tuple[Atom, ...]:

@@ -2,27 +2,40 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
+from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass
+from typing import NamedTuple
 
 import numpy as np
 import numpy.typing as npt
+from numba import get_num_threads
 
 from idm_sumo.diagnosis import atoms as at
 from idm_sumo.diagnosis import gls
 from idm_sumo.diagnosis import windows as w
 from idm_sumo.diagnosis.fit import Fit, linearise
+from idm_sumo.diagnosis.free_fields import FREE
 from idm_sumo.diagnosis.noise import Noise
 from idm_sumo.diagnosis.rollout import PARAMETERS
-from idm_sumo.diagnosis.twins import make_twin, refit
+from idm_sumo.diagnosis.twins import drawn_anew, make_twin, placed_for, refit
 from idm_sumo.effects.leader_class import TRUCK
 from idm_sumo.progress import Progress
 
 Floats = npt.NDArray[np.float64]
+Build = Callable[[w.Windows, Fit, Floats, at.Grid], tuple[list[at.Atom], Floats]]
 
 ENDOGENOUS = (
     "follower_pressure",
     "free:rear_gap",
 )  # the follower answers the real driver, not the twin: no twin for these
+NOTHING = 1e-9  # m per unit of a magnitude
+LONGEST_COLUMN = 3.0  # times the ninetieth percentile over the windows
+# What differs between drivers more than within one: part of it is in the fitted drivers, so twins of drawn ones are the null.
+BETWEEN = (
+    "leader_class", "speed_dependent_headway", "time_of_day", "location", "desired_speed", "vehicle_class", "lane_change_relaxation",
+    FREE + "lane", FREE + "time in lane", FREE + "position and time",
+)  # fmt: skip
 
 
 @dataclass(frozen=True)
@@ -57,6 +70,8 @@ class Evidence:
     twins : float64, shape (twins, atoms)
         Total scores of each twin.
     gram : float64, shape (atoms, atoms)
+    part : float64, shape (drivers, atoms)
+        Each driver's share of the diagonal of ``gram``.
     block : int64, shape (drivers,)
         Platoon blocks.
     """
@@ -65,6 +80,7 @@ class Evidence:
     u: Floats
     twins: Floats
     gram: Floats
+    part: Floats
     block: npt.NDArray[np.int64]
 
     def total(self) -> Floats:
@@ -72,10 +88,15 @@ class Evidence:
         return np.asarray(self.u.sum(axis=0))
 
     def clustered(self, mix: Floats) -> Floats:
-        """Return the variance of combined scores from blocks of drivers and from the twins, shape ``(combinations,)``."""
+        """Return the variance of combined scores from blocks of drivers and from the twins, shape ``(combinations,)``.
+
+        What each driver would score if the estimate were true is taken off: a rare effect is not its own noise.
+        """
         values = self.u @ mix
+        part = self.part @ mix
+        expected = values.sum(axis=0) * part / np.maximum(part.sum(axis=0), 1e-300)
         sums = np.zeros((self.block.max() + 1, values.shape[1]))
-        np.add.at(sums, self.block, values - values.mean(axis=0))
+        np.add.at(sums, self.block, values - expected)
         between = (self.twins @ mix).var(axis=0, ddof=1) / len(self.twins) if len(self.twins) > 1 else 0.0
         return np.asarray((sums**2).sum(axis=0) + between)
 
@@ -89,10 +110,11 @@ class Evidence:
         return float(max(np.median(ratio), 1.0))
 
 
-def score(subject: Subject, windows: w.Windows, fit: Fit) -> tuple[list[at.Atom], gls.Scores]:
+def score(subject: Subject, windows: w.Windows, fit: Fit, build: Build = at.build) -> tuple[list[at.Atom], gls.Scores]:
     """Return the scores of all atoms, orthogonal to what drivers, trucks as drivers and the population can absorb."""
     line = linearise(windows, fit)
-    atoms, columns, _, _ = at.build(windows, fit, line.simulated, subject.grid)
+    atoms, columns = build(windows, fit, line.simulated, subject.grid)
+    columns = tamed(columns)
     truck = (windows.seen[:, -1, w.OWN_KIND] == TRUCK)[:, None, None]
     parts = [line.jacobian * truck, columns] if truck.any() else [columns]
     error, own, *rest = gls.whiten(line.covariance, line.error[:, :, None], line.jacobian, *parts)
@@ -106,7 +128,21 @@ def score(subject: Subject, windows: w.Windows, fit: Fit) -> tuple[list[at.Atom]
         windows.drivers,
     )
     whole = whole.without(np.arange(known))
-    return atoms, guarded(atoms, gls.Scores(whole.u[:, known:], whole.gram[known:, known:]))
+    return atoms, guarded(atoms, gls.Scores(whole.u[:, known:], whole.gram[known:, known:], whole.part[:, known:]))
+
+
+def tamed(columns: Floats) -> Floats:
+    """Return the columns, no window's longer than a few times what nine of ten of those with any effect have.
+
+    Where a simulated vehicle nearly hits its leader, a little more of anything moves it by kilometres: without a limit a handful
+    of such windows would be all the information there is.
+    """
+    size = np.abs(columns).max(axis=1)
+    usual = (
+        np.nanpercentile(np.where(size > NOTHING, size, np.nan), 90, axis=0) if len(size) else np.ones(size.shape[1])
+    )
+    limit = LONGEST_COLUMN * np.where(np.isfinite(usual), usual, 1.0)
+    return np.asarray(columns * np.minimum(1.0, limit / np.maximum(size, NOTHING))[:, None, :])
 
 
 def guarded(atoms: list[at.Atom], plain: gls.Scores) -> gls.Scores:
@@ -122,7 +158,9 @@ def guarded(atoms: list[at.Atom], plain: gls.Scores) -> gls.Scores:
     others = plain.without(form)
     u = np.where(instant, plain.u, others.u)
     both = np.outer(instant, instant)
-    return gls.Scores(u, np.where(both, plain.gram, np.where(np.outer(~instant, ~instant), others.gram, 0.0)))
+    return gls.Scores(
+        u, np.where(both, plain.gram, np.where(np.outer(~instant, ~instant), others.gram, 0.0)), plain.part
+    )
 
 
 def examine(
@@ -130,22 +168,70 @@ def examine(
 ) -> Evidence:
     """Score the recording and its null twins at one model."""
     atoms, found = score(subject, subject.windows, fit)
+    progress(stage, 0, 1)
+    totals = _twin_totals(subject, fit, rng, atoms, twins, at.build)
+    progress(stage, 1, 1)
+    return _corrected(subject, atoms, found, totals)
+
+
+def _twin_totals(
+    subject: Subject, fit: Fit, rng: np.random.Generator, atoms: list[at.Atom], twins: int, build: Build
+) -> Floats:
+    """Return the total scores of null twins, shape ``(twins, atoms)``: of drawn drivers for what differs between drivers."""
+    names = [atom.name.removeprefix(at.LOCAL) for atom in atoms]
+    between = np.array([name.startswith(BETWEEN) for name in names])
+    asked = np.array([build is at.build or atom.name.startswith(at.LOCAL) for atom in atoms])
     totals = np.zeros((twins, len(atoms)))
-    for k in range(twins):
-        progress(stage, k, twins)
-        twin = make_twin(subject.windows, fit, subject.measurement, subject.driver, rng, is_smooth=subject.is_smooth)
-        totals[k] = score(subject, twin, refit(twin, fit))[1].u.sum(axis=0)
-    progress(stage, twins, twins)
-    totals[:, [n for n, atom in enumerate(atoms) if atom.name in ENDOGENOUS]] = 0.0
+    for drawn, rows in ((False, asked & ~between), (True, asked & between)):
+        if rows.any():
+            totals[:, rows] = _each_twin(subject, fit, rng.spawn(twins), build, drawn=drawn)[:, rows]
+    totals[:, [n for n, name in enumerate(names) if name in ENDOGENOUS]] = 0.0
+    return totals
+
+
+def _each_twin(subject: Subject, fit: Fit, seeds: list[np.random.Generator], build: Build, *, drawn: bool) -> Floats:
+    """Return the total scores of each twin, with the fitted drivers or with drawn ones."""
+
+    def one(rng: np.random.Generator) -> Floats:
+        drivers = drawn_anew(fit, rng) if drawn else fit
+        windows = placed_for(subject.windows, fit, drivers) if drawn else subject.windows
+        twin = make_twin(windows, drivers, subject.measurement, subject.driver, rng, is_smooth=subject.is_smooth)
+        return np.asarray(score(subject, twin, refit(twin, drivers), build)[1].u.sum(axis=0))
+
+    with ThreadPoolExecutor(get_num_threads()) as pool:
+        return np.array(list(pool.map(one, seeds)))
+
+
+def _corrected(subject: Subject, atoms: list[at.Atom], found: gls.Scores, totals: Floats) -> Evidence:
+    """Return the evidence of scores from which the twins' mean is taken, a window like the other."""
     share = np.bincount(subject.windows.driver, minlength=len(found.u)) / len(subject.windows.driver)
     corrected = found.u - share[:, None] * totals.mean(axis=0)
-    return Evidence(atoms, corrected, totals, found.gram, subject.windows.platoon)
+    return Evidence(atoms, corrected, totals, found.gram, found.part, subject.windows.platoon)
 
 
-def rescored(subject: Subject, fit: Fit, evidence: Evidence) -> Evidence:
-    """Score the recording at a model close by, with the twins of the old one."""
-    atoms, found = score(subject, subject.windows, fit)
-    share = np.bincount(subject.windows.driver, minlength=len(found.u)) / len(subject.windows.driver)
-    return Evidence(
-        atoms, found.u - share[:, None] * evidence.twins.mean(axis=0), evidence.twins, found.gram, evidence.block
-    )
+class Local(NamedTuple):
+    """Score and information of a little more of a magnitude that is in the model."""
+
+    score: float
+    information: float
+
+
+def local_scores(subject: Subject, fit: Fit) -> dict[str, Local]:
+    """Return how the recording wants each magnitude in the model changed, before any twin is heard."""
+    atoms, found = score(subject, subject.windows, fit, at.build_local)
+    return _by_name(atoms, found.u.sum(axis=0), np.diag(found.gram))
+
+
+def local_biases(subject: Subject, fit: Fit, rng: np.random.Generator, *, twins: int) -> dict[str, Local]:
+    """Return the same of twins in which the model as it is drives: the score that noise and smoothing make."""
+    atoms, found = score(subject, subject.windows, fit, at.build_local)
+    totals = _twin_totals(subject, fit, rng, atoms, twins, at.build_local)
+    return _by_name(atoms, totals.mean(axis=0), np.diag(found.gram))
+
+
+def _by_name(atoms: list[at.Atom], total: Floats, information: Floats) -> dict[str, Local]:
+    return {
+        atom.name.removeprefix(at.LOCAL): Local(float(total[n]), float(information[n]))
+        for n, atom in enumerate(atoms)
+        if atom.name.startswith(at.LOCAL)
+    }

@@ -23,6 +23,7 @@ LONGEST_STEP = 0.5  # of a log-parameter in one Gauss-Newton step
 TEXTBOOK = np.log([1.2, 1.8, 1.2, 2.2, 28.0])  # a, b, T, d0, v0
 BELIEF = np.array([0.7, 0.7, 0.5, 0.5, 0.15])  # sd of the population's mean around it
 LOWER, UPPER = np.log([0.15, 0.15, 0.2, 0.3, 12.0]), np.log([6.0, 8.0, 4.5, 9.0, 50.0])
+SHORTENED = 0.3  # of a Gauss-Newton step that made a driver fit worse
 FREEDOM = 10.0  # of the weights: fewer punish outliers harder
 
 
@@ -123,12 +124,27 @@ def improve(windows: Windows, fit: Fit, *, hyper: bool = True, new_mean: bool = 
     mean = fit.mean + np.clip(step, -LONGEST_STEP, LONGEST_STEP)
     deviation = np.einsum("ipq,iq->ip", inner, pull - information @ (mean - fit.mean), optimize=True)
     own = np.clip(mean + deviation, fit.own - LONGEST_STEP, fit.own + LONGEST_STEP)
-    own = np.clip(own, LOWER, UPPER)
+    own = _no_worse(windows, fit, line, mean, np.clip(own, LOWER, UPPER))
     fit = replace(fit, mean=mean, own=own)
     if not hyper:
         return fit
     spread = (deviation.T @ deviation + inner.sum(axis=0)) / drivers + 1e-4 * np.eye(PARAMETERS)
     return replace(fit, spread=spread, **_residuals(windows, fit, line, deviation, inner, mean - line_mean(fit, step)))
+
+
+def _no_worse(windows: Windows, fit: Fit, line: Linear, mean: Floats, proposed: Floats) -> Floats:
+    """Return the proposed parameters; of drivers who would fit worse by them, only a part of the step."""
+    inverse = np.linalg.inv(fit.spread)
+
+    def misfit(own: Floats, simulated: Floats) -> Floats:
+        left = (windows.target - simulated)[:, :, None]
+        (white,) = gls.whiten(line.covariance, left)
+        each = gls.by_driver((white**2).sum(axis=(1, 2)), windows.driver, windows.drivers)
+        return np.asarray(each + np.einsum("ip,pq,iq->i", own - mean, inverse, own - mean))
+
+    moved = positions(windows, np.exp(proposed), fit.by_lane)
+    worse = misfit(proposed, moved) > misfit(fit.own, line.simulated)
+    return np.where(worse[:, None], fit.own + SHORTENED * (proposed - fit.own), proposed)
 
 
 def line_mean(fit: Fit, step: Floats) -> Floats:

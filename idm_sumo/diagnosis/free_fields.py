@@ -10,8 +10,10 @@ import numpy.typing as npt
 
 from idm_sumo.diagnosis import rollout as ro
 from idm_sumo.diagnosis import windows as w
+from idm_sumo.diagnosis.bins import numbered
 
 Floats = npt.NDArray[np.float64]
+Integers = npt.NDArray[np.int64]
 
 FREE = "free:"  # begins the name of such an atom; the covariate follows
 BLOCKS = 4  # of the road, and of the recording, in the rectangles of place and time
@@ -48,23 +50,28 @@ def covariates(windows: w.Windows, state: Floats) -> dict[str, Floats]:
     }
 
 
-def fields(
+Label = tuple[str, float, float]  # covariate, and the edges between which the acceleration is free
+
+
+def families(
     windows: w.Windows, state: Floats, place: Floats, time: Floats, lanes: Floats
-) -> Iterator[tuple[str, float, float, Floats]]:
-    """Yield covariate, low and high edge and the indicator field, shape ``(windows, horizon)``."""
+) -> Iterator[tuple[list[Label], Integers]]:
+    """Yield the labels of the fields along each covariate, and which of them each frame is in (-1: none)."""
     known = covariates(windows, state)
     for name, edges in EDGES.items():
-        for low, high in itertools.pairwise(edges):
-            yield name, low, high, ((known[name] >= low) & (known[name] < high)).astype(np.float64)
-    for lane in lanes if len(lanes) > 1 else []:
-        yield "lane", float(lane), float(lane), (known["lane"] == lane).astype(np.float64)
-        for k in range(BLOCKS):
-            edges = time[0] + np.array([k, k + 1]) * (time[-1] - time[0]) / BLOCKS
-            inside = (known["lane"] == lane) & (known["time"] >= edges[0]) & (known["time"] < edges[1])
-            yield f"time in lane {int(lane)}", float(edges[0]), float(edges[1]), inside.astype(np.float64)
+        labels = [(name, low, high) for low, high in itertools.pairwise(edges)]
+        yield labels, numbered(known[name], np.array(edges))
     xs, ts = np.linspace(place[0], place[-1], BLOCKS + 1), np.linspace(time[0], time[-1], BLOCKS + 1)
-    for i in range(BLOCKS):
-        for j in range(BLOCKS):
-            inside = (known["position"] >= xs[i]) & (known["position"] < xs[i + 1])
-            inside &= (known["time"] >= ts[j]) & (known["time"] < ts[j + 1])
-            yield f"position and time {i} {j}", i, j, inside.astype(np.float64)
+    i, j = numbered(known["position"], xs), numbered(known["time"], ts)
+    yield (
+        [(f"position and time {a} {b}", a, b) for a in range(BLOCKS) for b in range(BLOCKS)],
+        np.where((i >= 0) & (j >= 0), i * BLOCKS + j, -1),
+    )
+    if len(lanes) > 1:
+        lane = np.searchsorted(lanes, known["lane"])
+        yield [("lane", float(number), float(number)) for number in lanes], lane
+        blocks = list(itertools.pairwise(ts))
+        yield (
+            [(f"time in lane {int(number)}", float(a), float(b)) for number in lanes for a, b in blocks],
+            np.where(j >= 0, lane * BLOCKS + j, -1),
+        )

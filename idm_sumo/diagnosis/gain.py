@@ -34,9 +34,9 @@ def errors(windows: w.Windows, fit: Fit) -> Errors:
     seen = windows.seen[:, w.LEAD :]
     off, gap = seen[:, :, w.X] - x, seen[:, :, w.REAR] - x
 
-    def by_driver(value: Floats) -> Floats:
+    def by_driver(value: npt.ArrayLike) -> Floats:
         count = np.bincount(windows.driver, minlength=windows.drivers)
-        return np.asarray(np.bincount(windows.driver, value, windows.drivers) / np.maximum(count, 1))
+        return np.asarray(np.bincount(windows.driver, np.asarray(value), windows.drivers) / np.maximum(count, 1))
 
     recorded = seen[:, :, w.REAR] - seen[:, :, w.X]
     return Errors(

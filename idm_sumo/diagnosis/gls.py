@@ -28,10 +28,13 @@ class Scores:
     ----------
     u : float64, shape (drivers, atoms)
     gram : float64, shape (atoms, atoms)
+    part : float64, shape (drivers, atoms)
+        Each driver's part of the diagonal of ``gram``, before anything common to all is projected out.
     """
 
     u: Floats
     gram: Floats
+    part: Floats
 
     def without(self, nuisance: Integers) -> Scores:
         """Project the nuisance atoms out of all others (which keep their places; the nuisance's become zero)."""
@@ -45,11 +48,11 @@ class Scores:
         gram = self.gram - self.gram[:, nuisance] @ by
         u[:, nuisance] = 0.0
         gram[nuisance], gram[:, nuisance] = 0.0, 0.0
-        return Scores(u, gram)
+        return Scores(u, gram, self.part)
 
     def combined(self, mix: Floats) -> Scores:
         """Return the scores of linear combinations of atoms; ``mix`` has shape ``(atoms, combinations)``."""
-        return Scores(self.u @ mix, mix.T @ self.gram @ mix)
+        return Scores(self.u @ mix, mix.T @ self.gram @ mix, self.part @ mix**2)
 
 
 def whiten(covariance: Floats, *parts: Floats) -> list[Floats]:
@@ -91,4 +94,7 @@ def scores(residual: Floats, own: Floats, atoms: Floats, prior: Floats, driver: 
     flat = atoms.reshape(-1, atoms.shape[2])
     taken = np.einsum("ipq,iqa->ipa", inner, own_g, optimize=True).reshape(-1, atoms.shape[2])
     gram = flat.T @ flat - own_g.reshape(-1, atoms.shape[2]).T @ taken
-    return Scores(u, gram)
+    part = by_driver((atoms**2).sum(axis=1), driver, drivers) - np.einsum(
+        "ipa,ipq,iqa->ia", own_g, inner, own_g, optimize=True
+    )
+    return Scores(u, gram, part)

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 import numpy.typing as npt
@@ -33,6 +33,7 @@ EITHER_SIGN = (
 SCANNED = ("location", "time_of_day")
 WIDEST = 0.6  # of the road or the recording: a wider interval is the rest, with the other sign
 NARROWEST = {"location": 40.0, "time_of_day": 30.0}  # m, s
+UNDERRATED = 1.6  # times its linear estimate, a magnitude may be
 CONSISTENT = 0.85  # of the strongest secant's z: among these the size that agrees with its own estimate
 
 
@@ -51,6 +52,8 @@ class Candidate:
         Corrected for all forms and effects looked at.
     atom : Atom
         Its best form; for a scan the interval's edges are in ``low`` and ``high``.
+    score, bias : float
+        Of that form: the recording's, less the twins' mean, which is the bias.
     """
 
     name: str
@@ -59,6 +62,18 @@ class Candidate:
     z: float
     p: float
     atom: Atom
+    score: float = 0.0
+    bias: float = 0.0
+
+    @property
+    def information(self) -> float:
+        """Gram entry of its best form."""
+        return self.score / self.value if self.value else 0.0
+
+    @property
+    def near_enough(self) -> bool:
+        """Whether it may turn out large enough once it is brought to its size: scores near zero underrate."""
+        return replace(self, value=self.value * UNDERRATED).large_enough
 
     @property
     def large_enough(self) -> bool:
@@ -89,6 +104,15 @@ def free(evidence: Evidence) -> list[Candidate]:
     return sorted(each, key=lambda c: -abs(c.z))
 
 
+def forms(evidence: Evidence, candidate: Candidate) -> list[Candidate]:
+    """Return the candidate in each form between which its score alone does not decide: those with another companion parameter."""
+    if len(candidate.atom.fixed) < 2:
+        return [candidate]
+    rows = [n for n, atom in enumerate(evidence.atoms) if atom.name == candidate.name and evidence.gram[n, n] > 1e-6]
+    unit = np.eye(len(evidence.atoms))
+    return [_candidate(evidence, candidate.name, unit[n], evidence.atoms[n], 40) for n in rows]
+
+
 def _best(evidence: Evidence, name: str) -> Candidate | None:
     rows = [n for n, atom in enumerate(evidence.atoms) if atom.name == name and evidence.gram[n, n] > 1e-6]
     if not rows:
@@ -115,7 +139,8 @@ def _candidate(evidence: Evidence, name: str, mix: Floats, atom: Atom, looks: in
     clustered = float(evidence.clustered(mix[:, None])[0])
     inflation = evidence.inflation()
     # The null variance tests (the clustered one fails for rare effects), the larger of both bounds.
-    variance = max(information * inflation, min(clustered, 2.5 * inflation * information))
+    known = information * inflation * (1.0 + 1.0 / max(len(evidence.twins), 1))
+    variance = max(known, min(clustered, 2.5 * known))
     z = score / np.sqrt(variance)
     return Candidate(
         name,
@@ -124,6 +149,8 @@ def _candidate(evidence: Evidence, name: str, mix: Floats, atom: Atom, looks: in
         z,
         float(min(1.0, looks * 2.0 * norm.sf(abs(z)))),
         atom,
+        score,
+        float(evidence.twins.mean(axis=0) @ mix),
     )
 
 

@@ -4,13 +4,14 @@ from __future__ import annotations
 
 import numpy as np
 import numpy.typing as npt
-from numba import njit, prange
+from numba import njit
 
 from idm_sumo.diagnosis import windows as w
 from idm_sumo.effects import slots
 from idm_sumo.effects.acceleration import Sight, extended_acceleration
 from idm_sumo.effects.reaction_delay import recall
 from idm_sumo.road import FRAME_STEP
+from idm_sumo.threads import in_threads
 
 Floats = npt.NDArray[np.float64]
 PARAMETERS = 5  # a, b, T, d0 and the desired speed; d1 stays zero
@@ -45,8 +46,32 @@ def _remember(seen, past, begin):  # type: ignore[no-untyped-def]
         past[k, 2] = seen[k, w.V] - seen[k, w.SPEED]
 
 
-@njit(cache=True, parallel=True, error_model="numpy")
-def drive(seen, driver, theta, by_lane, start, pushed, begin):  # type: ignore[no-untyped-def]
+@njit(cache=True, nogil=True, error_model="numpy")
+def _drive(first, last, seen, driver, theta, by_lane, start, pushed, begin, x, v):  # type: ignore[no-untyped-def]
+    steps = seen.shape[1] - begin - 1
+    past = np.empty((seen.shape[1], 3))
+    for i in range(first, last):
+        _remember(seen[i], past, begin)
+        x[i, 0] = seen[i, begin, w.X] + start[0]
+        v[i, 0] = max(seen[i, begin, w.V] + start[1], 0.0)
+        for k in range(steps):
+            m = by_lane[int(seen[i, begin + k, w.LANE])]
+            a = _accelerate(seen[i], begin + k, x[i, k], v[i, k], past, theta[driver[i]], m)
+            if pushed.shape[0] > 0:
+                a += pushed[i, k]
+            v[i, k + 1] = max(v[i, k] + a * FRAME_STEP, 0.0)
+            x[i, k + 1] = x[i, k] + 0.5 * (v[i, k] + v[i, k + 1]) * FRAME_STEP
+
+
+def drive(
+    seen: Floats,
+    driver: npt.NDArray[np.int64],
+    theta: Floats,
+    by_lane: Floats,
+    start: Floats,
+    pushed: Floats,
+    begin: int,
+) -> tuple[Floats, Floats]:
     """Return positions and speeds of all windows, each of shape ``(windows, horizon + 1)``.
 
     Parameters
@@ -63,20 +88,8 @@ def drive(seen, driver, theta, by_lane, start, pushed, begin):  # type: ignore[n
     begin : int
         The frame at which the simulation starts.
     """
-    windows, steps = seen.shape[0], seen.shape[1] - begin - 1
-    x, v = np.empty((windows, steps + 1)), np.empty((windows, steps + 1))
-    for i in prange(windows):
-        past = np.empty((seen.shape[1], 3))
-        _remember(seen[i], past, begin)
-        x[i, 0] = seen[i, begin, w.X] + start[0]
-        v[i, 0] = max(seen[i, begin, w.V] + start[1], 0.0)
-        for k in range(steps):
-            m = by_lane[int(seen[i, begin + k, w.LANE])]
-            a = _accelerate(seen[i], begin + k, x[i, k], v[i, k], past, theta[driver[i]], m)
-            if pushed.shape[0] > 0:
-                a += pushed[i, k]
-            v[i, k + 1] = max(v[i, k] + a * FRAME_STEP, 0.0)
-            x[i, k + 1] = x[i, k] + 0.5 * (v[i, k] + v[i, k + 1]) * FRAME_STEP
+    x, v = (np.empty((len(seen), seen.shape[1] - begin)) for _ in range(2))
+    in_threads(_drive, len(seen), seen, driver, theta, by_lane, start, pushed, begin, x, v)
     return x, v
 
 
@@ -84,8 +97,7 @@ def drive(seen, driver, theta, by_lane, start, pushed, begin):  # type: ignore[n
 BY_T, BY_V0, BASE_A, BASE_V, BASE_X, BY_GAP, BY_V = range(7)
 
 
-@njit(cache=True, parallel=True, error_model="numpy")
-def respond(seen, driver, theta, by_lane):  # type: ignore[no-untyped-def]
+def respond(seen: Floats, driver: npt.NDArray[np.int64], theta: Floats, by_lane: Floats) -> tuple[Floats, Floats]:
     """Return the response of the compared positions to pulses of acceleration, and the base rollout's state.
 
     Returns
@@ -96,12 +108,18 @@ def respond(seen, driver, theta, by_lane):  # type: ignore[no-untyped-def]
         Derivatives of the acceleration by log T and log v0 (m/s²), the acceleration, speed and position,
         the derivatives by gap and by own speed.
     """
-    windows, steps = seen.shape[0], seen.shape[1] - w.LEAD - 1
-    pulses, moments = steps // BIN, steps // w.EVERY
-    response = np.zeros((windows, moments, pulses))
-    state = np.empty((windows, steps, 7))
-    for i in prange(windows):
-        past = np.empty((seen.shape[1], 3))
+    steps = seen.shape[1] - w.LEAD - 1
+    response = np.zeros((len(seen), steps // w.EVERY, steps // BIN))
+    state = np.empty((len(seen), steps, 7))
+    in_threads(_respond, len(seen), seen, driver, theta, by_lane, response, state)
+    return response, state
+
+
+@njit(cache=True, nogil=True, error_model="numpy")
+def _respond(first, last, seen, driver, theta, by_lane, response, state):  # type: ignore[no-untyped-def]
+    steps, pulses = state.shape[1], response.shape[2]
+    past = np.empty((seen.shape[1], 3))
+    for i in range(first, last):
         _remember(seen[i], past, w.LEAD)
         x, v = seen[i, w.LEAD, w.X], seen[i, w.LEAD, w.V]
         p = theta[driver[i]].copy()
@@ -138,7 +156,6 @@ def respond(seen, driver, theta, by_lane):  # type: ignore[no-untyped-def]
             if (k + 1) % w.EVERY == 0:
                 for j in range(pulses):
                     response[i, (k + 1) // w.EVERY - 1, j] = dx[j]
-    return response, state
 
 
 NO_PUSH = np.empty((0, 0))

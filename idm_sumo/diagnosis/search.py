@@ -12,21 +12,28 @@ from idm_sumo.diagnosis import hypotheses as hy
 from idm_sumo.diagnosis.fit import Fit, fit_drivers, improve
 from idm_sumo.diagnosis.gain import compare, errors
 from idm_sumo.diagnosis.hypotheses import Candidate
-from idm_sumo.effects import BY_NAME
+from idm_sumo.diagnosis.result import Gain
+from idm_sumo.effects import BY_NAME, Parameter
 from idm_sumo.progress import Progress
 
 Floats = npt.NDArray[np.float64]
 
 TWINS = 3
 REFINEMENTS = 4
+ROUNDS_OF_TWINS = 4
 MOST_CAUSES = 3
 SIGNIFICANT = 1e-3  # corrected p of a cause
 CLEAR = 5.0  # standard errors that a further cause needs, beside its share of the first one's evidence
 FURTHER_SHARE = 0.06  # of the first cause's squared z, for a further one: less is what its shape leaves over
 LEAST_GAIN = 0.004  # of the ADE, on the drivers that fit
-CLOSE = 0.6  # of the best's squared z: from there on causes are refitted and compared
+NO_DOUBT = 6.0  # standard errors, from which on any gain will do
+ROUNDS = 12  # of a fit from scratch
+CLOSE = 0.3  # of the best's squared z: from there on causes are brought to their sizes and compared
+TRIED = 3
+CLIMBS = 4
+LONGEST_MOVE, SETTLED = 0.6, 0.05  # of a magnitude, in one step; below, it has settled
 DELAYS = (0.2, 0.45, 0.8)  # s
-RIVAL = 1.003  # times the least ADE: a refitted cause that leaves no more cannot be told apart
+RIVAL = 0.85  # of the best cause's support: one with as much cannot be told apart
 FREE_EXCESS = 1.5  # times the best cause's squared z: from there on a free field says the catalogue does not hold it
 FREE_CLEAR = 7.0  # standard errors of a free field
 
@@ -70,6 +77,11 @@ def refitted(subject: ev.Subject, fit: Fit, *, rounds: int = 3) -> Fit:
     return fit
 
 
+def anew(subject: ev.Subject, fit: Fit) -> Fit:
+    """Return drivers, population and noise fitted from scratch to the same magnitudes: fits on the way to rest do not compare."""
+    return fit_drivers(subject.windows, fit.by_lane, fit.start_variance, rounds=ROUNDS)
+
+
 def search(subject: ev.Subject, base: Fit, rng: np.random.Generator, progress: Progress) -> Found:
     """Find the causes, strongest first."""
     fit = base
@@ -83,10 +95,19 @@ def search(subject: ev.Subject, base: Fit, rng: np.random.Generator, progress: P
             break
         candidate, fit, gained, rivals = chosen
         accepted.append(Accepted(candidate, candidate.value, candidate.error, gained, rivals))
-        last = ev.examine(subject, fit, rng, twins=TWINS, progress=progress, stage=f"refining {candidate.name}")
-        accepted, fit, last = _refined(subject, fit, last, accepted)
+        progress(f"refining {candidate.name}", 0, 1)
+        fit = _refined(subject, fit, [cause.candidate.name for cause in accepted], rng)
+        last = ev.examine(subject, fit, rng, twins=TWINS, progress=progress, stage="looking for further causes")
+        accepted = [_measured(cause, fit, last) for cause in accepted]
     left = tuple(strange) if strange else tuple(c for c in hy.free(last)[:3] if _stands_out(c)) if not accepted else ()
     return Found(base, fit, tuple(accepted), tuple(without), first, last, left)
+
+
+def _measured(cause: Accepted, fit: Fit, evidence: ev.Evidence) -> Accepted:
+    """Return the cause with its refined size and its standard error there."""
+    there = hy.local(evidence, cause.candidate.name)
+    value = float(fit.by_lane[0, _first(cause.candidate.name).slot])
+    return replace(cause, value=value, error=cause.error if there is None else there.error)
 
 
 def _stands_out(free: Candidate) -> bool:
@@ -105,62 +126,122 @@ def _next(
 ) -> tuple[Candidate, Fit, float, tuple[str, ...]] | None:  # fmt: skip
     """Return the next cause that passes every gate, with the refitted model."""
     used = {a.candidate.name for a in accepted} | {c.name for c in without}
-    open_ = [c for c in hy.candidates(evidence) if c.name not in used and c.large_enough and c.p < SIGNIFICANT]
+    open_ = [c for c in hy.candidates(evidence) if c.name not in used and c.near_enough and c.p < SIGNIFICANT]
     if accepted:
         needed = max(CLEAR**2, FURTHER_SHARE * accepted[0].candidate.z ** 2)
         open_ = [c for c in open_ if c.z**2 > needed]
-    if not open_:
-        return None
-    chosen, model, rivals = _best_refit(subject, fit, open_, hy.candidates(evidence), used)
-    before, after = errors(subject.windows, fit).ade_m, errors(subject.windows, model).ade_m
-    gain = compare("ade_m", before, after, subject.windows.platoon, rng, held_out=False)
-    if gain.difference < LEAST_GAIN * gain.base or gain.ci95[0] <= 0.0:
-        without.append(chosen)
-        return _next(subject, fit, evidence, accepted, without, rng)
-    return chosen, model, gain.difference, rivals
+    while open_:
+        close = [c for c in open_ if c.z**2 > CLOSE * open_[0].z ** 2][:TRIED]
+        best, rivals = _strongest(subject, fit, [form for c in close for form in hy.forms(evidence, c)])
+        model = anew(subject, best.fit)
+        before, after = errors(subject.windows, fit).ade_m, errors(subject.windows, model).ade_m
+        gain = compare("ade_m", before, after, subject.windows.platoon, rng, held_out=False)
+        if best.candidate.large_enough and _worth_it(gain, best.candidate):
+            return best.candidate, model, gain.difference, rivals
+        without.append(best.candidate)
+        open_ = [c for c in open_ if c.name != best.candidate.name]
+    return None
 
 
-def _best_refit(
-    subject: ev.Subject, fit: Fit, open_: list[Candidate], every: list[Candidate], used: set[str]
-) -> tuple[Candidate, Fit, tuple[str, ...]]:
-    """Refit the most significant causes, and a delay at several sizes, and return the one that leaves least.
+def _worth_it(gain: Gain, candidate: Candidate) -> bool:
+    """Return whether rollouts are better for a cause: clearly, or at all if there is no doubt that it is there."""
+    clearly = gain.difference >= LEAST_GAIN * gain.base and gain.ci95[0] > 0.0
+    return clearly or (abs(candidate.z) > NO_DOUBT and gain.difference > 0.0)
 
-    A long delay is far from what is linear near none: its score alone underrates it.
+
+@dataclass(frozen=True)
+class Tried:
+    """A candidate at the size where the data want it, and how much they want it (twice the log-likelihood's gain)."""
+
+    candidate: Candidate
+    fit: Fit
+    support: float
+
+
+def _strongest(subject: ev.Subject, fit: Fit, close: list[Candidate]) -> tuple[Tried, tuple[str, ...]]:
+    """Bring each candidate to its size and return the one with most support, and those with nearly as much."""
+    tried = sorted((_climbed(subject, fit, c) for c in close), key=lambda t: -t.support)
+    best = tried[0]
+    rivals = {t.candidate.name for t in tried[1:] if t.support > RIVAL * best.support} - {best.candidate.name}
+    return best, tuple(sorted(rivals))
+
+
+def _climbed(subject: ev.Subject, fit: Fit, candidate: Candidate) -> Tried:
+    """Move a candidate's magnitude to where its score vanishes.
+
+    The score near zero underrates what is not linear (a dead band, a long delay) or what the fitted drivers have absorbed. The
+    integral of the score over the magnitude, freed from the twins' at every point, is the log-likelihood that it gains.
     """
-    close = [c for c in open_ if c.z**2 > CLOSE * open_[0].z ** 2][:3]
-    delay = next((c for c in every if c.name == "reaction_delay" and c.name not in used), None)
-    if delay is not None and delay.value > 0.0 and delay.p < SIGNIFICANT:
-        close = [c for c in close if c.name != delay.name] + [replace(delay, value=size) for size in DELAYS]
+    if candidate.name == "reaction_delay":
+        now = _delayed(subject, fit, candidate)
+    else:
+        now = refitted(subject, with_cause(fit, candidate), rounds=2)
+    slot = _first(candidate.name).slot
+    value, before, score, support = float(now.by_lane[0, slot]), 0.0, candidate.score, 0.0
+    error = candidate.error
+    for _ in range(CLIMBS):
+        step = ev.local_scores(subject, now)[candidate.name]
+        free = step.score - candidate.bias
+        support += (score + free) * (value - before)
+        before, score, error = (
+            value,
+            free,
+            candidate.error * np.sqrt(candidate.information / max(step.information, 1e-9)),
+        )
+        value = _moved(candidate.name, value, free / max(step.information, 1e-9))
+        if abs(value - before) < SETTLED * abs(value):
+            break
+        by_lane = now.by_lane.copy()
+        by_lane[:, slot] = value
+        now = refitted(subject, replace(now, by_lane=by_lane), rounds=1)
+    return Tried(replace(candidate, value=value, error=error), now, support)
+
+
+def _delayed(subject: ev.Subject, fit: Fit, candidate: Candidate) -> Fit:
+    """Return the fit with the delay that leaves least, from scratch: drivers fitted without one are far from those with it."""
     models = [
-        fit_drivers(subject.windows, with_cause(fit, c).by_lane, fit.start_variance, rounds=6)
-        if c.name == "reaction_delay"  # from scratch: drivers fitted without a delay are far from those with one
-        else refitted(subject, with_cause(fit, c))
-        for c in close
+        fit_drivers(subject.windows, with_cause(fit, candidate, size).by_lane, fit.start_variance, rounds=6)
+        for size in DELAYS
     ]
-    if len(models) == 1:
-        return close[0], models[0], ()
-    left = np.array([errors(subject.windows, model).ade_m.mean() for model in models])
-    best = int(np.argmin(left))
-    rivals = {c.name for c, ade in zip(close, left, strict=True) if ade < RIVAL * left[best]} - {close[best].name}
-    return close[best], models[best], tuple(sorted(rivals))
+    return min(models, key=lambda model: float(errors(subject.windows, model).ade_m.mean()))
 
 
-def _refined(
-    subject: ev.Subject, fit: Fit, evidence: ev.Evidence, accepted: list[Accepted]
-) -> tuple[list[Accepted], Fit, ev.Evidence]:
-    """Move every accepted magnitude to where recording and twins agree."""
-    for _ in range(REFINEMENTS):
-        steps = [hy.local(evidence, cause.candidate.name) for cause in accepted]
-        by_lane = fit.by_lane.copy()
-        out = []
-        for cause, step in zip(accepted, steps, strict=True):
-            first = BY_NAME[cause.candidate.name].parameters[0]
-            now = float(by_lane[0, first.slot])
-            move = 0.0 if step is None else float(np.clip(step.value, -0.6 * abs(now), 0.6 * abs(now)))
-            by_lane[:, first.slot] = np.clip(now + move, first.lower, first.upper)
-            error = cause.error if step is None else step.error
-            out.append(replace(cause, value=float(by_lane[0, first.slot]), error=error))
-        accepted = out
-        fit = refitted(subject, replace(fit, by_lane=by_lane), rounds=1)
-        evidence = ev.rescored(subject, fit, evidence)
-    return accepted, fit, evidence
+def _moved(name: str, value: float, step: float) -> float:
+    """Return a magnitude after a step of bounded length: within its bounds, and off zero, where no step can be taken."""
+    first = _first(name)
+    moved = value + float(np.clip(step, -LONGEST_MOVE * abs(value), LONGEST_MOVE * abs(value)))
+    return float(np.clip(moved, first.lower, first.upper)) or 1e-3 * first.typical
+
+
+def _refined(subject: ev.Subject, fit: Fit, names: list[str], rng: np.random.Generator) -> Fit:
+    """Move the magnitudes in the model to where recording and twins agree.
+
+    What twins show depends on the model that drives them, and they begin where the recorded vehicles were, which the true
+    effect put there: so twins are made anew until nothing moves.
+    """
+    for _ in range(ROUNDS_OF_TWINS):
+        begin = fit.by_lane
+        bias = ev.local_biases(subject, fit, rng, twins=TWINS)
+        for _ in range(REFINEMENTS):
+            by_lane, steps = fit.by_lane.copy(), ev.local_scores(subject, fit)
+            for name in names:
+                slot = _first(name).slot
+                free = steps[name].score - bias[name].score
+                by_lane[:, slot] = _moved(name, float(by_lane[0, slot]), free / max(steps[name].information, 1e-9))
+            furthest = _furthest(names, fit.by_lane, by_lane)
+            fit = refitted(subject, replace(fit, by_lane=by_lane), rounds=1)
+            if furthest < SETTLED:
+                break
+        if _furthest(names, begin, fit.by_lane) < SETTLED:
+            break
+    return anew(subject, fit)
+
+
+def _furthest(names: list[str], before: Floats, after: Floats) -> float:
+    """Return the largest relative change of a magnitude."""
+    slots = [_first(name).slot for name in names]
+    return float(np.abs(after[0, slots] / before[0, slots] - 1.0).max())
+
+
+def _first(name: str) -> Parameter:
+    return BY_NAME[name].parameters[0]

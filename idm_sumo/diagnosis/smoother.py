@@ -13,7 +13,7 @@ from scipy.signal import savgol_filter
 from idm_sumo import columns as c
 from idm_sumo.recording import Recording
 from idm_sumo.road import FRAME_STEP
-from idm_sumo.smoothing import ORDER, SHORTEST, WINDOW, runs
+from idm_sumo.smoothing import ORDER, WINDOW, filter_runs, runs
 
 LONGEST = 41  # frames
 QUIET = 0.06  # m/s: speed noise behind the shortest window that needs no longer one
@@ -31,14 +31,7 @@ def window_for(speed_noise: float) -> int:
 def smooth_along(recording: Recording, window: int) -> Recording:
     """Return the recording with positions along the road, speeds and accelerations smoothed; run by run."""
     table = recording.table
-    raw = table[c.X].to_numpy(np.float64)
-    x, v, a = raw.copy(), table[c.SPEED].to_numpy(np.float64).copy(), np.zeros(len(raw))
-    for start, length in zip(*runs(table), strict=True):
-        frames = min(window, int(length) - 1 + int(length) % 2)
-        if frames < SHORTEST:
-            continue
-        part = slice(int(start), int(start + length))
-        x[part], v[part], a[part] = derivatives(raw[part], frames)
+    x, v, a = filter_runs(table[c.X].to_numpy(np.float64), *runs(table), window)
     return recording.with_table(table.assign(**{c.X: x, c.SPEED: np.maximum(v, 0.0), c.ACCELERATION: a}))
 
 

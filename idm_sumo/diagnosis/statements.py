@@ -103,10 +103,15 @@ def _sentence(accepted: Accepted) -> str:
     """Return the evidence in one sentence."""
     c = accepted.candidate
     first = BY_NAME[c.name].parameters[0]
+    late = (
+        "; it rests on what happens later, so a replay can have it and a forecast cannot"
+        if BY_NAME[c.name].hindsight
+        else ""
+    )
     rivals = f"; these data cannot tell it from {', '.join(accepted.rivals)}" if accepted.rivals else ""
     return (
         f"drivers behave as if each {BY_NAME[c.name].summary}: {first.symbol} = {accepted.value:.3g} {first.unit}, "
-        f"{abs(c.z):.1f} standard errors beyond what null twins of the same drivers, noise and smoothing show{rivals}"
+        f"{abs(c.z):.1f} standard errors beyond what null twins of the same drivers, noise and smoothing show{late}{rivals}"
     )
 
 

@@ -14,9 +14,10 @@ from scipy.signal import savgol_filter
 
 from idm_sumo.diagnosis import noise as no
 from idm_sumo.diagnosis import windows as w
-from idm_sumo.diagnosis.fit import Fit, improve
+from idm_sumo.diagnosis.fit import LOWER, UPPER, Fit, improve
 from idm_sumo.diagnosis.noise import Noise
 from idm_sumo.diagnosis.rollout import drive, positions
+from idm_sumo.road import FRAME_STEP
 from idm_sumo.smoothing import ORDER
 
 Floats = npt.NDArray[np.float64]
@@ -31,7 +32,7 @@ def make_twin(
     *,
     is_smooth: bool = False,
 ) -> w.Windows:
-    """Return the windows of a recording in which every follower drives by its fitted model.
+    """Return the windows of a recording in which every follower drives by the model of ``fit``.
 
     Parameters
     ----------
@@ -46,7 +47,7 @@ def make_twin(
     """
     count, frames = windows.seen.shape[:2]
     pushed = driver.draw(count, frames - 1, rng)
-    x, v = drive(windows.seen, windows.driver, fit.theta, fit.by_lane, np.zeros(2), pushed, 0)
+    x, v = drive(_sharpened(windows), windows.driver, fit.theta, fit.by_lane, np.zeros(2), pushed, 0)
     seen = windows.seen.copy()
     seen[:, :, w.X], seen[:, :, w.V] = x, v
     if not is_smooth:
@@ -57,21 +58,64 @@ def make_twin(
     )
     seen[:, :, w.X] += own[0]
     seen[:, :, w.V] = np.maximum(seen[:, :, w.V] + own[1], 0.0)
-    seen[:, :, w.REAR] = windows.blurred[:, :, 0] + ahead[0]
-    seen[:, :, w.SPEED] = np.maximum(windows.blurred[:, :, 1] + ahead[1], 0.0)
+    seen[:, :, w.REAR] += ahead[0]
+    seen[:, :, w.SPEED] = np.maximum(seen[:, :, w.SPEED] + ahead[1], 0.0)
     seen[:, :, w.ACCELERATION] += ahead[2]
-    seen[:, :, w.SECOND] = windows.blurred[:, :, 2] + second[0]
+    seen[:, :, w.SECOND] += second[0]
     seen[:, :, w.SECOND_SPEED] = np.maximum(seen[:, :, w.SECOND_SPEED] + second[1], 0.0)
     return replace(windows, seen=seen)
 
 
+def _sharpened(windows: w.Windows) -> Floats:
+    """Return what the twin's driver sees: leaders that look like the recorded ones once they are smoothed.
+
+    What a second smoothing takes away is put on top (one step of van Cittert's deconvolution): the driver of a recording answered
+    the true leader, of which the recording shows the smoothed one.
+    """
+    seen = windows.seen.copy()
+    for column, name in enumerate((w.REAR, w.SPEED, w.SECOND)):
+        there = np.isfinite(windows.seen[:, :, name]) & np.isfinite(windows.blurred[:, :, column])
+        np.subtract(2.0 * windows.seen[:, :, name], windows.blurred[:, :, column], out=seen[:, :, name], where=there)
+    seen[:, :, w.SPEED] = np.maximum(seen[:, :, w.SPEED], 0.0)
+    gained = seen[:, :, w.SPEED] - windows.seen[:, :, w.SPEED]
+    seen[:, :, w.ACCELERATION] += np.gradient(gained, FRAME_STEP, axis=1)
+    return seen
+
+
+def drawn_anew(fit: Fit, rng: np.random.Generator) -> Fit:
+    """Return the fit with drivers drawn from its population.
+
+    Fitted drivers carry a part of whatever differs between them: who followed a truck has been fitted a longer headway. Their
+    twins show that part again, so for such effects twins of drawn drivers are the null.
+    """
+    own = rng.multivariate_normal(fit.mean, fit.spread, len(fit.own), method="cholesky")
+    return replace(fit, own=np.clip(own, LOWER, UPPER))
+
+
+def placed_for(windows: w.Windows, fitted: Fit, drawn: Fit) -> w.Windows:
+    """Return the windows, their starts moved by as much as the drawn drivers keep other gaps than the fitted ones."""
+    seen = windows.seen.copy()
+    speed, gap = seen[:, 0, w.V], seen[:, 0, w.REAR] - seen[:, 0, w.X]
+    more = _steady_gap(drawn.theta[windows.driver], speed) - _steady_gap(fitted.theta[windows.driver], speed)
+    seen[:, 0, w.X] -= np.clip(more, -CLOSER * gap, FARTHER * gap)
+    return replace(windows, seen=seen)
+
+
+def _steady_gap(theta: Floats, speed: Floats) -> Floats:
+    """Return the gap (m) at which each driver would keep the speed (m/s); parameters a, b, T, d0, v0."""
+    free = np.maximum(1.0 - (speed / theta[:, 4]) ** 4, 0.2)
+    return np.asarray((theta[:, 3] + speed * theta[:, 2]) / np.sqrt(free))
+
+
+CLOSER, FARTHER = 0.4, 0.8  # of the recorded gap, by which a drawn driver may start otherwise
 TRIAL = 0.04  # m^2/s^4, variance of the trial noises
 TRIAL_WINDOWS = 1000
 
 
 def refit(twin: w.Windows, fit: Fit) -> Fit:
-    """Return the twin's drivers, fitted as the recording's were: same spreads, same weights."""
-    return improve(twin, improve(twin, fit, hyper=False), hyper=False)
+    """Return the twin's drivers and weights, fitted as the recording's were; spreads and covariance are the recording's."""
+    fitted = improve(twin, improve(twin, fit, hyper=False))
+    return replace(fitted, spread=fit.spread, residual=fit.residual)
 
 
 def driver_noise(

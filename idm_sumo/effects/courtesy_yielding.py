@@ -26,4 +26,5 @@ EFFECT = Effect(
     must_see=("until_cut_in",),
     confusable_with=("lane_change_relaxation", "follower_pressure"),
     source="Kesting, Treiber and Helbing (2007), MOBIL; Hidas (2005), cooperative lane changing",
+    hindsight=True,
 )

@@ -25,4 +25,5 @@ EFFECT = Effect(
     must_see=("until_own_change",),
     confusable_with=("lane_change_relaxation", "courtesy_yielding"),
     source="Zheng, Ahn, Chen and Laval (2013), The effects of lane-changing on the immediate follower",
+    hindsight=True,
 )

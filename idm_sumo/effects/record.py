@@ -46,6 +46,8 @@ class Effect:
     confusable_with : tuple of str
         Catalogue names.
     source : str
+    hindsight : bool
+        Whether it rests on what comes later in the recording: a replay can have it, a forecast cannot.
     sumo : str or None
         How plain SUMO can express it; None where only the Python-driven loop can.
     """
@@ -57,3 +59,4 @@ class Effect:
     confusable_with: tuple[str, ...]
     source: str
     sumo: str | None = None
+    hindsight: bool = False
