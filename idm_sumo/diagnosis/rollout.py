@@ -6,6 +6,7 @@ import numpy as np
 import numpy.typing as npt
 from numba import njit
 
+from idm_sumo import idm
 from idm_sumo.diagnosis import windows as w
 from idm_sumo.effects import slots
 from idm_sumo.effects.acceleration import Sight, extended_acceleration
@@ -50,13 +51,20 @@ def _remember(seen, past, begin):  # type: ignore[no-untyped-def]
 def _drive(first, last, seen, driver, theta, by_lane, start, pushed, begin, x, v):  # type: ignore[no-untyped-def]
     steps = seen.shape[1] - begin - 1
     past = np.empty((seen.shape[1], 3))
+    plain = not by_lane.any()
     for i in range(first, last):
         _remember(seen[i], past, begin)
+        own = theta[driver[i]]
+        weight, inverse = idm.closing_weight(own[0], own[1]), 1.0 / own[4]
         x[i, 0] = seen[i, begin, w.X] + start[0]
         v[i, 0] = max(seen[i, begin, w.V] + start[1], 0.0)
         for k in range(steps):
-            m = by_lane[int(seen[i, begin + k, w.LANE])]
-            a = _accelerate(seen[i], begin + k, x[i, k], v[i, k], past, theta[driver[i]], m)
+            if plain:  # most rollouts, and several times faster
+                gap, approach = seen[i, begin + k, w.REAR] - x[i, k], v[i, k] - seen[i, begin + k, w.SPEED]
+                a = idm.acceleration_of(v[i, k], approach, gap, own[0], weight, own[2], own[3], 0.0, inverse)
+            else:
+                m = by_lane[int(seen[i, begin + k, w.LANE])]
+                a = _accelerate(seen[i], begin + k, x[i, k], v[i, k], past, own, m)
             if pushed.shape[0] > 0:
                 a += pushed[i, k]
             v[i, k + 1] = max(v[i, k] + a * FRAME_STEP, 0.0)

@@ -19,8 +19,8 @@ from idm_sumo.progress import Progress
 Floats = npt.NDArray[np.float64]
 
 TWINS = 3
-REFINEMENTS = 4
-ROUNDS_OF_TWINS = 4
+REFINEMENTS = 5
+ROUNDS_OF_TWINS = 3
 MOST_CAUSES = 3
 SIGNIFICANT = 1e-3  # corrected p of a cause
 CLEAR = 5.0  # standard errors that a further cause needs, beside its share of the first one's evidence
@@ -30,8 +30,9 @@ NO_DOUBT = 6.0  # standard errors, from which on any gain will do
 ROUNDS = 12  # of a fit from scratch
 CLOSE = 0.3  # of the best's squared z: from there on causes are brought to their sizes and compared
 TRIED = 3
-CLIMBS = 4
-LONGEST_MOVE, SETTLED = 0.6, 0.05  # of a magnitude, in one step; below, it has settled
+CLIMBS = 5
+LONGEST_MOVE, SETTLED = 0.6, 0.02  # of a magnitude, in one step; below, it has settled
+LARGEST_FACTOR = 6.0  # by which steps may grow
 DELAYS = (0.2, 0.45, 0.8)  # s
 RIVAL = 0.85  # of the best cause's support: one with as much cannot be told apart
 FREE_EXCESS = 1.5  # times the best cause's squared z: from there on a free field says the catalogue does not hold it
@@ -178,7 +179,7 @@ def _climbed(subject: ev.Subject, fit: Fit, candidate: Candidate) -> Tried:
         now = refitted(subject, with_cause(fit, candidate), rounds=2)
     slot = _first(candidate.name).slot
     value, before, score, support = float(now.by_lane[0, slot]), 0.0, candidate.score, 0.0
-    error = candidate.error
+    error, stride = candidate.error, Stride()
     for _ in range(CLIMBS):
         step = ev.local_scores(subject, now)[candidate.name]
         free = step.score - candidate.bias
@@ -188,8 +189,8 @@ def _climbed(subject: ev.Subject, fit: Fit, candidate: Candidate) -> Tried:
             free,
             candidate.error * np.sqrt(candidate.information / max(step.information, 1e-9)),
         )
-        value = _moved(candidate.name, value, free / max(step.information, 1e-9))
-        if abs(value - before) < SETTLED * abs(value):
+        value = stride.moved(candidate.name, value, free / max(step.information, 1e-9))
+        if stride.settled:
             break
         by_lane = now.by_lane.copy()
         by_lane[:, slot] = value
@@ -206,41 +207,53 @@ def _delayed(subject: ev.Subject, fit: Fit, candidate: Candidate) -> Fit:
     return min(models, key=lambda model: float(errors(subject.windows, model).ade_m.mean()))
 
 
-def _moved(name: str, value: float, step: float) -> float:
-    """Return a magnitude after a step of bounded length: within its bounds, and off zero, where no step can be taken."""
-    first = _first(name)
-    moved = value + float(np.clip(step, -LONGEST_MOVE * abs(value), LONGEST_MOVE * abs(value)))
-    return float(np.clip(moved, first.lower, first.upper)) or 1e-3 * first.typical
-
-
 def _refined(subject: ev.Subject, fit: Fit, names: list[str], rng: np.random.Generator) -> Fit:
     """Move the magnitudes in the model to where recording and twins agree.
 
     What twins show depends on the model that drives them, and they begin where the recorded vehicles were, which the true
     effect put there: so twins are made anew until nothing moves.
     """
+    strides = {name: Stride() for name in names}
     for _ in range(ROUNDS_OF_TWINS):
-        begin = fit.by_lane
         bias = ev.local_biases(subject, fit, rng, twins=TWINS)
         for _ in range(REFINEMENTS):
             by_lane, steps = fit.by_lane.copy(), ev.local_scores(subject, fit)
-            for name in names:
+            for name, stride in strides.items():
                 slot = _first(name).slot
                 free = steps[name].score - bias[name].score
-                by_lane[:, slot] = _moved(name, float(by_lane[0, slot]), free / max(steps[name].information, 1e-9))
-            furthest = _furthest(names, fit.by_lane, by_lane)
+                by_lane[:, slot] = stride.moved(
+                    name, float(by_lane[0, slot]), free / max(steps[name].information, 1e-9)
+                )
             fit = refitted(subject, replace(fit, by_lane=by_lane), rounds=1)
-            if furthest < SETTLED:
+            if all(stride.settled for stride in strides.values()):
                 break
-        if _furthest(names, begin, fit.by_lane) < SETTLED:
+        if all(stride.settled for stride in strides.values()):
             break
     return anew(subject, fit)
 
 
-def _furthest(names: list[str], before: Floats, after: Floats) -> float:
-    """Return the largest relative change of a magnitude."""
-    slots = [_first(name).slot for name in names]
-    return float(np.abs(after[0, slots] / before[0, slots] - 1.0).max())
+class Stride:
+    """Steps towards the size of a magnitude that grow as long as they go the same way.
+
+    The population follows a magnitude only slowly (expectation and maximisation), and the score with it: a step that is right
+    for the drivers as they are is too short.
+    """
+
+    def __init__(self) -> None:
+        self.settled = False
+        self._factor, self._last = 0.5, 0.0
+
+    def moved(self, name: str, value: float, step: float) -> float:
+        """Return the magnitude after a step: within its bounds, and off zero, where no further step could be taken."""
+        same = step * self._last > 0.0
+        self._factor = (
+            min(2.0 * self._factor, LARGEST_FACTOR) if same or not self._last else max(0.25 * self._factor, 0.5)
+        )
+        self._last, self.settled = step, abs(step) < SETTLED * abs(value)
+        first = _first(name)
+        longest = LONGEST_MOVE * abs(value)
+        moved = value + float(np.clip(self._factor * step, -longest, longest))
+        return float(np.clip(moved, first.lower, first.upper)) or 1e-3 * first.typical
 
 
 def _first(name: str) -> Parameter:

@@ -1,0 +1,89 @@
+"""What the data say: leverage has a limit, a rare effect is not its own noise, drawn drivers know nothing of the recorded."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+from hypothesis.extra.numpy import arrays
+
+from idm_sumo.diagnosis import atoms as at
+from idm_sumo.diagnosis import evidence as ev
+from idm_sumo.diagnosis import rollout as ro
+from idm_sumo.diagnosis import windows as w
+from idm_sumo.diagnosis.bins import numbered, pulses_by_bin
+from idm_sumo.diagnosis.fit import fit_drivers
+from idm_sumo.diagnosis.twins import drawn_anew, placed_for
+from idm_sumo.effects import slots
+from tests.test_diagnosis_rollout import QUIET, followers
+
+START = np.array([1e-4, 1e-4])
+
+
+@given(arrays(np.int64, (3, 20), elements=st.integers(-1, 4)), st.integers(0, 2**31))
+def test_pulses_by_bin_are_the_means_of_the_indicator(number, seed):
+    value = np.random.default_rng(seed).standard_normal(number.shape)
+    found = pulses_by_bin(number, 5, value)
+    for k in range(5):
+        field = np.where(number == k, value, 0.0).reshape(3, -1, ro.BIN).mean(axis=2)
+        np.testing.assert_allclose(found[:, :, k], field, atol=1e-12)
+
+
+def test_bins_hold_their_lower_edge_and_nothing_outside():
+    edges = np.array([0.0, 1.0, 3.0])
+    assert numbered(np.array([-0.1, 0.0, 0.99, 1.0, 3.0, np.nan]), edges).tolist() == [-1, 0, 0, 1, -1, -1]
+
+
+def test_one_window_that_explodes_is_held_back_and_the_others_stay():
+    columns = np.random.default_rng(0).uniform(0.5, 1.0, (50, 4, 2))
+    columns[7, :, 0] *= 1e6
+    columns[:, :, 1] = 0.0
+    tamed = ev.tamed(columns)
+    usual = np.delete(np.arange(50), 7)
+    np.testing.assert_array_equal(tamed[usual], columns[usual])
+    assert np.abs(tamed[7]).max() < 4.0
+    np.testing.assert_allclose(tamed[7, :, 0] / tamed[7, 0, 0], columns[7, :, 0] / columns[7, 0, 0])
+
+
+def test_a_rare_effect_is_not_its_own_noise():
+    part = np.zeros((200, 1))
+    part[:8] = 5.0
+    rng = np.random.default_rng(1)
+    noise = rng.standard_normal((200, 1)) * np.sqrt(part)
+    u = 3.0 * part + noise
+    evidence = ev.Evidence([at.Atom("leader_class")], u, np.zeros((3, 1)), part.sum(0)[None], part, np.arange(200) // 5)
+    alone = replace(evidence, u=noise)
+    assert evidence.clustered(np.eye(1)) == pytest.approx(alone.clustered(np.eye(1)))
+
+
+def test_drawn_drivers_are_of_the_population_and_start_where_they_would():
+    windows, _ = followers(ro.PLAIN, np.random.default_rng(4))
+    fit = fit_drivers(windows, ro.PLAIN.copy(), START, rounds=6)
+    many = replace(fit, own=np.tile(fit.mean, (4000, 1)))
+    drawn = drawn_anew(many, np.random.default_rng(2))
+    np.testing.assert_allclose(drawn.own.mean(axis=0), fit.mean, atol=0.05)
+    np.testing.assert_allclose(np.cov(drawn.own.T)[2, 2], fit.spread[2, 2], rtol=0.1)
+    longer = replace(fit, own=fit.own + np.array([0.0, 0.0, 0.2, 0.0, 0.0]))
+    moved = placed_for(windows, fit, longer).seen[:, 0, w.X]
+    assert (moved < windows.seen[:, 0, w.X]).all()
+    np.testing.assert_array_equal(placed_for(windows, fit, fit).seen, windows.seen)
+
+
+@pytest.mark.parametrize(("slot", "size"), [(slots.HYSTERESIS, 0.2), (slots.BAND, 0.6)])
+def test_the_score_vanishes_at_the_planted_size_and_points_to_it_from_below(slot, size):
+    planted = ro.PLAIN.copy()
+    planted[:, slot] = size
+    windows, _ = followers(planted, np.random.default_rng(5))
+    subject = ev.Subject(windows, QUIET, QUIET, at.grid_of(windows), True)
+    name = {slots.HYSTERESIS: "hysteresis", slots.BAND: "perception_threshold"}[slot]
+    half = planted.copy()
+    half[:, slot] = 0.5 * size
+    steps = [
+        ev.local_scores(subject, fit_drivers(windows, by_lane, START, rounds=8))[name] for by_lane in (half, planted)
+    ]
+    below, there = (step.score / step.information for step in steps)
+    assert below > 0.15 * size
+    assert abs(there) < 0.1 * size
