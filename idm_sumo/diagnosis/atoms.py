@@ -133,7 +133,12 @@ def _linear(windows: w.Windows, state: Floats, grid: Grid) -> list[Block]:
     """Return the effects that add to the acceleration, and the car-following's form."""
     fields = linear_fields(windows, state, grid.pivot)
     form = {f"{GUARD}{n}": field for n, field in enumerate(form_fields(windows, state, grid.pivot))}
-    return [([Atom(name)], pulse_means(field)[:, :, None]) for name, field in {**fields, **form}.items()]
+    pivot = ((slots.SPEED_HEADWAY, 1.0), (slots.PIVOT_SPEED, grid.pivot))
+    fixed = {"speed_dependent_headway": pivot}
+    return [
+        ([Atom(name, fixed=fixed.get(name, ()))], pulse_means(field)[:, :, None])
+        for name, field in {**fields, **form}.items()
+    ]
 
 
 def _scanned(windows: w.Windows, state: Floats, grid: Grid) -> list[Block]:

@@ -27,7 +27,11 @@ EDGES: dict[str, tuple[float, ...]] = {
     "leader_acceleration": (-20.0, -1.0, -0.3, 0.3, 1.0, 20.0),
     "adjacent_difference": (-40.0, -5.0, -2.0, 2.0, 5.0, 40.0),
     "second_gap_change": (-30.0, -2.0, -0.7, 0.7, 2.0, 30.0),
+    "trucks_beside": (0.5, 99.0),
+    "braking_beside": (0.5, 99.0),
+    "unrest": (0.0, 0.4, 0.7, 1.0, 9.0),
 }
+TURNS = (-20.0, -0.4, 0.4, 20.0)  # m/s²: the leader brakes, keeps its speed, accelerates
 
 
 def covariates(windows: w.Windows, state: Floats) -> dict[str, Floats]:
@@ -44,6 +48,9 @@ def covariates(windows: w.Windows, state: Floats) -> dict[str, Floats]:
         "second_gap_change": np.where(
             np.isfinite(seen[:, :, w.SECOND]), seen[:, :, w.SPEED] - seen[:, :, w.SECOND_SPEED], 1e6
         ),
+        "trucks_beside": seen[:, :, w.TRUCKS_BESIDE],
+        "braking_beside": seen[:, :, w.BRAKING_BESIDE],
+        "unrest": seen[:, :, w.UNREST],
         "position": x,
         "time": seen[:, :, w.TIME],
         "lane": seen[:, :, w.LANE],
@@ -66,6 +73,12 @@ def families(
     yield (
         [(f"position and time {a} {b}", a, b) for a in range(BLOCKS) for b in range(BLOCKS)],
         np.where((i >= 0) & (j >= 0), i * BLOCKS + j, -1),
+    )
+    turn = numbered(known["leader_acceleration"], np.array(TURNS))
+    names = ("leader brakes", "leader keeps its speed", "leader accelerates")
+    yield (
+        [(f"time while the {name}", float(a), float(b)) for name in names for a, b in itertools.pairwise(ts)],
+        np.where((j >= 0) & (turn >= 0), turn * BLOCKS + j, -1),
     )
     if len(lanes) > 1:
         lane = np.searchsorted(lanes, known["lane"])

@@ -35,8 +35,10 @@ LONGEST_MOVE, SETTLED = 0.6, 0.02  # of a magnitude, in one step; below, it has 
 LARGEST_FACTOR = 6.0  # by which steps may grow
 DELAYS = (0.2, 0.45, 0.8)  # s
 RIVAL = 0.85  # of the best cause's support: one with as much cannot be told apart
+LEAST_FREE = 0.05  # m/s^2
 FREE_EXCESS = 1.5  # times the best cause's squared z: from there on a free field says the catalogue does not hold it
-FREE_CLEAR = 7.0  # standard errors of a free field
+FREE_CLEAR = 4.7  # standard errors of a free field, if no cause is found
+FREE_RULES = 7.0  # and of one that keeps causes from being looked for
 
 
 @dataclass(frozen=True)
@@ -112,13 +114,13 @@ def _measured(cause: Accepted, fit: Fit, evidence: ev.Evidence) -> Accepted:
 
 
 def _stands_out(free: Candidate) -> bool:
-    return abs(free.z) > FREE_CLEAR and abs(free.value) > 0.08
+    return abs(free.z) > FREE_CLEAR and abs(free.value) > LEAST_FREE
 
 
 def _outside(evidence: ev.Evidence) -> list[Candidate]:
     """Return the free fields that say more than any effect of the catalogue."""
     best = max((c.z**2 for c in hy.candidates(evidence) if c.large_enough), default=0.0)
-    return [c for c in hy.free(evidence)[:3] if _stands_out(c) and c.z**2 > FREE_EXCESS * best + FREE_CLEAR**2]
+    return [c for c in hy.free(evidence)[:3] if _stands_out(c) and c.z**2 > FREE_EXCESS * best + FREE_RULES**2]
 
 
 def _next(

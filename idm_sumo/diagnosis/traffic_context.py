@@ -12,6 +12,7 @@ from idm_sumo import columns as c
 from idm_sumo import road
 from idm_sumo.effects.adjacent_lane_friction import BESIDE
 from idm_sumo.effects.lane_change_relaxation import LARGEST_JUMP
+from idm_sumo.effects.leader_class import TRUCK
 from idm_sumo.leaders import frame_code, row_ahead, row_of
 from idm_sumo.recording import Recording
 from idm_sumo.smoothing import same_run
@@ -90,10 +91,7 @@ def _without_rows(recording: Recording) -> Ahead:
 
 def adjacent_speed(table: pd.DataFrame) -> Floats:
     """Return the mean speed (m/s) near each row in the slower adjacent lane, NaN beside empty lanes; shape ``(rows,)``."""
-    lane, x = table[c.LANE].to_numpy(np.int64), table[c.X].to_numpy(np.float64)
-    stride = float(np.ptp(x)) + 4.0 * BESIDE
-    _, dense = np.unique(frame_code(table), return_inverse=True)
-    place = (dense * 16.0 + lane) * stride + (x - x.min())
+    place, stride = _laid_out(table)
     order = np.argsort(place, kind="stable")
     ordered = place[order]
     total = np.concatenate([[0.0], np.cumsum(table[c.SPEED].to_numpy(np.float64)[order])])
@@ -105,6 +103,39 @@ def adjacent_speed(table: pd.DataFrame) -> Floats:
             mean = (total[last] - total[first]) / (last - first)
         slowest = np.fmin(slowest, np.where(last > first, mean, np.inf))
     return np.where(np.isfinite(slowest), slowest, np.nan)
+
+
+HARD = 1.0  # m/s²: who brakes harder shows brake lights
+ALONGSIDE, LOOK_AHEAD = 20.0, 40.0  # m, ahead of the own front
+
+
+def trucks_beside(table: pd.DataFrame) -> Floats:
+    """Return how many trucks in the adjacent lanes have their front between the own and ``ALONGSIDE`` m ahead; ``(rows,)``."""
+    return _in_other_lanes(table, (table[c.CLASS] == TRUCK).to_numpy(), (1, -1), ALONGSIDE)
+
+
+def braking_beside(table: pd.DataFrame) -> Floats:
+    """Return how many vehicles brake hard in other lanes within ``LOOK_AHEAD`` m ahead, of a smoothed table; ``(rows,)``."""
+    return _in_other_lanes(table, (table[c.ACCELERATION] < -HARD).to_numpy(), (2, 1, -1, -2), LOOK_AHEAD)
+
+
+def _in_other_lanes(table: pd.DataFrame, counted: Flags, sides: tuple[int, ...], reach: float) -> Floats:
+    place, stride = _laid_out(table)
+    order = np.argsort(place, kind="stable")
+    ordered, total = place[order], np.concatenate([[0.0], np.cumsum(counted[order])])
+    out = np.zeros(len(table))
+    for side in sides:
+        begin = place + side * stride
+        out += total[np.searchsorted(ordered, begin + reach)] - total[np.searchsorted(ordered, begin)]
+    return out
+
+
+def _laid_out(table: pd.DataFrame) -> tuple[Floats, float]:
+    """Return one coordinate that orders rows by frame, lane and position, and what one lane takes of it (m)."""
+    lane, x = table[c.LANE].to_numpy(np.int64), table[c.X].to_numpy(np.float64)
+    stride = float(np.ptp(x)) + 4.0 * BESIDE
+    _, dense = np.unique(frame_code(table), return_inverse=True)
+    return (dense * 16.0 + lane) * stride + (x - x.min()), stride
 
 
 class Events(NamedTuple):

@@ -10,9 +10,16 @@ import numpy.typing as npt
 
 from idm_sumo import columns as c
 from idm_sumo.diagnosis.smoother import smooth_along
-from idm_sumo.diagnosis.traffic_context import Ahead, adjacent_speed, leader_events, look_around
+from idm_sumo.diagnosis.traffic_context import (
+    Ahead,
+    adjacent_speed,
+    braking_beside,
+    leader_events,
+    look_around,
+    trucks_beside,
+)
 from idm_sumo.recording import Recording
-from idm_sumo.road import FRAME_STEP
+from idm_sumo.road import CAR_LENGTH, FRAME_STEP
 from idm_sumo.smoothing import WINDOW, same_run
 
 LEAD = 25  # frames before the start: the past that a delay reaches into, and a twin's run-up
@@ -20,12 +27,14 @@ HORIZON = 120  # frames, 12 s
 LEAST_HORIZON = 50  # frames, 5 s: below, a driver has not answered yet
 EVERY = 10  # frames between compared positions
 MOVING = 1.0  # m/s: a window in which nobody is faster says nothing
+OF_LATE = 150  # frames
 NEAREST = 0.3  # m: a smaller recorded gap is an overlap of the measurement
 
 # Columns of `Windows.seen`.
 REAR, SPEED, ACCELERATION, KIND, SECOND, SECOND_SPEED, ADJACENT, BEHIND = range(8)
 JUMP, SINCE, UNTIL_CUT_IN, UNTIL_OWN, MEAN_SPEED, LANE, TIME, X, V, OWN_KIND = range(8, 18)
-COLUMNS = 18
+TRUCKS_BESIDE, BRAKING_BESIDE, UNREST = 18, 19, 20
+COLUMNS = 21
 
 Floats = npt.NDArray[np.float64]
 Integers = npt.NDArray[np.int64]
@@ -41,7 +50,8 @@ class Windows:
         By frame: leader's rear (m), speed, acceleration and class; second leader's rear less the leader's length (m, infinite
         for none) and speed; slower adjacent lane's speed (NaN for none); follower's front plus own length (m, minus
         infinite for none); jump (m) and time since the last leader change; time until the next cut-in and own
-        change; running mean speed; lane; time (s); own position, speed, class. The simulation starts at frame ``LEAD``.
+        change; running mean speed; lane; time (s); own position, speed, class; trucks beside and vehicles that brake in other lanes;
+        own mean absolute acceleration of late. The simulation starts at frame ``LEAD``.
     blurred : float64, shape (windows, LEAD + horizon + 1, 3)
         Leader's rear, speed, second leader's place, smoothed once more: what a twin's measurement sees.
     driver : int64, shape (windows,)
@@ -153,7 +163,7 @@ def _columns(recording: Recording, ahead: Ahead) -> Floats:
     """Return the columns of ``Windows.seen`` for each row."""
     table = recording.table
     x, v = table[c.X].to_numpy(np.float64), table[c.SPEED].to_numpy(np.float64)
-    length = table[c.LENGTH].fillna(4.72).to_numpy(np.float64)
+    length = table[c.LENGTH].fillna(CAR_LENGTH).to_numpy(np.float64)
     events = leader_events(table, ahead)
     seen = np.empty((len(table), COLUMNS))
     seen[:, [REAR, SPEED, ACCELERATION, KIND]] = np.stack([ahead.rear, ahead.speed, ahead.acceleration, ahead.kind], 1)
@@ -162,16 +172,22 @@ def _columns(recording: Recording, ahead: Ahead) -> Floats:
     seen[:, BEHIND] = ahead.follower_front + length
     seen[:, [JUMP, SINCE, UNTIL_CUT_IN, UNTIL_OWN]] = np.stack(events, 1)
     seen[:, MEAN_SPEED] = _running_mean(v, same_run(table))
+    if recording.has_leader_rows:
+        seen[:, TRUCKS_BESIDE], seen[:, BRAKING_BESIDE] = trucks_beside(table), braking_beside(table)
+    else:
+        seen[:, [TRUCKS_BESIDE, BRAKING_BESIDE]] = 0.0
+    seen[:, UNREST] = _running_mean(np.abs(table[c.ACCELERATION].to_numpy(np.float64)), same_run(table), OF_LATE)
     seen[:, LANE] = table[c.LANE].to_numpy(np.float64)
     seen[:, TIME] = _clock(recording)
     seen[:, X], seen[:, V], seen[:, OWN_KIND] = x, v, table[c.CLASS].to_numpy(np.float64)
     return seen
 
 
-def _running_mean(values: Floats, same: npt.NDArray[np.bool_]) -> Floats:
-    """Return the mean of each run up to each row."""
+def _running_mean(values: Floats, same: npt.NDArray[np.bool_], most: int | None = None) -> Floats:
+    """Return the mean of each run up to each row, of the last ``most`` rows if given."""
     row, total = np.arange(len(values)), np.concatenate([[0.0], np.cumsum(values)])
     begin = np.maximum.accumulate(np.where(~same, row, 0))
+    begin = begin if most is None else np.maximum(begin, row + 1 - most)
     return np.asarray((total[row + 1] - total[begin]) / (row + 1 - begin))
 
 
