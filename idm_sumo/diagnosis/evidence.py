@@ -138,10 +138,8 @@ def tamed(columns: Floats) -> Floats:
     of such windows would be all the information there is.
     """
     size = np.abs(columns).max(axis=1)
-    usual = (
-        np.nanpercentile(np.where(size > NOTHING, size, np.nan), 90, axis=0) if len(size) else np.ones(size.shape[1])
-    )
-    limit = LONGEST_COLUMN * np.where(np.isfinite(usual), usual, 1.0)
+    usual = [float(np.percentile(one[one > NOTHING], 90)) if (one > NOTHING).any() else 1.0 for one in size.T]
+    limit = LONGEST_COLUMN * np.array(usual)
     return np.asarray(columns * np.minimum(1.0, limit / np.maximum(size, NOTHING))[:, None, :])
 
 

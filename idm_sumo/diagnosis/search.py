@@ -37,7 +37,7 @@ DELAYS = (0.2, 0.45, 0.8)  # s
 RIVAL = 0.85  # of the best cause's support: one with as much cannot be told apart
 LEAST_FREE = 0.05  # m/s^2
 FREE_EXCESS = 1.5  # times the best cause's squared z: from there on a free field says the catalogue does not hold it
-FREE_CLEAR = 4.7  # standard errors of a free field, if no cause is found
+FREE_CLEAR = 5.2  # standard errors of a free field, if no cause is found
 FREE_RULES = 7.0  # and of one that keeps causes from being looked for
 
 
