@@ -12,12 +12,12 @@ RIGHT, WRONG, SILENT, UNKNOWN, FALSE_ALARM = "right", "wrong", "silent", "unknow
 # Where an effect outside the catalogue must show: covariates (their beginnings), or its planted place or time.
 SHOWS_IN: dict[str, tuple[str, ...]] = {
     "distraction": ("place", "leader_acceleration"),
-    "throttle_wave": ("time", "leader_acceleration"),
+    "throttle_wave": ("time",),
     "lane_enforcement": ("lane", "time"),
-    "beside_truck": ("adjacent_difference", "lane"),
-    "late_for_a_while": ("time", "leader_acceleration"),
-    "brake_lights_across": ("second_gap_change", "leader_acceleration", "adjacent_difference"),
-    "weariness": ("leader_acceleration", "time"),
+    "beside_truck": ("trucks_beside",),
+    "late_for_a_while": ("time",),
+    "brake_lights_across": ("braking_beside",),
+    "weariness": ("unrest",),
 }
 GAIN_CLASSES = ("5 % or more", "2 to 5 %", "below 2 %")
 SIGMA_CLASSES = ("0.1-0.2 m", "0.2-0.35 m", "0.35-0.5 m")

@@ -19,7 +19,8 @@ from idm_sumo.diagnosis.fit import Fit, first_guess, fit_drivers, for_others
 from idm_sumo.diagnosis.gain import all_gains, errors
 from idm_sumo.diagnosis.result import NAMED, NONE, UNKNOWN, Diagnosis
 from idm_sumo.diagnosis.rollout import PLAIN
-from idm_sumo.diagnosis.search import ROUNDS, Found, search
+from idm_sumo.diagnosis.search import Found, search
+from idm_sumo.diagnosis.sizes import ROUNDS
 from idm_sumo.diagnosis.smoother import window_for
 from idm_sumo.diagnosis.windows import Windows, cut_windows
 from idm_sumo.progress import Progress, silent

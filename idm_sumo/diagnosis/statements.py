@@ -133,7 +133,7 @@ def unexplained(found: Found, grid: at.Grid) -> tuple[Unexplained, ...]:
         name = c.name.removeprefix(free_fields.FREE)
         edges = (c.atom.low, c.atom.high)
         if not name.startswith("position and time"):
-            out.append(Unexplained(name, edges, None, None, c.p))
+            out.append(Unexplained(name, edges, None, edges if name.startswith("time") else None, c.p))
             continue
         xs = np.linspace(grid.place[0], grid.place[-1], free_fields.BLOCKS + 1)
         ts = np.linspace(grid.time[0], grid.time[-1], free_fields.BLOCKS + 1)

@@ -1,0 +1,146 @@
+"""The size of a cause: moved to where the recording's score, less that of twins, vanishes."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from idm_sumo.diagnosis import evidence as ev
+from idm_sumo.diagnosis import hypotheses as hy
+from idm_sumo.diagnosis.fit import Fit, fit_drivers, improve
+from idm_sumo.diagnosis.gain import errors
+from idm_sumo.diagnosis.hypotheses import Candidate
+from idm_sumo.effects import BY_NAME, Parameter
+
+TWINS = 3
+ROUNDS = 12  # of a fit from scratch
+CLIMBS = 5
+REFINEMENTS = 5
+ROUNDS_OF_TWINS = 3
+LONGEST_MOVE, SETTLED = 0.6, 0.02  # of a magnitude, in one step; below, it has settled
+LARGEST_FACTOR = 6.0  # by which steps may grow
+DELAYS = (0.2, 0.45, 0.8)  # s
+
+
+def with_cause(fit: Fit, candidate: Candidate, value: float | None = None) -> Fit:
+    """Return the fit with a cause in its magnitudes, the drivers not yet refitted."""
+    by_lane = fit.by_lane.copy()
+    for number, (slot, size) in enumerate(hy.slots_of(candidate)):
+        by_lane[:, slot] = size if number or value is None else value
+    return replace(fit, by_lane=by_lane)
+
+
+def refitted(subject: ev.Subject, fit: Fit, *, rounds: int = 3) -> Fit:
+    """Return the fit with drivers, population and noise adapted to its magnitudes."""
+    for _ in range(rounds):
+        fit = improve(subject.windows, fit)
+    return fit
+
+
+def anew(subject: ev.Subject, fit: Fit) -> Fit:
+    """Return drivers, population and noise fitted from scratch to the same magnitudes: fits on the way to rest do not compare."""
+    return fit_drivers(subject.windows, fit.by_lane, fit.start_variance, rounds=ROUNDS)
+
+
+@dataclass(frozen=True)
+class Tried:
+    """A candidate at the size where the data want it, and how much they want it (twice the log-likelihood's gain)."""
+
+    candidate: Candidate
+    fit: Fit
+    support: float
+
+
+def climbed(subject: ev.Subject, fit: Fit, candidate: Candidate) -> Tried:
+    """Move a candidate's magnitude to where its score vanishes.
+
+    The score near zero underrates what is not linear (a dead band, a long delay) or what the fitted drivers have absorbed. The
+    integral of the score over the magnitude, freed from the twins' at every point, is the log-likelihood that it gains.
+    """
+    if candidate.name == "reaction_delay":
+        now = _delayed(subject, fit, candidate)
+    else:
+        now = refitted(subject, with_cause(fit, candidate), rounds=2)
+    slot = magnitude_of(candidate.name).slot
+    value, before, score, support = float(now.by_lane[0, slot]), 0.0, candidate.score, 0.0
+    error, stride = candidate.error, Stride()
+    for _ in range(CLIMBS):
+        step = ev.local_scores(subject, now)[candidate.name]
+        free = step.score - candidate.bias
+        support += (score + free) * (value - before)
+        before, score, error = (
+            value,
+            free,
+            candidate.error * np.sqrt(candidate.information / max(step.information, 1e-9)),
+        )
+        value = stride.moved(candidate.name, value, free / max(step.information, 1e-9))
+        if stride.settled:
+            break
+        by_lane = now.by_lane.copy()
+        by_lane[:, slot] = value
+        now = refitted(subject, replace(now, by_lane=by_lane), rounds=1)
+    return Tried(replace(candidate, value=value, error=error), now, support)
+
+
+def _delayed(subject: ev.Subject, fit: Fit, candidate: Candidate) -> Fit:
+    """Return the fit with the delay that leaves least, from scratch: drivers fitted without one are far from those with it."""
+    models = [
+        fit_drivers(subject.windows, with_cause(fit, candidate, size).by_lane, fit.start_variance, rounds=6)
+        for size in DELAYS
+    ]
+    return min(models, key=lambda model: float(errors(subject.windows, model).ade_m.mean()))
+
+
+def refined(subject: ev.Subject, fit: Fit, names: list[str], rng: np.random.Generator) -> Fit:
+    """Move the magnitudes in the model to where recording and twins agree.
+
+    What twins show depends on the model that drives them, and they begin where the recorded vehicles were, which the true
+    effect put there: so twins are made anew until nothing moves.
+    """
+    strides = {name: Stride() for name in names}
+    for _ in range(ROUNDS_OF_TWINS):
+        bias = ev.local_biases(subject, fit, rng, twins=TWINS)
+        for _ in range(REFINEMENTS):
+            by_lane, steps = fit.by_lane.copy(), ev.local_scores(subject, fit)
+            for name, stride in strides.items():
+                slot = magnitude_of(name).slot
+                free = steps[name].score - bias[name].score
+                by_lane[:, slot] = stride.moved(
+                    name, float(by_lane[0, slot]), free / max(steps[name].information, 1e-9)
+                )
+            fit = refitted(subject, replace(fit, by_lane=by_lane), rounds=1)
+            if all(stride.settled for stride in strides.values()):
+                break
+        if all(stride.settled for stride in strides.values()):
+            break
+    return anew(subject, fit)
+
+
+class Stride:
+    """Steps towards the size of a magnitude that grow as long as they go the same way.
+
+    The population follows a magnitude only slowly (expectation and maximisation), and the score with it: a step that is right
+    for the drivers as they are is too short.
+    """
+
+    def __init__(self) -> None:
+        self.settled = False
+        self._factor, self._last = 0.5, 0.0
+
+    def moved(self, name: str, value: float, step: float) -> float:
+        """Return the magnitude after a step: within its bounds, and off zero, where no further step could be taken."""
+        same = step * self._last > 0.0
+        self._factor = (
+            min(2.0 * self._factor, LARGEST_FACTOR) if same or not self._last else max(0.25 * self._factor, 0.5)
+        )
+        self._last, self.settled = step, abs(step) < SETTLED * abs(value)
+        first = magnitude_of(name)
+        longest = LONGEST_MOVE * abs(value)
+        moved = value + float(np.clip(self._factor * step, -longest, longest))
+        return float(np.clip(moved, first.lower, first.upper)) or 1e-3 * first.typical
+
+
+def magnitude_of(name: str) -> Parameter:
+    """Return the first parameter of an effect: at zero the effect is not there."""
+    return BY_NAME[name].parameters[0]

@@ -1,0 +1,64 @@
+"""Sizes: steps grow while they go one way, stay within bounds, and end at what was planted."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from idm_sumo.diagnosis import atoms as at
+from idm_sumo.diagnosis import evidence as ev
+from idm_sumo.diagnosis import rollout as ro
+from idm_sumo.diagnosis.atoms import Atom
+from idm_sumo.diagnosis.fit import fit_drivers
+from idm_sumo.diagnosis.hypotheses import Candidate
+from idm_sumo.diagnosis.sizes import Stride, climbed, magnitude_of
+from idm_sumo.effects import slots
+from tests.test_diagnosis_rollout import QUIET, followers
+
+NAME = "perception_threshold"
+
+
+def test_short_steps_that_go_one_way_arrive_sooner_than_they_would_alone():
+    stride, value = Stride(), 0.2
+    for _ in range(8):
+        value = stride.moved(NAME, value, 0.08 * (0.6 - value))
+    assert value > 0.45 > 0.2 + 0.4 * (1 - 0.92**8)
+
+
+def test_a_step_the_other_way_shortens_the_next():
+    stride, value = Stride(), 0.5
+    values = [value := stride.moved(NAME, value, step) for step in (0.05, 0.05, 0.05, -0.05, 0.05)]
+    moves = np.abs(np.diff([0.5, *values]))
+    assert moves[1] > moves[0]
+    assert moves[3] < moves[2]
+
+
+@given(st.floats(0.01, 2.0), st.floats(-1e6, 1e6, allow_nan=False))
+def test_a_magnitude_stays_within_its_bounds_and_off_zero(value, step):
+    first = magnitude_of(NAME)
+    moved = Stride().moved(NAME, value, step)
+    assert first.lower <= moved <= first.upper
+    assert moved != 0.0
+
+
+def test_a_small_step_has_settled():
+    stride = Stride()
+    stride.moved(NAME, 0.5, 0.1)
+    assert not stride.settled
+    stride.moved(NAME, 0.5, 0.001)
+    assert stride.settled
+
+
+@pytest.mark.parametrize("size", [0.4, 0.8])
+def test_a_candidate_far_below_its_size_climbs_towards_it(size):
+    planted = ro.PLAIN.copy()
+    planted[:, slots.BAND] = size
+    windows, _ = followers(planted, np.random.default_rng(6))
+    subject = ev.Subject(windows, QUIET, QUIET, at.grid_of(windows), True)
+    fit = fit_drivers(windows, ro.PLAIN.copy(), np.array([1e-4, 1e-4]), rounds=8)
+    atom = Atom(NAME, 0.3, ((slots.BAND, 0.3),))
+    tried = climbed(subject, fit, Candidate(NAME, 0.5 * size, 0.05, 8.0, 1e-9, atom, score=200.0 * size))
+    assert abs(tried.candidate.value / size - 1.0) < 0.25
+    assert tried.support > 0.0
