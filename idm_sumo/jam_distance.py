@@ -16,7 +16,7 @@ from collections.abc import Sequence
 import numpy as np
 import numpy.typing as npt
 import pandas as pd
-from numba import njit, prange
+from numba import njit
 from scipy.stats import qmc
 
 from idm_sumo import columns as c
@@ -25,6 +25,7 @@ from idm_sumo.calibration.problem import Problem, prepare
 from idm_sumo.driver_table import FIRST_FRAME, PARAMETERS, key_columns
 from idm_sumo.errors import InputError
 from idm_sumo.scenes import Scenes
+from idm_sumo.threads import in_threads
 
 Floats = npt.NDArray[np.float64]
 
@@ -99,7 +100,9 @@ def refit(
     linear = linearise(theta, mean_speed, problem.desired_speed)
     own = np.stack([_to_search(theta), _to_search(np.clip(linear, idm.LOWER, idm.UPPER))], axis=1)
     design = LOWER + qmc.Sobol(4, scramble=True, rng=20050615).random(DESIGN) * (UPPER - LOWER)
-    found = np.clip(_refit_all(problem, own, design, integrators.code(integration)), idm.LOWER, idm.UPPER)
+    found = np.empty((len(own), len(idm.LOWER)))
+    in_threads(_refit_all, len(own), found, problem, own, design, integrators.code(integration))
+    found = np.clip(found, idm.LOWER, idm.UPPER)
     return found, integrators.ades(problem, found, integration)
 
 
@@ -151,14 +154,13 @@ def _compass_search(p, i, z, scheme):  # type: ignore[no-untyped-def]
     return value
 
 
-@njit(cache=True, parallel=True)
-def _refit_all(p, own, design, scheme):  # type: ignore[no-untyped-def]
-    """Return the best parameters of every driver, shape (n, 5).
+@njit(cache=True, nogil=True)
+def _refit_all(first, last, found, p, own, design, scheme):  # type: ignore[no-untyped-def]
+    """Write the best parameters of the drivers ``first`` up to ``last`` into their rows of ``found``, shape (n, 5).
 
     Starts are its own, shape (n, s, 4), and the best ``STARTS`` of the design, shape (points, 4).
     """
-    found = np.empty((own.shape[0], 5))
-    for i in prange(own.shape[0]):
+    for i in range(first, last):
         screened = np.empty(design.shape[0])
         for k in range(design.shape[0]):
             screened[k] = _ade(p, i, design[k], scheme)
@@ -170,7 +172,6 @@ def _refit_all(p, own, design, scheme):  # type: ignore[no-untyped-def]
             value = _compass_search(p, i, z, scheme)
             if value < best:
                 best, found[i] = value, _from_search(z)
-    return found
 
 
 def refit_table(drivers: pd.DataFrame, scenes: Scenes | Sequence[Scenes], *, integration: str = "euler",
