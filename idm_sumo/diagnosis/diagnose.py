@@ -29,6 +29,7 @@ from idm_sumo.recording import Recording
 HELD_OUT = 4  # every fourth block of neighbours takes no part in naming and fitting
 LEAST_DRIVERS = 24  # that name and fit
 LEAST_WINDOWS = 60
+BEYOND_DOUBT, CHANCE = 6.0, 0.005  # standard errors of a cause; share of the held-out ADE that is chance
 
 
 def diagnose(recording: Recording, *, seed: int = 0, jobs: int = 1, progress: Progress = silent) -> Diagnosis:
@@ -91,11 +92,15 @@ def _diagnose(recording: Recording, rng: np.random.Generator, progress: Progress
 
 
 def _confirmed(found: Found, held: Windows) -> Found:
-    """Return what was found, its causes without gain if drivers that were never touched are driven no better by them."""
+    """Return what was found, its causes without gain if drivers that were never touched are driven worse by them.
+
+    A cause beyond doubt may leave them as they are, within chance; any other has to drive them better.
+    """
     if not found.accepted or not len(held.seen):
         return found
     base, extended = (errors(held, for_others(held, fit)).ade_m.mean() for fit in (found.base, found.fit))
-    if extended < base:
+    beyond_doubt = all(abs(cause.candidate.z) > BEYOND_DOUBT for cause in found.accepted)
+    if extended < base * (1.0 + CHANCE * beyond_doubt):
         return found
     there = (*found.without_gain, *(cause.candidate for cause in found.accepted))
     return replace(found, fit=found.base, accepted=(), without_gain=there)
