@@ -121,7 +121,8 @@ def _next(
 def _worth_it(gain: Gain, candidate: Candidate) -> bool:
     """Return whether rollouts are better for a cause: clearly, or at all if there is no doubt that it is there."""
     clearly = gain.difference >= LEAST_GAIN * gain.base and gain.ci95[0] > 0.0
-    return clearly or (abs(candidate.z) > NO_DOUBT and gain.difference > 0.0)
+    doubtless = abs(candidate.z) > NO_DOUBT and candidate.name not in ev.ENDOGENOUS
+    return clearly or (doubtless and gain.difference > 0.0)
 
 
 def _strongest(subject: ev.Subject, fit: Fit, close: list[Candidate]) -> tuple[Tried, tuple[str, ...]]:
