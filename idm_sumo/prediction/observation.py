@@ -53,22 +53,21 @@ def first_second(scenes: Scenes, frames: int | None = None) -> pd.DataFrame:
         raise InputError(f"frames = {n}: must be between 1 and the window's {scenes.window.frames}")
     x, y, speed = (np.asarray(values[:, :n]) for values in (scenes.x, scenes.y, scenes.speed))
     leader = leaders_along(scenes, x, y, 0)
-    return pd.DataFrame(seen_in(x, y, speed, leader.gap, leader.speed), columns=list(COLUMNS))
-
-
-def seen_in(x: Floats, y: Floats, speed: Floats, gap: Floats, leader_speed: Floats) -> Floats:
-    """Return the same of drivers and their leaders' paths as they are, all of shape ``(drivers, frames)``.
-
-    Position and lateral position (m), speed (m/s), gap (m, infinite or NaN without a leader), leader's speed (m/s).
-    """
-    seen = np.isfinite(gap)
-    gap = np.where(seen, gap, np.nan)
+    seen = np.isfinite(leader.gap)
+    gap = np.where(seen, leader.gap, np.nan)
     lane = road.lane_at(y[:, -1])
-    return np.column_stack([
-        speed[:, -1], gap[:, -1], speed[:, -1] - leader_speed[:, -1], _slope(speed),
-        _slope(np.where(_same_leader(x + gap, leader_speed), leader_speed, np.nan)),
-        x[:, -1], lane.astype(np.float64), y[:, -1] - road.lane_center(lane), _slope(y), seen.mean(axis=1),
-    ])  # fmt: skip
+    return pd.DataFrame({
+        SPEED: speed[:, -1],
+        GAP: gap[:, -1],
+        APPROACH_RATE: speed[:, -1] - leader.speed[:, -1],
+        ACCELERATION: _slope(speed),
+        LEADER_ACCELERATION: _slope(np.where(_same_leader(x + gap, leader.speed), leader.speed, np.nan)),
+        POSITION: x[:, -1],
+        LANE: lane.astype(np.float64),
+        OFFSET: y[:, -1] - road.lane_center(lane),
+        LATERAL_SPEED: _slope(y),
+        SEEN: seen.mean(axis=1),
+    })  # fmt: skip
 
 
 def _same_leader(rear: Floats, speed: Floats) -> npt.NDArray[np.bool_]:

@@ -176,7 +176,7 @@ class RolloutPredictor(BaseEstimator):  # type: ignore[misc]
         more = basis.expand(self._standard(values))
         self.more_mean_, self.more_deviation_ = more.mean(axis=0), np.maximum(more.std(axis=0), 1e-6)
         low, high = np.nanmin(code[usual], axis=0), np.nanmax(code[usual], axis=0)
-        margin = OUTSIDE_MARGIN * (high - low)
+        margin = OUTSIDE_MARGIN * (high - low) + 1e-9  # what never varied differs by rounding
         self.range_ = np.stack([low - margin, high + margin])
 
     def _standard(self, values: Floats) -> Floats:
