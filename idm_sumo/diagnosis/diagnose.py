@@ -19,7 +19,7 @@ from idm_sumo.diagnosis.fit import Fit, first_guess, fit_drivers, for_others
 from idm_sumo.diagnosis.gain import all_gains, errors
 from idm_sumo.diagnosis.result import NAMED, NONE, UNKNOWN, Diagnosis
 from idm_sumo.diagnosis.rollout import PLAIN
-from idm_sumo.diagnosis.search import Found, search
+from idm_sumo.diagnosis.search import BEYOND_DOUBT, CHANCE, Found, search
 from idm_sumo.diagnosis.sizes import ROUNDS
 from idm_sumo.diagnosis.smoother import window_for
 from idm_sumo.diagnosis.windows import Windows, cut_windows
@@ -29,7 +29,6 @@ from idm_sumo.recording import Recording
 HELD_OUT = 4  # every fourth block of neighbours takes no part in naming and fitting
 LEAST_DRIVERS = 24  # that name and fit
 LEAST_WINDOWS = 60
-BEYOND_DOUBT, CHANCE = 6.0, 0.005  # standard errors of a cause; share of the held-out ADE that is chance
 
 
 def diagnose(recording: Recording, *, seed: int = 0, jobs: int = 1, progress: Progress = silent) -> Diagnosis:

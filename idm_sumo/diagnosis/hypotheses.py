@@ -22,10 +22,10 @@ LEAST = {
     "hysteresis": 0.035, "adjacent_lane_friction": 0.012, "location": 0.035, "time_of_day": 0.04,
     "desired_speed": 0.10, "follower_pressure": 0.25, "courtesy_yielding": 0.20, "pre_insertion": 0.20,
 }  # fmt: skip
+# Not the headway's change with speed: a smaller one at higher speeds is what another car-following model (Gipps) looks like.
 EITHER_SIGN = (
     "location",
     "time_of_day",
-    "speed_dependent_headway",
     "desired_speed",
     "courtesy_yielding",
     "pre_insertion",

@@ -23,7 +23,8 @@ SIGNIFICANT = 1e-3  # corrected p of a cause
 CLEAR = 5.0  # standard errors that a further cause needs, beside its share of the first one's evidence
 FURTHER_SHARE = 0.06  # of the first cause's squared z, for a further one: less is what its shape leaves over
 LEAST_GAIN = 0.004  # of the ADE, on the drivers that fit
-NO_DOUBT = 4.8  # standard errors, from which on any gain will do
+SURE, BEYOND_DOUBT = 4.8, 8.0  # standard errors, from which on any gain will do, and no loss beyond chance
+CHANCE = 0.01  # of the ADE
 CLOSE = 0.3  # of the best's squared z: from there on causes are brought to their sizes and compared
 TRIED = 3
 RIVAL = 0.85  # of the best cause's support: one with as much cannot be told apart
@@ -119,10 +120,12 @@ def _next(
 
 
 def _worth_it(gain: Gain, candidate: Candidate) -> bool:
-    """Return whether rollouts are better for a cause: clearly, or at all if there is no doubt that it is there."""
+    """Return whether rollouts are better for a cause: clearly; at all, if it is surely there; not worse, if beyond doubt."""
     clearly = gain.difference >= LEAST_GAIN * gain.base and gain.ci95[0] > 0.0
-    doubtless = abs(candidate.z) > NO_DOUBT and candidate.name not in ev.ENDOGENOUS
-    return clearly or (doubtless and gain.difference > 0.0)
+    if clearly or candidate.name in ev.ENDOGENOUS:
+        return clearly
+    z, share = abs(candidate.z), gain.difference / gain.base
+    return (z > SURE and share > 0.0) or (z > BEYOND_DOUBT and share > -CHANCE)
 
 
 def _strongest(subject: ev.Subject, fit: Fit, close: list[Candidate]) -> tuple[Tried, tuple[str, ...]]:
