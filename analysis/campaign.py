@@ -52,6 +52,7 @@ GIVEN = (
     "spread",
     "trucks",
     "lane_changes",
+    "form",
 )
 
 
@@ -144,8 +145,12 @@ def main(arguments: list[str] | None = None) -> None:
     cases = options.output / "cases"
     cases.mkdir(parents=True, exist_ok=True)
     planned = few(options.seed) if options.small else trials(options.cases, options.nulls, options.seed)
-    if options.drivers and not options.small:
-        planned = [{**trial, "drivers": options.drivers} for trial in planned]
+    fixed = {
+        "drivers": None if options.small else options.drivers,
+        "underlying": options.underlying,
+        "form": options.form,
+    }
+    planned = [{**trial, **{key: value for key, value in fixed.items() if value}} for trial in planned]
     work = joblib.Parallel(n_jobs=options.jobs, return_as="generator_unordered")
     records = []
     for record in work(joblib.delayed(run_trial)(trial, cases) for trial in planned):
@@ -169,6 +174,8 @@ def _parser() -> argparse.ArgumentParser:
     parser.add_argument("--small", action="store_true", help="four short recordings instead")
     parser.add_argument("--jobs", type=int, default=1, help="processes")
     parser.add_argument("--seed", type=int, default=0, help="other seeds, other recordings")
+    parser.add_argument("--underlying", choices=_planting().MODELS, help="one car-following model (default: by turns)")
+    parser.add_argument("--form", choices=("usual", "other"), help="one form of the effects (default: drawn)")
     parser.add_argument("--drivers", type=int, default=500, help="vehicles a recording")
     return parser
 
