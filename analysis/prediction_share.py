@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -11,6 +12,7 @@ from sklearn.ensemble import ExtraTreesRegressor
 from sklearn.model_selection import GroupKFold, cross_val_predict
 
 from idm_sumo import columns as c
+from idm_sumo import road
 from idm_sumo.calibration import calibrate
 from idm_sumo.calibration.kernel import to_search
 from idm_sumo.idm import IDMParameters
@@ -60,12 +62,18 @@ def _some_drivers(scenes: Scenes, rng: np.random.Generator) -> Scenes:
     return scenes.subset(np.isin(scenes.vehicle, rng.choice(vehicles, MOST_DRIVERS, replace=False)))
 
 
-def tables(source: Source, settings: Settings, learned: Learned) -> tuple[pd.DataFrame, pd.DataFrame]:
-    """Return the share of the distance closed and the intervals' coverage, on the test drivers."""
+def tables(
+    source: Source, settings: Settings, learned: Learned, neighbours: Callable[[pd.DataFrame, int], Floats]
+) -> tuple[pd.DataFrame, pd.DataFrame]:
+    """Return the share of the distance closed and the intervals' coverage, on the test drivers.
+
+    ``neighbours`` is the paper's prediction from driving codes and a number of neighbours.
+    """
     test, _ = source.drivers(source.test, "test", replace(settings.window, every=TEST_STEP))
     pooled = learned.predictor.pooled_
     theta = learned.predictor.predict(_first_seconds(test))
     driven = {"idm_pooled": test.drive(pooled), "idm_rollout": test.drive(theta)}
+    driven["idm_prediction"] = test.drive(neighbours(test.code(settings.observed), settings.neighbours))
     oracle = np.concatenate(
         [calibrate(s, desired_speed=settings.desired_speed)[list(IDMParameters._fields)] for s in test.scenes]
     )
@@ -150,14 +158,23 @@ def _shares(test: Drivers, errors: dict[str, Floats], at_fault: dict[str, npt.ND
     """Return one row a method and kind of windows, with paired bootstrap intervals over drivers."""
     keys = test.keys()
     entry = (keys["first_frame"] == keys.groupby([c.PERIOD, c.VEHICLE])["first_frame"].transform("min")).to_numpy()
-    rows = []
-    for kind, which in (("entry", entry), ("every 6 s", np.ones(len(keys), dtype=bool))):
+    rows, every, stays = [], np.ones(len(keys), dtype=bool), np.concatenate([_stays(s) for s in test.scenes])
+    kinds = {"entry": entry, "every 6 s": every, "entry, in lane": entry & stays, "every 6 s, in lane": stays}
+    for kind, which in kinds.items():
+        if not which.any():
+            continue
         by_driver = pd.DataFrame(errors)[which].groupby([keys[c.PERIOD][which], keys[c.VEHICLE][which]]).mean()
         for name in errors:
             hits = int((at_fault[name] & ~at_fault["idm_pooled"])[which].sum()) if name in at_fault else np.nan
             rows.append({"windows": kind, "method": name, **_share(by_driver, name), "drivers": len(by_driver),
                          "number": int(which.sum()), "at_fault_beyond_pooled": hits})  # fmt: skip
     return pd.DataFrame(rows)
+
+
+def _stays(scenes: Scenes) -> npt.NDArray[np.bool_]:
+    """Return whose recorded twin stays in its lane."""
+    lane = road.lane_at(scenes.y)
+    return np.asarray((lane == lane[:, :1]).all(axis=1))
 
 
 def _share(ade: pd.DataFrame, name: str) -> dict[str, float]:

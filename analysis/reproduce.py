@@ -105,7 +105,7 @@ def compute(settings: Settings, jobs: int = 1, progress: Progress = silent) -> R
 
 def _prediction(source: Source, study: Study) -> dict[str, pd.DataFrame]:
     """Return the tables of what predicting is worth, by the name of their file."""
-    share, coverage = prediction_share.tables(source, study.settings, study.learned)
+    share, coverage = prediction_share.tables(source, study.settings, study.learned, study.neighbours)
     explained = prediction_share.explained(study.learned, study.train_fits, study.train)
     return {"prediction_share": share, "prediction_coverage": coverage, "prediction_explained": explained}
 
