@@ -45,6 +45,7 @@ FURTHEST = 12.0  # times two rounds of EM: the longest extrapolation
 STEPS = 3  # Gauss-Newton steps a round
 LAST_STEPS = 15  # in the end, the population held
 SETTLED = 0.005  # change in a round, of means and of the covariance's logarithm: less than 1 %
+MOST_CURVED = 1e8  # nothing is known of the logarithm of a parameter to better than 1e-4
 LEAST_VARIANCE, MOST_VARIANCE = 0.02**2, 3.0**2  # of the population, in logarithms: keeps its covariance regular
 FEWEST_DRIVERS = 10
 
@@ -147,7 +148,8 @@ class Part:
         scale = (theta + SHIFT) / slopes_at(z)
         weight = self.frames / value
         by_u = normal * scale[:, :, None] * scale[:, None, :]
-        return self.frames * np.log(value), weight[:, None] * gradient * scale, weight[:, None, None] * by_u
+        curved = limited(weight[:, None, None] * by_u)
+        return self.frames * np.log(value), weight[:, None] * gradient * scale, curved
 
     def draw(self, population: Population, steps: int) -> None:
         """Move every driver towards its maximum a posteriori by damped Gauss-Newton steps."""
@@ -181,6 +183,15 @@ class Part:
         value, gradient, hessian = self.likelihood(u)
         off = (u - mean) @ precision
         return value + 0.5 * np.einsum("nj,nj->n", off, u - mean), gradient + off, hessian + precision
+
+
+def limited(hessian: Floats) -> Floats:
+    """Return matrices of curvature, scaled down where an unstable rollout makes them so large that any prior drowns in rounding.
+
+    Shapes ``(drivers, parameters, parameters)``.
+    """
+    largest = np.einsum("njj->nj", hessian).max(axis=1, initial=0.0)
+    return np.asarray(hessian * np.minimum(1.0, MOST_CURVED / np.maximum(largest, 1e-300))[:, None, None])
 
 
 def _step(u: Floats, gradient: Floats, hessian: Floats, damping: Floats) -> Floats:
