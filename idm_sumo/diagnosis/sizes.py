@@ -31,7 +31,7 @@ def with_cause(fit: Fit, candidate: Candidate, value: float | None = None) -> Fi
     return replace(fit, by_lane=by_lane)
 
 
-def refitted(subject: ev.Subject, fit: Fit, *, rounds: int = 3) -> Fit:
+def refitted(subject: ev.Subject, fit: Fit, *, rounds: int) -> Fit:
     """Return the fit with drivers, population and noise adapted to its magnitudes."""
     for _ in range(rounds):
         fit = improve(subject.windows, fit)
@@ -69,11 +69,8 @@ def climbed(subject: ev.Subject, fit: Fit, candidate: Candidate) -> Tried:
         step = ev.local_scores(subject, now)[candidate.name]
         free = step.score - candidate.bias
         support += (score + free) * (value - before)
-        before, score, error = (
-            value,
-            free,
-            candidate.error * np.sqrt(candidate.information / max(step.information, 1e-9)),
-        )
+        before, score = value, free
+        error = candidate.error * np.sqrt(candidate.information / max(step.information, 1e-9))
         value = stride.moved(candidate.name, value, free / max(step.information, 1e-9))
         if stride.settled:
             break
