@@ -1,9 +1,12 @@
-"""The fan: where a driver will be, given its first second."""
+"""The fan: where a driver will be, given its first second; and what it is worth to watch it for longer."""
 
 from __future__ import annotations
 
+from typing import Any
+
 import numpy as np
 import numpy.typing as npt
+import pandas as pd
 from matplotlib.figure import Figure
 
 from idm_sumo import road
@@ -13,8 +16,9 @@ from idm_sumo.prediction.spread import logarithms
 from idm_sumo.rollout import drive_idm
 from idm_sumo.scenes import Scenes
 
+from .prediction_seconds import ORACLE, OWN_PAST, POOLED, SECONDS, WATCHED
 from .study import Study
-from .style import METHOD_COLOURS, RECORDED, new_figure
+from .style import METHOD_COLOURS, METHOD_NAMES, RECORDED, new_figure
 
 QUARTILES = (0.25, 0.5, 0.75)
 DRAWN = 20  # rollouts a driver
@@ -46,6 +50,38 @@ def fan(study: Study) -> Figure:
         ax.set(xlabel="time (s)", title=f"vehicle {one.vehicle[0]}")
     axes[0].set_ylabel("ahead of the predicted rollout (m)")
     axes[0].legend(frameon=False)
+    return figure
+
+
+def seconds(table: pd.DataFrame) -> Figure:
+    """Draw the error over what follows, and the share of the way to the oracle, against the seconds observed."""
+    figure, (left, right) = new_figure(9.0, 3.6, columns=2)
+    for name in (WATCHED, OWN_PAST):
+        rows = table[table["method"] == name]
+        if rows.empty:
+            continue
+        look: dict[str, Any] = {
+            "color": METHOD_COLOURS[name],
+            "marker": "o",
+            "markersize": 3,
+            "label": METHOD_NAMES[name],
+        }
+        left.plot(rows["observed_s"], rows["ade_m"], **look)
+        ends = np.abs(rows[["share_low", "share_high"]].to_numpy() - rows[["share"]].to_numpy()).T
+        right.errorbar(rows["observed_s"], rows["share"], ends, capsize=2, **look)
+    for name, share in ((POOLED, 0.0), (ORACLE, 1.0)):
+        line: dict[str, Any] = {"color": METHOD_COLOURS[name], "linestyle": "--", "linewidth": 1}
+        for ade in table.loc[table["method"] == name, "ade_m"]:
+            left.axhline(ade, label=METHOD_NAMES[name], **line)
+        right.axhline(share, **line)
+    for ax in (left, right):
+        ax.set(xscale="log", xlabel="observed (s)")
+        ax.set_xticks(SECONDS, [f"{s:g}" for s in SECONDS])
+        ax.minorticks_off()
+    left.set(ylabel="ADE of what follows (m)", ylim=(0, None))
+    right.set(ylabel="share of the way from pooled to oracle")
+    if left.lines:
+        left.legend(fontsize=8)
     return figure
 
 

@@ -50,26 +50,31 @@ def learn(source: Source, settings: Settings, window: Window) -> Learned:
     """Fit the predictor to windows all along the training drivers' way."""
     drivers, _ = source.drivers(source.train, "train", replace(window, every=LEARNING_STEP))
     rng = np.random.default_rng(settings.seed)
-    windows = Drivers(tuple(_some_drivers(scenes, rng) for scenes in drivers.scenes))
+    windows = Drivers(tuple(some_drivers(scenes, rng) for scenes in drivers.scenes))
     predictor = RolloutPredictor(desired_speed=settings.desired_speed, seed=settings.seed)
     return Learned(windows, predictor.fit(list(windows.scenes)))
 
 
-def _some_drivers(scenes: Scenes, rng: np.random.Generator) -> Scenes:
+def some_drivers(scenes: Scenes, rng: np.random.Generator, most: int = MOST_DRIVERS) -> Scenes:
+    """Return the windows of at most so many drivers."""
     vehicles = np.unique(scenes.vehicle)
-    if len(vehicles) <= MOST_DRIVERS:
+    if len(vehicles) <= most:
         return scenes
-    return scenes.subset(np.isin(scenes.vehicle, rng.choice(vehicles, MOST_DRIVERS, replace=False)))
+    return scenes.subset(np.isin(scenes.vehicle, rng.choice(vehicles, most, replace=False)))
+
+
+def test_windows(source: Source, settings: Settings) -> Drivers:
+    """Return windows at entry and every six seconds along the test drivers' way."""
+    return source.drivers(source.test, "test", replace(settings.window, every=TEST_STEP))[0]
 
 
 def tables(
-    source: Source, settings: Settings, learned: Learned, neighbours: Callable[[pd.DataFrame, int], Floats]
+    test: Drivers, settings: Settings, learned: Learned, neighbours: Callable[[pd.DataFrame, int], Floats]
 ) -> tuple[pd.DataFrame, pd.DataFrame]:
-    """Return the share of the distance closed and the intervals' coverage, on the test drivers.
+    """Return the share of the distance closed and the intervals' coverage, on the :func:`test_windows`.
 
     ``neighbours`` is the paper's prediction from driving codes and a number of neighbours.
     """
-    test, _ = source.drivers(source.test, "test", replace(settings.window, every=TEST_STEP))
     pooled = learned.predictor.pooled_
     theta = learned.predictor.predict(_first_seconds(test))
     driven = {"idm_pooled": test.drive(pooled), "idm_rollout": test.drive(theta)}
@@ -166,7 +171,7 @@ def _shares(test: Drivers, errors: dict[str, Floats], at_fault: dict[str, npt.ND
         by_driver = pd.DataFrame(errors)[which].groupby([keys[c.PERIOD][which], keys[c.VEHICLE][which]]).mean()
         for name in errors:
             hits = int((at_fault[name] & ~at_fault["idm_pooled"])[which].sum()) if name in at_fault else np.nan
-            rows.append({"windows": kind, "method": name, **_share(by_driver, name), "drivers": len(by_driver),
+            rows.append({"windows": kind, "method": name, **share_closed(by_driver, name), "drivers": len(by_driver),
                          "number": int(which.sum()), "at_fault_beyond_pooled": hits})  # fmt: skip
     return pd.DataFrame(rows)
 
@@ -177,16 +182,20 @@ def _stays(scenes: Scenes) -> npt.NDArray[np.bool_]:
     return np.asarray((lane == lane[:, :1]).all(axis=1))
 
 
-def _share(ade: pd.DataFrame, name: str) -> dict[str, float]:
+def share_closed(ade: pd.DataFrame, name: str) -> dict[str, float]:
     """Return a method's ADE, what it gains on pooled and its share of the way to the oracle, with 95 % intervals."""
-    rng = np.random.default_rng(0)
-    draws = rng.integers(len(ade), size=(RESAMPLES, len(ade)))
+    draws = drawn_anew(len(ade))
     pooled, oracle, own = (ade[which].to_numpy() for which in ("idm_pooled", "idm_oracle", name))
     gain, way = pooled - own, pooled - oracle
     gains, ways = gain[draws].mean(axis=1), way[draws].mean(axis=1)
     gain_ends, ends = np.quantile(gains, [0.025, 0.975]), np.quantile(gains / ways, [0.025, 0.975])
     return {"ade_m": own.mean(), "gain_m": gain.mean(), "gain_low_m": gain_ends[0], "gain_high_m": gain_ends[1],
             "share": gain.mean() / way.mean(), "share_low": ends[0], "share_high": ends[1]}  # fmt: skip
+
+
+def drawn_anew(drivers: int) -> npt.NDArray[np.int64]:
+    """Return rows of drivers drawn with replacement, shape ``(resamples, drivers)``, the same for all methods."""
+    return np.random.default_rng(0).integers(drivers, size=(RESAMPLES, drivers))
 
 
 def _coverage(learned: Learned, test: Drivers, driven: dict[str, list[Trajectories]]) -> pd.DataFrame:
@@ -202,7 +211,8 @@ def _coverage(learned: Learned, test: Drivers, driven: dict[str, list[Trajectori
                                  "idm_pooled": (train.drive(predictor.pooled_, drive_idm), driven["idm_pooled"])}.items():  # fmt: skip
         before, after = _residuals(train, seen), _residuals(test, unseen)
         known[name] = (ResidualNoise.fit(before, np.ones_like(before)), after, np.ones_like(after))
-    return pd.DataFrame([_at(name, *what, seconds) for name, what in known.items() for seconds in SECONDS
+    driver = test.keys().groupby([c.PERIOD, c.VEHICLE]).ngroup().to_numpy()
+    return pd.DataFrame([_at(name, *what, driver, seconds) for name, what in known.items() for seconds in SECONDS
                          if 10 * seconds <= what[1].shape[1]])  # fmt: skip
 
 
@@ -210,7 +220,14 @@ def _residuals(drivers: Drivers, driven: list[Trajectories]) -> Floats:
     return np.concatenate([(_twin(s, "x") - t.x)[:, 1:] for s, t in zip(drivers.scenes, driven, strict=True)])
 
 
-def _at(name: str, noise: ResidualNoise, residuals: Floats, scale: Floats, seconds: int) -> dict[str, float | str]:
+def _at(
+    name: str,
+    noise: ResidualNoise,
+    residuals: Floats,
+    scale: Floats,
+    driver: npt.NDArray[np.int64],
+    seconds: int,
+) -> dict[str, float | str]:
     k = 10 * seconds - 1
     row: dict[str, float | str] = {
         "method": name,
@@ -219,6 +236,16 @@ def _at(name: str, noise: ResidualNoise, residuals: Floats, scale: Floats, secon
     }
     for share in (0.5, 0.9):
         low, high = noise.interval(share, scale)
-        row[f"coverage_{share:.0%}"] = float(((residuals >= low) & (residuals <= high))[:, k].mean())
+        inside = ((residuals >= low) & (residuals <= high))[:, k]
+        row[f"coverage_{share:.0%}"] = float(inside.mean())
+        row[f"coverage_{share:.0%}_low"], row[f"coverage_{share:.0%}_high"] = _by_drivers(inside, driver)
         row[f"width_{share:.0%}_m"] = float((high - low)[:, k].mean())
     return row
+
+
+def _by_drivers(inside: npt.NDArray[np.bool_], driver: npt.NDArray[np.int64]) -> tuple[float, float]:
+    """Return the 95 % interval of a mean over windows, drivers drawn anew."""
+    hits, windows = np.bincount(driver, inside), np.bincount(driver)
+    draws = drawn_anew(len(windows))
+    low, high = np.quantile(hits[draws].sum(axis=1) / windows[draws].sum(axis=1), [0.025, 0.975])
+    return float(low), float(high)

@@ -15,9 +15,10 @@ from idm_sumo.progress import Progress, silent
 from idm_sumo.rollout import Trajectories, drive_idm
 from idm_sumo.scenes import LEADER_OF_TWIN
 
-from . import agent_figures, agent_words, agents, figures, paper, prediction_figures, prediction_share, tables
+from . import agent_figures, agent_words, agents, figures, paper, prediction_figures, prediction_words, tables
 from .drivers import Drive
 from .manifest import manifest, write_manifest
+from .prediction_reasons import prediction_tables
 from .report import render
 from .settings import SURROGATE, Settings
 from .source import Source, load_source
@@ -99,15 +100,8 @@ def compute(settings: Settings, jobs: int = 1, progress: Progress = silent) -> R
     return Results(
         source, study, _ordered(methods), scores, driven, _ordered(by_features), _ordered(by_frames),
         _ordered(by_neighbours), _ordered(other_methods), _backend_difference(study, driven, settings), learned,
-        _prediction(source, study),
+        prediction_tables(source, study),
     )  # fmt: skip
-
-
-def _prediction(source: Source, study: Study) -> dict[str, pd.DataFrame]:
-    """Return the tables of what predicting is worth, by the name of their file."""
-    share, coverage = prediction_share.tables(source, study.settings, study.learned, study.neighbours)
-    explained = prediction_share.explained(study.learned, study.train_fits, study.train)
-    return {"prediction_share": share, "prediction_coverage": coverage, "prediction_explained": explained}
 
 
 def _agents(study: Study, settings: Settings, progress: Progress) -> agents.Agents | None:
@@ -204,6 +198,7 @@ def _write_figures(results: Results, folder: Path) -> None:
     save(figures.error_growth(study, results.driven), folder / "error_growth.png")
     save(figures.flat_directions(tables.flat_directions(study)), folder / "flat_directions.png")
     save(prediction_figures.fan(study), folder / "prediction_fan.png")
+    save(prediction_figures.seconds(results.prediction["prediction_seconds"]), folder / "prediction_seconds.png")
     part, which = _median_driver(results)
     chosen = {name: trajectories[part] for name, trajectories in results.driven.items()}
     save(figures.time_space(study.test.scenes[part], which, chosen), folder / "time_space.png")
@@ -241,7 +236,8 @@ def _write_report(results: Results, part: Path) -> None:
         neighbours=results.neighbours[["k", *COLUMNS_FIRST]],
         other_methods=results.other_methods[["method", *COLUMNS_FIRST]],
         quality=results.methods[QUALITY], **results.prediction, at_bound=tables.at_bound(results.study), accounts=left_out(results),
-        frame_start=max(settings.frame_counts), **_agent_section(results), **describe(results),
+        frame_start=max(settings.frame_counts), **_agent_section(results),
+        **prediction_words.describe(results.prediction), **describe(results),
     )  # fmt: skip
 
 

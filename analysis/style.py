@@ -19,6 +19,8 @@ METHOD_NAMES = {
     "idm_typical": "IDM, typical driver of the population",
     "idm_hierarchical": "IDM, oracle drawn to the population",
     "idm_oracle": "IDM, oracle",
+    "idm_watched": "IDM, predicted and watched",
+    "idm_own_past": "IDM, fitted to its own past",
     "extended": "extended model",
 }
 # Okabe and Ito's palette, told apart by colour-blind readers too.
@@ -34,6 +36,8 @@ METHOD_COLOURS = {
     "idm_typical": "#882255",
     "idm_hierarchical": "#117733",
     "idm_oracle": "#009E73",
+    "idm_watched": "#AA4499",
+    "idm_own_past": "#DDAA33",
     "extended": "#332288",
 }
 RECORDED = "#000000"

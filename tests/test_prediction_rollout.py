@@ -16,7 +16,7 @@ from idm_sumo.metrics import displacement
 from idm_sumo.prediction import RolloutPredictor, first_second
 from idm_sumo.prediction import rollout_predictor as rp
 from idm_sumo.prediction.driver_prediction import drivers_of, predict_through_rollout
-from idm_sumo.prediction.noise import ResidualNoise
+from idm_sumo.prediction.noise import ObservedScale, ResidualNoise
 from idm_sumo.prediction.observation import ACCELERATION, APPROACH_RATE, GAP, LATERAL_SPEED, LEADER_ACCELERATION, SPEED
 from idm_sumo.prediction.through_rollout import _derivatives, _values, fit_weights
 from idm_sumo.rollout import drive_idm
@@ -196,3 +196,33 @@ def test_nobody_ahead_is_missing():
     assert np.isnan(seen[GAP])
     assert np.isnan(seen[APPROACH_RATE])
     assert seen["leader_share"] == 0.0
+
+
+def test_a_scale_that_depends_on_what_is_seen_is_found():
+    rng = np.random.default_rng(2)
+    seen = rng.normal(size=(6000, 2))
+    residuals = np.exp(0.4 * seen[:, :1]) * rng.normal(size=(6000, 100))
+    flat = np.ones_like(residuals)
+    learned = ObservedScale.fit(seen[:3000], residuals[:3000], flat[:3000])
+    np.testing.assert_allclose(learned.weights, [0.4, 0.0], atol=0.05)
+    covered = []
+    for scale in (flat, learned.factor(seen) * flat):
+        noise = ResidualNoise.fit(residuals[:3000], scale[:3000])
+        low, high = noise.interval(0.9, scale)
+        inside = (residuals >= low) & (residuals <= high)
+        covered.append([inside[3000:][which[3000:]].mean() for which in (seen[:, 0] < -1.0, seen[:, 0] > 1.0)])
+    assert max(np.abs(np.array(covered[0]) - 0.9)) > 0.05
+    np.testing.assert_allclose(covered[1], 0.9, atol=0.02)
+
+
+def test_slow_drivers_are_foreseen_to_within_less_if_they_were_in_training(predictor, training):
+    some, usual = training.subset(np.arange(4)), predictor.observed_scale_
+    prediction = predictor.predict_with_spread(first_second(some))
+    predictor.observed_scale_ = ObservedScale(np.zeros(2))
+    plain = predictor.scale(some, prediction)
+    predictor.observed_scale_ = ObservedScale(np.array([0.5, 0.0]))
+    by_speed = predictor.scale(some, prediction) / plain
+    predictor.observed_scale_ = usual
+    np.testing.assert_allclose(by_speed, by_speed[:, :1] * np.ones(by_speed.shape[1]))
+    speed = first_second(some)[SPEED].to_numpy()
+    np.testing.assert_array_equal(np.argsort(by_speed[:, 0]), np.argsort(speed))

@@ -49,7 +49,12 @@ def add(commands: Any) -> None:
         "--period", action="append", metavar="LABEL", help="only this recording period; may be repeated"
     )
     parser.add_argument(
-        "--observed", type=int, default=10, metavar="FRAMES", help="frames to observe (default 10, one second)"
+        "--observed",
+        type=int,
+        default=10,
+        metavar="FRAMES",
+        help="frames to observe (default 10, one second); "
+        "with rollout those before the last ten are driven again, and count as much as they help in drivers left out",
     )
     parser.add_argument("--neighbours", type=int, default=8, metavar="K", help="drivers to average (default 8)")
     parser.set_defaults(horizon=1, rollout_start="observed")
@@ -140,15 +145,27 @@ def _neighbours(options: argparse.Namespace) -> Callable[[Scenes], pd.DataFrame]
 def _through_rollout(options: argparse.Namespace) -> Callable[[Scenes], pd.DataFrame]:
     """Learn from the recording; return the prediction."""
     from idm_sumo.driver_table import read_drivers
-    from idm_sumo.prediction import RolloutPredictor
-    from idm_sumo.prediction.driver_prediction import LEARNING_STEP, drivers_of, predict_through_rollout
+    from idm_sumo.prediction import MovingHorizon, RolloutPredictor
+    from idm_sumo.prediction.driver_prediction import (
+        LEARNING_STEP,
+        SECOND,
+        WATCHING_STEP,
+        drivers_of,
+        predict_through_rollout,
+    )
     from idm_sumo.scenes import Window
 
-    training, _ = shared.scenes_of(options, Window(observed=options.observed, every=LEARNING_STEP))
-    if options.drivers is not None:
-        training = drivers_of(training, read_drivers(options.drivers))
-    predictor = RolloutPredictor(seed=options.seed).fit(training)
-    return lambda scenes: predict_through_rollout(scenes, predictor)
+    def training(window: Window) -> list[Scenes]:
+        found, _ = shared.scenes_of(options, window)
+        return found if options.drivers is None else drivers_of(found, read_drivers(options.drivers))
+
+    second = min(options.observed, SECOND)
+    predictor = RolloutPredictor(seed=options.seed).fit(training(Window(observed=second, every=LEARNING_STEP)))
+    if options.observed == second:
+        return lambda scenes: predict_through_rollout(scenes, predictor)
+    watched = training(Window(observed=options.observed, every=WATCHING_STEP))
+    watcher = MovingHorizon(predictor, seed=options.seed).fit(watched)
+    return lambda scenes: predict_through_rollout(scenes, watcher)
 
 
 def _beside(table: pd.DataFrame, *more: pd.DataFrame) -> pd.DataFrame:

@@ -10,22 +10,25 @@ from idm_sumo import columns as c
 from idm_sumo.calibration.hierarchical import SHIFT
 from idm_sumo.errors import InputError
 from idm_sumo.idm import LOWER, UPPER, IDMParameters
+from idm_sumo.prediction.moving_horizon import MovingHorizon, recent
 from idm_sumo.prediction.observation import first_second
 from idm_sumo.prediction.rollout_predictor import RolloutPredictor
 from idm_sumo.prediction.spread import logarithms
 from idm_sumo.scenes import Scenes
 
 LEARNING_STEP = 30  # frames between the windows that are learned from
+WATCHING_STEP = 60  # between those from which is learned how much a longer past counts
+SECOND = 10  # frames that are read off; more are driven again
 LIKELY = 0.9  # of the drivers lie between the columns `*_low` and `*_high`
 
 
-def predict_through_rollout(scenes: Scenes, predictor: RolloutPredictor) -> pd.DataFrame:
+def predict_through_rollout(scenes: Scenes, predictor: RolloutPredictor | MovingHorizon) -> pd.DataFrame:
     """Predict the drivers of ``scenes`` from their first frames.
 
     Parameters
     ----------
     scenes : Scenes
-    predictor : RolloutPredictor
+    predictor : RolloutPredictor or MovingHorizon
         Fitted. A driver it was fitted to is predicted by the fold that left it out.
 
     Returns
@@ -35,19 +38,25 @@ def predict_through_rollout(scenes: Scenes, predictor: RolloutPredictor) -> pd.D
         90 % interval of every parameter (``a_low, a_high``, ...) and the first second.
     """
     prediction = predictor.predict_left_out(scenes)
+    if isinstance(predictor, MovingHorizon):
+        learned = predictor.predictor
+        seen = recent(scenes, learned.observed_)
+        counts = f", those before the last {learned.observed_} counting {predictor.strength_:g}"
+    else:
+        learned, seen, counts = predictor, scenes, ""
     table = pd.DataFrame({c.PERIOD: scenes.period, c.VEHICLE: scenes.vehicle, "first_frame": scenes.first_frame})
     table[list(IDMParameters._fields)] = prediction.theta
     table["status"] = prediction.status
     table["based_on"] = (
-        f"{scenes.window.observed} frames, fit through the rollout of {predictor.windows_} windows of "
-        f"{predictor.drivers_} drivers"
+        f"{scenes.window.observed} frames, fit through the rollout of {learned.windows_} windows of "
+        f"{learned.drivers_} drivers{counts}"
     )
     half = norm.ppf(0.5 + 0.5 * LIKELY) * np.sqrt(np.einsum("njj->nj", prediction.covariance))
     middle = logarithms(prediction.theta)
     for end, sign in (("low", -1.0), ("high", 1.0)):
         limit = np.clip(np.exp(middle + sign * half) - SHIFT, np.array(LOWER), np.array(UPPER))
         table[[f"{name}_{end}" for name in IDMParameters._fields]] = limit
-    return table.join(first_second(scenes))
+    return table.join(first_second(seen))
 
 
 def drivers_of(scenes: list[Scenes], table: pd.DataFrame) -> list[Scenes]:

@@ -1,4 +1,4 @@
-"""How far positions will be from a predicted rollout: intervals, coverage and CRPS."""
+"""How far positions will be from a predicted rollout: scale, intervals, coverage and CRPS."""
 
 from __future__ import annotations
 
@@ -8,6 +8,10 @@ import numpy as np
 import numpy.typing as npt
 
 Floats = npt.NDArray[np.float64]
+
+FLOOR = 0.01  # of a scale: keeps the logarithm of a residual of nothing finite
+RIDGE = 1e-3
+BETWEEN = 20  # steps between those that the observed scale is learned from
 
 LEVELS = np.concatenate([[0.01, 0.025], np.arange(0.05, 0.96, 0.05), [0.975, 0.99]])
 
@@ -48,3 +52,37 @@ class ResidualNoise:
 
     def _quantile(self, level: float) -> Floats:
         return np.array([np.interp(level, LEVELS, column) for column in self.quantiles.T])
+
+
+@dataclass(frozen=True)
+class ObservedScale:
+    """A factor on the scale by what is observed, such as speed and gap: slow traffic is foreseen better than fast.
+
+    Attributes
+    ----------
+    weights : float64, shape (features,)
+        Of standardised features, in the logarithm of the factor.
+    """
+
+    weights: Floats
+
+    @classmethod
+    def fit(cls, features: Floats, residuals: Floats, scale: Floats) -> ObservedScale:
+        """Learn from drivers left out: the regression of the logarithm of the absolute residual in units of the scale.
+
+        Shapes ``(windows, features)`` and twice ``(windows, steps)``; the weights are means over the steps.
+        """
+        steps = np.arange(min(BETWEEN, residuals.shape[1]) - 1, residuals.shape[1], BETWEEN)
+        size = np.log(np.abs(residuals / scale)[:, steps] + FLOOR)
+        found = [_slopes(features[known], y[known]) for y in size.T for known in (np.isfinite(y),) if known.any()]
+        return cls(np.mean(found, axis=0) if found else np.zeros(features.shape[1]))
+
+    def factor(self, features: Floats) -> Floats:
+        """Return the factor of every window, shape ``(windows, 1)``."""
+        return np.asarray(np.exp(features @ self.weights)[:, None])
+
+
+def _slopes(features: Floats, y: Floats) -> Floats:
+    """Return the slopes of a regression, hardly drawn to 0."""
+    off, z = y - y.mean(), features - features.mean(axis=0)
+    return np.asarray(np.linalg.solve(z.T @ z + RIDGE * len(z) * np.eye(z.shape[1]), z.T @ off))

@@ -20,7 +20,7 @@ from idm_sumo.calibration.problem import Problem, only, prepare
 from idm_sumo.errors import InputError
 from idm_sumo.idm import IDMParameters
 from idm_sumo.prediction import basis
-from idm_sumo.prediction.noise import ResidualNoise
+from idm_sumo.prediction.noise import ObservedScale, ResidualNoise
 from idm_sumo.prediction.observation import COLUMNS, first_second
 from idm_sumo.prediction.spread import remaining_covariance
 from idm_sumo.prediction.through_rollout import at, fit_weights
@@ -72,6 +72,8 @@ class RolloutPredictor(BaseEstimator):  # type: ignore[misc]
         m/s.
     seed : int
         Of the folds.
+    one_for_all : IDMParameters, optional
+        The pooled driver if it is known; fitted to the training windows otherwise.
 
     Attributes
     ----------
@@ -82,17 +84,27 @@ class RolloutPredictor(BaseEstimator):  # type: ignore[misc]
         What remains unknown of a driver after its first second, and without it.
     noise_ : ResidualNoise
         Of positions of drivers that were left out.
+    observed_scale_ : ObservedScale
+        How uncertain they are by the speed and the gap that were observed.
     drivers_, windows_ : int
         Learned from.
+    observed_ : int
+        Frames that were seen of them.
     """
 
     def __init__(
-        self, ridge: float = 0.03, folds: int = 5, desired_speed: float = road.SPEED_LIMIT, seed: int = 1
+        self,
+        ridge: float = 0.03,
+        folds: int = 5,
+        desired_speed: float = road.SPEED_LIMIT,
+        seed: int = 1,
+        one_for_all: IDMParameters | None = None,
     ) -> None:
         self.ridge = ridge
         self.folds = folds
         self.desired_speed = desired_speed
         self.seed = seed
+        self.one_for_all = one_for_all
 
     def fit(self, scenes: Scenes | Sequence[Scenes], y: None = None) -> RolloutPredictor:
         """Learn from the windows of training drivers, best several a driver (``Window(every=20)``).
@@ -105,16 +117,17 @@ class RolloutPredictor(BaseEstimator):  # type: ignore[misc]
         every = _driveable([scenes] if isinstance(scenes, Scenes) else list(scenes), self.desired_speed)
         problems = [prepare(one, desired_speed=self.desired_speed) for one in every]
         codes = [first_second(one)[list(COLUMNS)].to_numpy(np.float64) for one in every]
+        self.observed_ = every[0].window.observed
         driver, self.keys_ = _drivers(every)
         self.drivers_, self.windows_ = int(driver.max()) + 1, len(driver)
-        self.pooled_: IDMParameters = pooled(every, desired_speed=self.desired_speed)
+        self.pooled_: IDMParameters = self.one_for_all or pooled(every, desired_speed=self.desired_speed)
         self.center_ = to_search(np.asarray(self.pooled_))
         self._standardise(np.concatenate(codes))
         features = [self._features(code) for code in codes]
         self.weights_ = self._fit_weights(problems, features)
         parts = np.split(driver, np.cumsum([len(one) for one in every])[:-1])
         left_out = self._left_out(problems, features, parts)
-        self._learn_spread(problems, left_out)
+        self._learn_spread(problems, left_out, np.concatenate(codes))
         return self
 
     def predict(self, X: pd.DataFrame | npt.ArrayLike) -> Floats:
@@ -152,10 +165,12 @@ class RolloutPredictor(BaseEstimator):  # type: ignore[misc]
     def scale(self, scenes: Scenes, prediction: Prediction) -> Floats:
         """Return how uncertain (m) the positions are, shape ``(windows, horizon)``: what :attr:`noise_` multiplies.
 
-        The spread of the parameters through the rollout's derivatives, and noise that grows with the root of time.
+        The spread of the parameters through the rollout's derivatives, and noise that grows with the root of time; both more or
+        less by what is observed.
         """
         problem = prepare(scenes, desired_speed=self.desired_speed)
-        return _scale(problem, prediction.theta, prediction.covariance)
+        factor = self.observed_scale_.factor(self._scaling(self._codes(first_second(scenes))))
+        return _scale(problem, prediction.theta, prediction.covariance) * factor
 
     def _codes(self, X: pd.DataFrame | npt.ArrayLike) -> Floats:
         check_is_fitted(self)
@@ -181,6 +196,11 @@ class RolloutPredictor(BaseEstimator):  # type: ignore[misc]
 
     def _standard(self, values: Floats) -> Floats:
         return np.asarray(np.clip((values - self.mean_) / self.deviation_, -FURTHEST, FURTHEST))
+
+    def _scaling(self, code: Floats) -> Floats:
+        """Return what the scale depends on, standardised; 0, what is usual, of drivers that get the population's parameters."""
+        values = self._standard(basis.plain(code, self.pooled_, self.desired_speed))[:, [basis.V, basis.LOG_GAP]]
+        return np.asarray(np.where(self._known(code)[:, None], values, 0.0))
 
     def _features(self, code: Floats) -> Floats:
         """Return the constant and the standardised features; a driver without a leader has none."""
@@ -210,7 +230,7 @@ class RolloutPredictor(BaseEstimator):  # type: ignore[misc]
                 z[fold[who] == k] = at(self.center_, phi[fold[who] == k], weights)
         return found
 
-    def _learn_spread(self, problems: list[Problem], left_out: list[Floats]) -> None:
+    def _learn_spread(self, problems: list[Problem], left_out: list[Floats], codes: Floats) -> None:
         """Learn what remains unknown of parameters, then what positions are off by beyond that."""
         step = max(1, self.windows_ // SPREAD_WINDOWS)
         few = [only(problem, np.arange(0, len(z), step)) for problem, z in zip(problems, left_out, strict=True)]
@@ -222,7 +242,9 @@ class RolloutPredictor(BaseEstimator):  # type: ignore[misc]
             errors, _ = sensitivities(problem, z)
             residuals.append(np.where(problem.counted, -errors, np.nan))
             scales.append(_scale(problem, from_search(z), self.covariance_))
-        self.noise_ = ResidualNoise.fit(np.concatenate(residuals), np.concatenate(scales))
+        off, scale, seen = np.concatenate(residuals), np.concatenate(scales), self._scaling(codes)
+        self.observed_scale_ = ObservedScale.fit(seen, off, scale)
+        self.noise_ = ResidualNoise.fit(off, scale * self.observed_scale_.factor(seen))
 
     def _reasons(self, code: Floats) -> dict[str, npt.NDArray[np.bool_]]:
         outside = (np.nan_to_num(code) < np.minimum(self.range_[0], 0.0)) | (np.nan_to_num(code) > self.range_[1])

@@ -89,8 +89,11 @@ def _derivatives(
         gradient += phi.T @ np.where(held, 0.0, g)
         h = np.where(held[:, :, None] | held[:, None, :], 0.0, h)
         for j in range(PARAMETERS):
-            for k in range(PARAMETERS):
-                matrix[:, j, :, k] += phi.T @ (h[:, j, k, None] * phi)
+            for k in range(j + 1):
+                block = phi.T @ (h[:, j, k, None] * phi)
+                matrix[:, j, :, k] += block
+                if k < j:
+                    matrix[:, k, :, j] += block
     flat = matrix.reshape(q * PARAMETERS, -1) / count
     flat[np.diag_indices(len(flat))] += np.repeat(penalty, PARAMETERS) + 1e-9
     return (gradient / count + penalty[:, None] * weights).ravel(), flat
