@@ -12,7 +12,7 @@ RIGHT, WRONG, SILENT, UNKNOWN, FALSE_ALARM = "right", "wrong", "silent", "unknow
 # Where an effect outside the catalogue must show: covariates (their beginnings), or its planted place or time.
 SHOWS_IN: dict[str, tuple[str, ...]] = {
     "distraction": ("place", "leader_acceleration"),
-    "throttle_wave": ("time",),
+    "throttle_wave": ("oscillation",),
     "lane_enforcement": ("lane", "time"),
     "beside_truck": ("trucks_beside",),
     "late_for_a_while": ("time",),

@@ -58,6 +58,16 @@ def test_what_is_hidden_is_named_first_and_makes_rollouts_better(effect, seed, t
     assert found.residuals["extended"].abs().mean() < found.residuals["base"].abs().mean()
 
 
+@pytest.mark.parametrize(
+    ("effect", "seed", "told"), [("throttle_wave", 17, "oscillation"), ("lane_enforcement", 16, "time in lane 1")]
+)
+def test_what_the_catalogue_does_not_hold_is_unknown_and_said_where(effect, seed, told, tmp_path):
+    found = checked(diagnose(hidden(tmp_path, seed, effect, form="usual")))
+    assert found.verdict == "unknown"
+    assert told in found.unexplained[0].covariate
+    assert found.unexplained[0].p_value < 1e-3
+
+
 def test_a_seam_between_cameras_is_found_and_nothing_else_jumps(tmp_path):
     recording = hidden(tmp_path, 14, None, drivers=120, minutes=2.5)
     assert find_seam(recording) is None

@@ -16,7 +16,7 @@ from idm_sumo.diagnosis import rollout as ro
 from idm_sumo.diagnosis import windows as w
 from idm_sumo.diagnosis.bins import numbered, pulses_by_bin
 from idm_sumo.diagnosis.fit import fit_drivers
-from idm_sumo.diagnosis.twins import drawn_anew, placed_for
+from idm_sumo.diagnosis.twins import Noises, drawn_anew, placed_for
 from idm_sumo.effects import slots
 from tests.test_diagnosis_rollout import QUIET, followers
 
@@ -41,7 +41,7 @@ def test_one_window_that_explodes_is_held_back_and_the_others_stay():
     columns = np.random.default_rng(0).uniform(0.5, 1.0, (50, 4, 2))
     columns[7, :, 0] *= 1e6
     columns[:, :, 1] = 0.0
-    tamed = ev.tamed(columns)
+    tamed = at.tamed(columns)
     usual = np.delete(np.arange(50), 7)
     np.testing.assert_array_equal(tamed[usual], columns[usual])
     assert np.abs(tamed[7]).max() < 4.0
@@ -77,7 +77,7 @@ def test_the_score_vanishes_at_the_planted_size_and_points_to_it_from_below(slot
     planted = ro.PLAIN.copy()
     planted[:, slot] = size
     windows, _ = followers(planted, np.random.default_rng(5))
-    subject = ev.Subject(windows, QUIET, QUIET, at.grid_of(windows), True)
+    subject = ev.Subject(windows, Noises(QUIET, QUIET), at.grid_of(windows), True)
     name = {slots.HYSTERESIS: "hysteresis", slots.BAND: "perception_threshold"}[slot]
     half = planted.copy()
     half[:, slot] = 0.5 * size

@@ -5,10 +5,13 @@ from __future__ import annotations
 import numpy as np
 import pandas as pd
 import pytest
+from scipy.signal import savgol_filter
 
 from idm_sumo import columns as c
 from idm_sumo.diagnosis import noise as no
+from idm_sumo.diagnosis.twins import MARGIN, Noises, hidden, measured
 from idm_sumo.recording import Recording
+from idm_sumo.smoothing import WINDOW
 
 
 def recording(noise: no.Noise, *, is_smooth: bool = False) -> Recording:
@@ -26,7 +29,7 @@ def recording(noise: no.Noise, *, is_smooth: bool = False) -> Recording:
 
 
 def variance_after_smoothing(noise: no.Noise) -> np.ndarray:
-    drawn = no.smoothed(noise.draw(400, 300, np.random.default_rng(1)))
+    drawn = measured(noise, WINDOW, 400, 260, np.random.default_rng(1))
     return np.array([part.std() for part in drawn])
 
 
@@ -51,3 +54,42 @@ def test_a_smooth_recording_has_none():
 def test_noise_is_stationary_from_the_first_step():
     drawn = no.Noise(0.0, np.array([0.25]), np.array([5.0])).draw(20_000, 30, np.random.default_rng(0))
     np.testing.assert_allclose(drawn[:, [0, 29]].std(axis=0), 0.5, rtol=0.03)
+
+
+MOTION = no.Noise(0.0, np.array([0.4]), np.array([5.0]))
+ERRORS = no.Noise(0.04, np.array([0.02]), np.array([0.4]))
+
+
+def moved(noise: no.Noise, rows: int, frames: int, rng: np.random.Generator) -> np.ndarray:
+    """Return positions (m) of vehicles with these accelerations, about a constant speed."""
+    return np.cumsum(np.cumsum(noise.draw(rows, frames, rng), axis=1), axis=1) * 0.01
+
+
+def test_own_motion_is_told_from_measurement_noise():
+    rng = np.random.default_rng(4)
+    given = recording(ERRORS)
+    x = 10.0 * given.table[c.TIME].to_numpy() + (moved(MOTION, 60, 512, rng) + ERRORS.draw(60, 512, rng)).ravel()
+    found = no.motion_noise(given.with_table(given.table.assign(**{c.X: x})), ERRORS)
+    for smoothing in (21, 41):
+        assert hidden_position(found, smoothing) == pytest.approx(hidden_position(MOTION, smoothing), rel=0.3)
+
+
+def hidden_position(motion: no.Noise, smoothing: int) -> float:
+    quiet = no.Noise(0.0, np.zeros(1), np.ones(1))
+    truth, _ = hidden(Noises(quiet, quiet, motion), smoothing, 400, 150, np.random.default_rng(7))
+    return float(truth[0].std())
+
+
+def test_hidden_motion_is_what_smoothing_hides():
+    rng = np.random.default_rng(5)
+    path = moved(MOTION, 400, 300, rng)
+    off = path - savgol_filter(path + ERRORS.draw(400, 300, rng), 21, 3, axis=1)
+    truth, shown = hidden(Noises(ERRORS, ERRORS, MOTION), 21, 400, 150, rng)
+    assert truth[0].std() == pytest.approx(off[:, MARGIN:-MARGIN].std(), rel=0.05)
+    assert truth[0].shape == shown[0].shape == (400, 150)
+
+
+def test_of_leaders_that_were_not_smoothed_nothing_is_hidden():
+    truth, shown = hidden(Noises(ERRORS, ERRORS), 21, 50, 100, np.random.default_rng(6))
+    assert not truth[0].any()
+    assert shown[0].std() > 0.0

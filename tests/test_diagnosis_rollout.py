@@ -12,7 +12,7 @@ from idm_sumo.diagnosis import rollout as ro
 from idm_sumo.diagnosis import windows as w
 from idm_sumo.diagnosis.fit import fit_drivers, for_others
 from idm_sumo.diagnosis.noise import DRIVER_MEMORIES, Noise
-from idm_sumo.diagnosis.twins import make_twin, refit
+from idm_sumo.diagnosis.twins import Noises, make_twin, refit
 from idm_sumo.effects import slots
 
 QUIET = Noise(0.0, np.zeros(len(DRIVER_MEMORIES)), DRIVER_MEMORIES)
@@ -39,7 +39,7 @@ def followers(by_lane: np.ndarray, rng: np.random.Generator) -> tuple[w.Windows,
     x, v = ro.drive(seen, driver, theta, by_lane, np.zeros(2), ro.NO_PUSH, 0)
     seen[:, :, w.X], seen[:, :, w.V] = x, v
     windows = w.Windows(
-        seen, seen[:, :, [w.REAR, w.SPEED, w.SECOND]], driver, np.arange(1, DRIVERS + 1), np.full(DRIVERS, "p"),
+        seen, seen[:, :, w.LEADERS], driver, np.arange(1, DRIVERS + 1), np.full(DRIVERS, "p"),
         np.arange(DRIVERS) // 5, 21, {},
     )  # fmt: skip
     return windows, theta
@@ -64,6 +64,30 @@ def test_response_to_pulses_is_the_derivative_of_the_rollout(plain):
     moved, _ = ro.drive(windows.seen, windows.driver, theta, ro.PLAIN, np.zeros(2), push, w.LEAD)
     change = (moved[:, w.EVERY :: w.EVERY] - ro.positions(windows, theta, ro.PLAIN)) / small
     np.testing.assert_allclose(response[:, :, 4], change, atol=2e-3)
+
+
+def test_response_to_pulses_waits_for_a_delayed_driver(plain):
+    windows, theta = plain
+    m = ro.PLAIN.copy()
+    m[:, slots.DELAY] = 0.6
+    response, _ = ro.respond(windows.seen, windows.driver, theta, m)
+    push = np.zeros((len(windows.seen), w.HORIZON))
+    push[:, 4 * ro.BIN : 5 * ro.BIN] = small = 1e-3
+    moved, _ = ro.drive(windows.seen, windows.driver, theta, m, np.zeros(2), push, w.LEAD)
+    change = (moved[:, w.EVERY :: w.EVERY] - ro.positions(windows, theta, m)) / small
+    np.testing.assert_allclose(response[:, :, 4], change, atol=0.02)
+
+
+def test_the_edge_of_a_dead_band_is_no_wall(plain):
+    windows, theta = plain
+    m = ro.PLAIN.copy()
+    m[:, slots.BAND] = 1.0
+    response, _ = ro.respond(windows.seen, windows.driver, theta, m)
+    push = np.zeros((len(windows.seen), w.HORIZON))
+    push[:, 4 * ro.BIN : 5 * ro.BIN] = small = 0.1
+    moved, _ = ro.drive(windows.seen, windows.driver, theta, m, np.zeros(2), push, w.LEAD)
+    change = (moved[:, w.EVERY :: w.EVERY] - ro.positions(windows, theta, m)) / small
+    assert np.abs(response[:, -1, 4]).max() < 3.0 * np.abs(change[:, -1]).max()
 
 
 def test_linear_fields_are_the_derivatives_by_the_magnitudes(plain):
@@ -91,7 +115,7 @@ def test_the_fit_finds_the_drivers(plain):
 def test_a_twin_of_quiet_drivers_is_fitted_by_the_same_drivers(plain):
     windows, _ = plain
     fit = fit_drivers(windows, ro.PLAIN.copy(), np.array([1e-4, 1e-4]), rounds=8)
-    twin = make_twin(windows, fit, QUIET, QUIET, np.random.default_rng(0), is_smooth=True)
+    twin = make_twin(windows, fit, Noises(QUIET, QUIET), np.random.default_rng(0), is_smooth=True)
     np.testing.assert_allclose(twin.target, windows.target, atol=0.5)
     again = refit(twin, fit)
     assert np.abs(again.own - fit.own).max() < 0.1

@@ -14,6 +14,7 @@ from idm_sumo.diagnosis.atoms import Atom
 from idm_sumo.diagnosis.fit import fit_drivers
 from idm_sumo.diagnosis.hypotheses import Candidate
 from idm_sumo.diagnosis.sizes import Stride, climbed, magnitude_of
+from idm_sumo.diagnosis.twins import Noises
 from idm_sumo.effects import slots
 from tests.test_diagnosis_rollout import QUIET, followers
 
@@ -56,7 +57,7 @@ def test_a_candidate_far_below_its_size_climbs_towards_it(size):
     planted = ro.PLAIN.copy()
     planted[:, slots.BAND] = size
     windows, _ = followers(planted, np.random.default_rng(6))
-    subject = ev.Subject(windows, QUIET, QUIET, at.grid_of(windows), True)
+    subject = ev.Subject(windows, Noises(QUIET, QUIET), at.grid_of(windows), True)
     fit = fit_drivers(windows, ro.PLAIN.copy(), np.array([1e-4, 1e-4]), rounds=8)
     atom = Atom(NAME, 0.3, ((slots.BAND, 0.3),))
     tried = climbed(subject, fit, Candidate(NAME, 0.5 * size, 0.05, 8.0, 1e-9, atom, score=200.0 * size))

@@ -9,15 +9,15 @@ from __future__ import annotations
 import itertools
 from collections.abc import Iterable
 from dataclasses import dataclass
+from typing import NamedTuple
 
 import numpy as np
 import numpy.typing as npt
 
-from idm_sumo.diagnosis import free_fields
 from idm_sumo.diagnosis import rollout as ro
 from idm_sumo.diagnosis import windows as w
 from idm_sumo.diagnosis.bins import edges_of, numbered, pulses_by_bin
-from idm_sumo.diagnosis.fit import Fit
+from idm_sumo.diagnosis.fit import Fit, Linear, linearise
 from idm_sumo.effects import CATALOGUE, slots
 from idm_sumo.effects.courtesy_yielding import NOTICE
 from idm_sumo.effects.follower_pressure import REACH
@@ -41,7 +41,7 @@ RELAXATION_SIZE = 0.5
 class Atom:
     """One column: the effect's name, the size it stands for (1 where it is linear), further values it fixes.
 
-    ``low`` and ``high`` bound a bin of place, time or, for a free field, of its covariate.
+    ``low`` and ``high`` bound a bin of place or time.
     """
 
     name: str
@@ -77,6 +77,22 @@ def linear_fields(windows: w.Windows, state: Floats, pivot: float) -> dict[str, 
     }
 
 
+NOTHING = 1e-9  # m per unit of a magnitude
+LONGEST_COLUMN = 3.0  # times the ninetieth percentile over the windows
+
+
+def tamed(columns: Floats) -> Floats:
+    """Return the columns, no window's longer than a few times what nine of ten of those with any effect have.
+
+    Where a simulated vehicle nearly hits its leader, a little more of anything moves it by kilometres: without a limit a handful
+    of such windows would be all the information there is.
+    """
+    size = np.abs(columns).max(axis=1)
+    usual = [float(np.percentile(one[one > NOTHING], 90)) if (one > NOTHING).any() else 1.0 for one in size.T]
+    limit = LONGEST_COLUMN * np.array(usual)
+    return np.asarray(columns * np.minimum(1.0, limit / np.maximum(size, NOTHING))[:, None, :])
+
+
 GUARD = "form:"  # begins the names of what another car-following model underneath would look like
 INSTANT = ("acceleration_asymmetry", "speed_dependent_headway", "perception_threshold")
 
@@ -109,21 +125,30 @@ def grid_of(windows: w.Windows) -> Grid:
     )  # fmt: skip
 
 
-def build(windows: w.Windows, fit: Fit, simulated: Floats, grid: Grid) -> tuple[list[Atom], Floats]:
+class Answer(NamedTuple):
+    """Rollouts at a fit: their linear model, their response to pulses of acceleration, their state by frame."""
+
+    line: Linear
+    response: Floats
+    state: Floats
+
+
+def answer_of(windows: w.Windows, fit: Fit) -> Answer:
+    """Return what the rollouts of windows do at a fit."""
+    return Answer(linearise(windows, fit), *ro.respond(windows.seen, windows.driver, fit.theta, fit.by_lane))
+
+
+def build(windows: w.Windows, fit: Fit, answer: Answer, grid: Grid) -> tuple[list[Atom], Floats]:
     """Return the atoms and their columns ``(windows, moments, atoms)``."""
-    response, state = ro.respond(windows.seen, windows.driver, fit.theta, fit.by_lane)
-    blocks = [*_linear(windows, state, grid), *_scanned(windows, state, grid)]
-    for labels, number in free_fields.families(windows, state, grid.place, grid.time, grid.lanes):
-        named = [Atom(free_fields.FREE + name, low=low, high=high) for name, low, high in labels]
-        blocks.append((named, pulses_by_bin(number, len(labels))))
-    return _with_secants(windows, fit, simulated, (*SECANT_ATOMS, *local_atoms(fit.by_lane)), blocks, response)
+    blocks = [*_linear(windows, answer.state, grid), *_scanned(windows, answer.state, grid)]
+    return _with_secants(windows, fit, answer, (*SECANT_ATOMS, *local_atoms(fit.by_lane)), blocks)
 
 
-def build_local(windows: w.Windows, fit: Fit, simulated: Floats, grid: Grid) -> tuple[list[Atom], Floats]:
+def build_local(windows: w.Windows, fit: Fit, answer: Answer, grid: Grid) -> tuple[list[Atom], Floats]:
     """Return, as :func:`build`, the accepted magnitudes' own atoms only, and the car-following's form."""
-    response, state = ro.respond(windows.seen, windows.driver, fit.theta, fit.by_lane)
-    blocks = [block for block in _linear(windows, state, grid) if block[0][0].name.startswith((*INSTANT, GUARD))]
-    return _with_secants(windows, fit, simulated, local_atoms(fit.by_lane), blocks, response)
+    every = _linear(windows, answer.state, grid)
+    blocks = [block for block in every if block[0][0].name.startswith((*INSTANT, GUARD))]
+    return _with_secants(windows, fit, answer, local_atoms(fit.by_lane), blocks)
 
 
 Block = tuple[list[Atom], Floats]  # atoms, and their accelerations as means over pulses (windows, pulses, atoms)
@@ -159,15 +184,15 @@ def _scanned(windows: w.Windows, state: Floats, grid: Grid) -> list[Block]:
 
 
 def _with_secants(
-    windows: w.Windows, fit: Fit, simulated: Floats, secants: Iterable[Atom], blocks: list[Block], response: Floats
+    windows: w.Windows, fit: Fit, answer: Answer, secants: Iterable[Atom], blocks: list[Block]
 ) -> tuple[list[Atom], Floats]:
     """Return linear atoms and secants, and the columns of both."""
     atoms = [atom for block in blocks for atom in block[0]]
-    columns = [response @ np.concatenate([block[1] for block in blocks], axis=2)]
+    columns = [answer.response @ np.concatenate([block[1] for block in blocks], axis=2)]
     for atom in secants:
         moved = ro.positions(windows, fit.theta, with_atom(fit.by_lane, atom))
         atoms.append(atom)
-        columns.append(((moved - simulated) / atom.size)[:, :, None])
+        columns.append(((moved - answer.line.simulated) / atom.size)[:, :, None])
     return atoms, np.concatenate(columns, axis=2)
 
 

@@ -25,6 +25,7 @@ from idm_sumo.diagnosis.smoother import window_for
 from idm_sumo.diagnosis.windows import Windows, cut_windows
 from idm_sumo.progress import Progress, silent
 from idm_sumo.recording import Recording
+from idm_sumo.smoothing import WINDOW
 
 HELD_OUT = 4  # every fourth block of neighbours takes no part in naming and fitting
 LEAST_DRIVERS = 24  # that name and fit
@@ -67,18 +68,19 @@ def _diagnose(recording: Recording, rng: np.random.Generator, progress: Progress
     seam = find_seam(recording)
     recording = recording if seam is None else repaired(recording, seam)
     measurement = no.measurement_noise(recording)
-    drawn = measurement.draw(400, 200, rng)
-    windows = cut_windows(recording, window_for(float(no.smoothed(drawn)[1].std())))
+    windows = cut_windows(recording, window_for(float(twins.measured(measurement, WINDOW, 400, 160, rng)[1].std())))
     train, held = _split(windows, rng)
     clock.append(("windows", time.perf_counter()))
     if train.drivers < LEAST_DRIVERS or len(train.seen) < LEAST_WINDOWS:
         return _too_little(windows, train, clock)
     progress("fitting drivers", 0, 1)
-    start = no.smoothed(drawn, windows.smoothing)
+    start = twins.measured(measurement, windows.smoothing, 400, 160, rng)
     base = fit_drivers(train, PLAIN.copy(), np.array([start[0].var() + 1e-4, start[1].var() + 1e-4]), rounds=ROUNDS)
     clock.append(("fit", time.perf_counter()))
-    driver = twins.driver_noise(train, base, measurement, rng, is_smooth=recording.is_smooth)
-    subject = ev.Subject(train, measurement, driver, at.grid_of(windows), recording.is_smooth)
+    leader = no.motion_noise(recording, measurement) if recording.has_leader_rows and not recording.is_smooth else None
+    noises = twins.Noises(measurement, measurement, leader)
+    noises = replace(noises, driver=twins.driver_noise(train, base, noises, rng, is_smooth=recording.is_smooth))
+    subject = ev.Subject(train, noises, at.grid_of(windows), recording.is_smooth)
     found = _confirmed(search(subject, base, rng, progress), held)
     clock.append(("search", time.perf_counter()))
     progress("measuring the gain", 0, 1)
@@ -151,7 +153,7 @@ def _told(
         verdict=verdict,
         causes=statements.causes(found, shares),
         without_gain=statements.without_gain(found),
-        unexplained=statements.unexplained(found, at.grid_of(windows)),
+        unexplained=statements.unexplained(found),
         gain=gains[0],
         other_gains=gains[1:],
         ruled_out=statements.ruled_out(found),

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from concurrent.futures import ThreadPoolExecutor
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import NamedTuple
 
 import numpy as np
@@ -14,27 +14,20 @@ from numba import get_num_threads
 from idm_sumo.diagnosis import atoms as at
 from idm_sumo.diagnosis import gls
 from idm_sumo.diagnosis import windows as w
-from idm_sumo.diagnosis.fit import Fit, linearise
-from idm_sumo.diagnosis.free_fields import FREE
-from idm_sumo.diagnosis.noise import Noise
+from idm_sumo.diagnosis.fit import Fit
+from idm_sumo.diagnosis.left_over import Heard, LeftOver, hear, left_over
 from idm_sumo.diagnosis.rollout import PARAMETERS
-from idm_sumo.diagnosis.twins import drawn_anew, make_twin, placed_for, refit
+from idm_sumo.diagnosis.twins import Noises, drawn_anew, make_twin, placed_for, refit
 from idm_sumo.effects.leader_class import TRUCK
 from idm_sumo.progress import Progress
 
 Floats = npt.NDArray[np.float64]
-Build = Callable[[w.Windows, Fit, Floats, at.Grid], tuple[list[at.Atom], Floats]]
+Build = Callable[[w.Windows, Fit, at.Answer, at.Grid], tuple[list[at.Atom], Floats]]
 
-ENDOGENOUS = (
-    "follower_pressure",
-    "free:rear_gap",
-)  # the follower answers the real driver, not the twin: no twin for these
-NOTHING = 1e-9  # m per unit of a magnitude
-LONGEST_COLUMN = 3.0  # times the ninetieth percentile over the windows
+ENDOGENOUS = ("follower_pressure",)  # the follower answers the real driver, not the twin: no twin for these
 # What differs between drivers more than within one: part of it is in the fitted drivers, so twins of drawn ones are the null.
 BETWEEN = (
     "leader_class", "speed_dependent_headway", "time_of_day", "location", "desired_speed", "vehicle_class", "lane_change_relaxation",
-    FREE + "lane", FREE + "time in lane", FREE + "position and time",
 )  # fmt: skip
 
 
@@ -45,15 +38,14 @@ class Subject:
     Attributes
     ----------
     windows : Windows
-    measurement, driver : Noise
+    noises : Noises
     grid : Grid
     is_smooth : bool
         Whether it needed no smoothing.
     """
 
     windows: w.Windows
-    measurement: Noise
-    driver: Noise
+    noises: Noises
     grid: at.Grid
     is_smooth: bool
 
@@ -74,6 +66,8 @@ class Evidence:
         Each driver's share of the diagonal of ``gram``.
     block : int64, shape (drivers,)
         Platoon blocks.
+    free : tuple of LeftOver
+        What no effect was asked for, the most significant first; empty if it was not looked for.
     """
 
     atoms: list[at.Atom]
@@ -82,6 +76,7 @@ class Evidence:
     gram: Floats
     part: Floats
     block: npt.NDArray[np.int64]
+    free: tuple[LeftOver, ...] = ()
 
     def total(self) -> Floats:
         """Return the corrected total score of each atom."""
@@ -110,11 +105,14 @@ class Evidence:
         return float(max(np.median(ratio), 1.0))
 
 
-def score(subject: Subject, windows: w.Windows, fit: Fit, build: Build = at.build) -> tuple[list[at.Atom], gls.Scores]:
+def score(
+    subject: Subject, windows: w.Windows, fit: Fit, build: Build = at.build, answer: at.Answer | None = None
+) -> tuple[list[at.Atom], gls.Scores]:
     """Return the scores of all atoms, orthogonal to what drivers, trucks as drivers and the population can absorb."""
-    line = linearise(windows, fit)
-    atoms, columns = build(windows, fit, line.simulated, subject.grid)
-    columns = tamed(columns)
+    answer = at.answer_of(windows, fit) if answer is None else answer
+    line = answer.line
+    atoms, columns = build(windows, fit, answer, subject.grid)
+    columns = at.tamed(columns)
     truck = (windows.seen[:, -1, w.OWN_KIND] == TRUCK)[:, None, None]
     parts = [line.jacobian * truck, columns] if truck.any() else [columns]
     error, own, *rest = gls.whiten(line.covariance, line.error[:, :, None], line.jacobian, *parts)
@@ -129,18 +127,6 @@ def score(subject: Subject, windows: w.Windows, fit: Fit, build: Build = at.buil
     )
     whole = whole.without(np.arange(known))
     return atoms, guarded(atoms, gls.Scores(whole.u[:, known:], whole.gram[known:, known:], whole.part[:, known:]))
-
-
-def tamed(columns: Floats) -> Floats:
-    """Return the columns, no window's longer than a few times what nine of ten of those with any effect have.
-
-    Where a simulated vehicle nearly hits its leader, a little more of anything moves it by kilometres: without a limit a handful
-    of such windows would be all the information there is.
-    """
-    size = np.abs(columns).max(axis=1)
-    usual = [float(np.percentile(one[one > NOTHING], 90)) if (one > NOTHING).any() else 1.0 for one in size.T]
-    limit = LONGEST_COLUMN * np.array(usual)
-    return np.asarray(columns * np.minimum(1.0, limit / np.maximum(size, NOTHING))[:, None, :])
 
 
 def guarded(atoms: list[at.Atom], plain: gls.Scores) -> gls.Scores:
@@ -162,42 +148,74 @@ def guarded(atoms: list[at.Atom], plain: gls.Scores) -> gls.Scores:
 
 
 def examine(
-    subject: Subject, fit: Fit, rng: np.random.Generator, *, twins: int, progress: Progress, stage: str
+    subject: Subject,
+    fit: Fit,
+    rng: np.random.Generator,
+    *,
+    twins: int,
+    progress: Progress,
+    stage: str,
+    free: bool = False,
 ) -> Evidence:
-    """Score the recording and its null twins at one model."""
-    atoms, found = score(subject, subject.windows, fit)
+    """Score the recording and its null twins at one model; if ``free``, everything that is no effect of the catalogue, too."""
+    answer = at.answer_of(subject.windows, fit)
+    atoms, found = score(subject, subject.windows, fit, at.build, answer)
     progress(stage, 0, 1)
-    totals = _twin_totals(subject, fit, rng, atoms, twins, at.build)
+    heard = Twins([], []) if free else None
+    totals = _twin_totals(subject, fit, rng, atoms, twins, at.build, heard)
     progress(stage, 1, 1)
-    return _corrected(subject, atoms, found, totals)
+    evidence = _corrected(subject, atoms, found, totals)
+    if heard is None:
+        return evidence
+    left = left_over(subject.windows, fit, subject.grid, answer, heard.fitted, heard.drawn, evidence.inflation())
+    return replace(evidence, free=tuple(left))
+
+
+class Twins(NamedTuple):
+    """What twins of the fitted drivers, and of drivers drawn anew, say of everything free."""
+
+    fitted: list[Heard]
+    drawn: list[Heard]
 
 
 def _twin_totals(
-    subject: Subject, fit: Fit, rng: np.random.Generator, atoms: list[at.Atom], twins: int, build: Build
-) -> Floats:
-    """Return the total scores of null twins, shape ``(twins, atoms)``: of drawn drivers for what differs between drivers."""
+    subject: Subject, fit: Fit, rng: np.random.Generator, atoms: list[at.Atom], twins: int, build: Build,
+    heard: Twins | None = None,
+) -> Floats:  # fmt: skip
+    """Return the total scores of null twins, shape ``(twins, atoms)``: of drawn drivers for what differs between drivers.
+
+    What they say of everything free is added to ``heard``.
+    """
     names = [atom.name.removeprefix(at.LOCAL) for atom in atoms]
     between = np.array([name.startswith(BETWEEN) for name in names])
     asked = np.array([build is at.build or atom.name.startswith(at.LOCAL) for atom in atoms])
     totals = np.zeros((twins, len(atoms)))
     for drawn, rows in ((False, asked & ~between), (True, asked & between)):
         if rows.any():
-            totals[:, rows] = _each_twin(subject, fit, rng.spawn(twins), build, drawn=drawn)[:, rows]
+            each = _each_twin(subject, fit, rng.spawn(twins), build, drawn=drawn, listen=heard is not None)
+            totals[:, rows] = np.array([scores for scores, _ in each])[:, rows]
+            if heard is not None:
+                heard[drawn].extend(free for _, free in each if free is not None)
     totals[:, [n for n, name in enumerate(names) if name in ENDOGENOUS]] = 0.0
     return totals
 
 
-def _each_twin(subject: Subject, fit: Fit, seeds: list[np.random.Generator], build: Build, *, drawn: bool) -> Floats:
-    """Return the total scores of each twin, with the fitted drivers or with drawn ones."""
+def _each_twin(
+    subject: Subject, fit: Fit, seeds: list[np.random.Generator], build: Build, *, drawn: bool, listen: bool
+) -> list[tuple[Floats, Heard | None]]:
+    """Return the total scores of each twin, with the fitted drivers or with drawn ones, and what is heard of everything free."""
 
-    def one(rng: np.random.Generator) -> Floats:
+    def one(rng: np.random.Generator) -> tuple[Floats, Heard | None]:
         drivers = drawn_anew(fit, rng) if drawn else fit
         windows = placed_for(subject.windows, fit, drivers) if drawn else subject.windows
-        twin = make_twin(windows, drivers, subject.measurement, subject.driver, rng, is_smooth=subject.is_smooth)
-        return np.asarray(score(subject, twin, refit(twin, drivers), build)[1].u.sum(axis=0))
+        twin = make_twin(windows, drivers, subject.noises, rng, is_smooth=subject.is_smooth)
+        fitted = refit(twin, drivers)
+        answer = at.answer_of(twin, fitted)
+        total = np.asarray(score(subject, twin, fitted, build, answer)[1].u.sum(axis=0))
+        return total, hear(twin, fitted, subject.grid, answer) if listen else None
 
     with ThreadPoolExecutor(get_num_threads()) as pool:
-        return np.array(list(pool.map(one, seeds)))
+        return list(pool.map(one, seeds))
 
 
 def _corrected(subject: Subject, atoms: list[at.Atom], found: gls.Scores, totals: Floats) -> Evidence:

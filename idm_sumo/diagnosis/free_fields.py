@@ -1,53 +1,103 @@
-"""Accelerations that belong to no effect: one along each covariate, to find what the catalogue does not hold."""
+"""Fields that belong to no effect: what drivers may do differently, along each covariate, in each place, time and lane."""
 
 from __future__ import annotations
 
-import itertools
 from collections.abc import Iterator
+from dataclasses import dataclass
 
 import numpy as np
 import numpy.typing as npt
 
 from idm_sumo.diagnosis import rollout as ro
 from idm_sumo.diagnosis import windows as w
+from idm_sumo.diagnosis.atoms import Grid
 from idm_sumo.diagnosis.bins import numbered
+from idm_sumo.road import FRAME_STEP
 
 Floats = npt.NDArray[np.float64]
 Integers = npt.NDArray[np.int64]
 
-FREE = "free:"  # begins the name of such an atom; the covariate follows
-BLOCKS = 4  # of the road, and of the recording, in the rectangles of place and time
-
-# Covariate, and the edges between which the acceleration is free.
+# Covariate, and the edges between which behaviour is free.
 EDGES: dict[str, tuple[float, ...]] = {
-    "rear_gap": (-1e9, 6.0, 12.0, 25.0),
-    "since_change": (-1e-9, 4.0, 10.0, 20.0),
-    "until_own_change": (-1e-9, 3.0, 8.0),
-    "until_cut_in": (-1e-9, 3.0, 8.0),
+    "rear_gap": (-5.0, 6.0, 12.0, 25.0),
+    "since_change": (0.0, 4.0, 10.0, 20.0),
+    "until_own_change": (0.0, 3.0, 8.0),
+    "until_cut_in": (0.0, 3.0, 8.0),
     "leader_acceleration": (-20.0, -1.0, -0.3, 0.3, 1.0, 20.0),
+    "leader_gap": (-5.0, 5.0, 10.0, 20.0, 40.0),
     "adjacent_difference": (-40.0, -5.0, -2.0, 2.0, 5.0, 40.0),
-    "second_gap_change": (-30.0, -2.0, -0.7, 0.7, 2.0, 30.0),
     "trucks_beside": (0.5, 99.0),
     "braking_beside": (0.5, 99.0),
     "unrest": (0.0, 0.4, 0.7, 1.0, 9.0),
 }
-TURNS = (-20.0, -0.4, 0.4, 20.0)  # m/s²: the leader brakes, keeps its speed, accelerates
+# With another car-following model underneath, or noise in the leader's place, drivers seem to answer these otherwise.
+DOUBTFUL = ("leader_acceleration", "leader_gap", "adjacent_difference")
+MOST_BINS, BLOCKS = 40, 10  # of a scan along the road or the time; of each side of the rectangles of both
+STRONGEST = 3.0  # m/s² (per s): of the model's own acceleration and its change
+# What may be different: some acceleration is added, the time headway is longer, the response is stronger, or later.
+ACCELERATION, HEADWAY, RESPONSE, DELAY = "", "headway", "response", "delay"
+CHANGES = (RESPONSE, DELAY)
+HELD = ("position", "time")  # by the catalogue, as location and time of day
+# Along covariates the response and its delay are what another car-following model looks like.
+ALONG_COVARIATES, ALONG_REGIONS = (ACCELERATION, HEADWAY), (ACCELERATION, RESPONSE, DELAY)
+
+
+@dataclass(frozen=True)
+class Family:
+    """Bins in which behaviour is free.
+
+    Attributes
+    ----------
+    covariate : str
+    content : str
+        What is different in them: one of the four above.
+    edges : tuple of float64 arrays
+        Of one covariate; of position and time for rectangles; the lanes' numbers (single bins) for lanes.
+    """
+
+    covariate: str
+    content: str
+    edges: tuple[Floats, ...]
+
+    @property
+    def shape(self) -> tuple[int, ...]:
+        """Number of bins along each covariate."""
+        return tuple(len(edges) - (self.covariate != "lane") for edges in self.edges)
+
+    @property
+    def count(self) -> int:
+        """Number of bins."""
+        return int(np.prod(self.shape))
+
+    @property
+    def is_scanned(self) -> bool:
+        """Whether it lies along the road or the time."""
+        return self.covariate.startswith(("position", "time"))
+
+    @property
+    def is_regional(self) -> bool:
+        """Whether it is a question of where or when, so that drivers differ between its bins."""
+        return self.covariate not in EDGES
+
+    @property
+    def is_contrast(self) -> bool:
+        """Whether its mean over all bins is projected out: that much of it everywhere would be an effect of the catalogue."""
+        return self.content != ACCELERATION
 
 
 def covariates(windows: w.Windows, state: Floats) -> dict[str, Floats]:
     """Return the covariates by frame, shape ``(windows, horizon)``; SI units, NaN or far away where unknown."""
     seen = windows.seen[:, w.LEAD : -1]
     x, v = state[:, :, ro.BASE_X], state[:, :, ro.BASE_V]
+    second = np.isfinite(seen[:, :, w.SECOND])
     return {
         "rear_gap": np.where(np.isfinite(seen[:, :, w.BEHIND]), seen[:, :, w.X] - seen[:, :, w.BEHIND], 1e6),
         "since_change": seen[:, :, w.SINCE],
         "until_own_change": seen[:, :, w.UNTIL_OWN],
         "until_cut_in": seen[:, :, w.UNTIL_CUT_IN],
         "leader_acceleration": seen[:, :, w.ACCELERATION],
+        "leader_gap": np.where(second, seen[:, :, w.SECOND] - seen[:, :, w.REAR], 1e6),
         "adjacent_difference": v - seen[:, :, w.ADJACENT],
-        "second_gap_change": np.where(
-            np.isfinite(seen[:, :, w.SECOND]), seen[:, :, w.SPEED] - seen[:, :, w.SECOND_SPEED], 1e6
-        ),
         "trucks_beside": seen[:, :, w.TRUCKS_BESIDE],
         "braking_beside": seen[:, :, w.BRAKING_BESIDE],
         "unrest": seen[:, :, w.UNREST],
@@ -57,34 +107,44 @@ def covariates(windows: w.Windows, state: Floats) -> dict[str, Floats]:
     }
 
 
-Label = tuple[str, float, float]  # covariate, and the edges between which the acceleration is free
+def contents(state: Floats) -> dict[str, Floats]:
+    """Return the acceleration (m/s²) by frame of a unit of each content: m/s², of log headway, of the response, s of delay."""
+    own = state[:, :, ro.BASE_A]
+    return {
+        ACCELERATION: np.ones_like(own),
+        HEADWAY: state[:, :, ro.BY_T],
+        RESPONSE: np.clip(own, -STRONGEST, STRONGEST),
+        DELAY: -np.clip(np.gradient(own, FRAME_STEP, axis=1), -STRONGEST, STRONGEST),
+    }
 
 
-def families(
-    windows: w.Windows, state: Floats, place: Floats, time: Floats, lanes: Floats
-) -> Iterator[tuple[list[Label], Integers]]:
-    """Yield the labels of the fields along each covariate, and which of them each frame is in (-1: none)."""
-    known = covariates(windows, state)
+def families(windows: w.Windows, state: Floats, grid: Grid) -> Iterator[tuple[Family, Integers, Floats]]:
+    """Yield each family, the number of the bin that each frame is in (-1: none), and the acceleration there."""
+    known, what = covariates(windows, state), contents(state)
+    for covariate, edges, number in _partitions(known, grid):
+        for content in ALONG_COVARIATES if covariate in EDGES else ALONG_REGIONS:
+            yield Family(covariate, content, edges), number, what[content]
+
+
+def _partitions(known: dict[str, Floats], grid: Grid) -> Iterator[tuple[str, tuple[Floats, ...], Integers]]:
     for name, edges in EDGES.items():
-        labels = [(name, low, high) for low, high in itertools.pairwise(edges)]
-        yield labels, numbered(known[name], np.array(edges))
-    xs, ts = np.linspace(place[0], place[-1], BLOCKS + 1), np.linspace(time[0], time[-1], BLOCKS + 1)
-    i, j = numbered(known["position"], xs), numbered(known["time"], ts)
-    yield (
-        [(f"position and time {a} {b}", a, b) for a in range(BLOCKS) for b in range(BLOCKS)],
-        np.where((i >= 0) & (j >= 0), i * BLOCKS + j, -1),
-    )
-    turn = numbered(known["leader_acceleration"], np.array(TURNS))
-    names = ("leader brakes", "leader keeps its speed", "leader accelerates")
-    yield (
-        [(f"time while the {name}", float(a), float(b)) for name in names for a, b in itertools.pairwise(ts)],
-        np.where((j >= 0) & (turn >= 0), turn * BLOCKS + j, -1),
-    )
-    if len(lanes) > 1:
-        lane = np.searchsorted(lanes, known["lane"])
-        yield [("lane", float(number), float(number)) for number in lanes], lane
-        blocks = list(itertools.pairwise(ts))
-        yield (
-            [(f"time in lane {int(number)}", float(a), float(b)) for number in lanes for a, b in blocks],
-            np.where(j >= 0, lane * BLOCKS + j, -1),
-        )
+        yield name, (np.array(edges),), numbered(known[name], np.array(edges))
+    places, times = _coarser(grid.place, MOST_BINS), _coarser(grid.time, MOST_BINS)
+    x = np.clip(known["position"], places[0], places[-1] - 1e-6)
+    i, j = numbered(x, places), numbered(known["time"], times)
+    yield "position", (places,), i
+    yield "time", (times,), j
+    xs, ts = _coarser(grid.place, BLOCKS), _coarser(grid.time, BLOCKS)
+    a, b = numbered(x, xs), numbered(known["time"], ts)
+    yield "position and time", (xs, ts), np.where((a >= 0) & (b >= 0), a * (len(ts) - 1) + b, -1)
+    if len(grid.lanes) > 1:
+        yield "lane", (grid.lanes,), np.searchsorted(grid.lanes, known["lane"])
+        for lane in grid.lanes:
+            inside = known["lane"] == lane
+            yield f"position in lane {int(lane)}", (places,), np.where(inside, i, -1)
+            yield f"time in lane {int(lane)}", (times,), np.where(inside, j, -1)
+
+
+def _coarser(edges: Floats, most: int) -> Floats:
+    """Return edges over the same range, of ``most`` bins at most."""
+    return np.linspace(edges[0], edges[-1], min(most + 1, len(edges)))

@@ -10,14 +10,13 @@ from scipy.stats import norm
 
 from idm_sumo.diagnosis.atoms import LOCAL, Atom
 from idm_sumo.diagnosis.evidence import Evidence
-from idm_sumo.diagnosis.free_fields import FREE
 from idm_sumo.effects import BY_NAME, slots
 
 Floats = npt.NDArray[np.float64]
 
 # Smaller than this an effect is neither worth a name nor safe from what the car-following underneath gets wrong.
 LEAST = {
-    "reaction_delay": 0.05, "multi_leader_anticipation": 0.06, "lane_change_relaxation": 0.15,
+    "reaction_delay": 0.05, "multi_leader_anticipation": 0.085, "lane_change_relaxation": 0.15,
     "acceleration_asymmetry": 0.15, "leader_class": 0.09, "speed_dependent_headway": 0.05, "perception_threshold": 0.12,
     "hysteresis": 0.035, "adjacent_lane_friction": 0.012, "location": 0.035, "time_of_day": 0.04,
     "desired_speed": 0.10, "follower_pressure": 0.25, "courtesy_yielding": 0.20, "pre_insertion": 0.20,
@@ -92,16 +91,6 @@ def candidates(evidence: Evidence) -> list[Candidate]:
 def local(evidence: Evidence, name: str) -> Candidate | None:
     """Return by how much an accepted magnitude should change."""
     return _best(evidence, LOCAL + name)
-
-
-def free(evidence: Evidence) -> list[Candidate]:
-    """Return the free acceleration fields, the most significant first."""
-    rows = [n for n, atom in enumerate(evidence.atoms) if atom.name.startswith(FREE) and evidence.gram[n, n] > 1e-6]
-    each = [
-        _candidate(evidence, evidence.atoms[n].name, np.eye(len(evidence.atoms))[n], evidence.atoms[n], len(rows))
-        for n in rows
-    ]
-    return sorted(each, key=lambda c: -abs(c.z))
 
 
 def forms(evidence: Evidence, candidate: Candidate) -> list[Candidate]:

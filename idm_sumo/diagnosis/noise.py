@@ -14,10 +14,9 @@ from scipy.optimize import nnls
 from scipy.signal import lfilter
 
 from idm_sumo import columns as c
-from idm_sumo.diagnosis.smoother import LONGEST, derivatives
 from idm_sumo.recording import Recording
 from idm_sumo.road import FRAME_STEP
-from idm_sumo.smoothing import WINDOW, runs
+from idm_sumo.smoothing import runs
 
 Floats = npt.NDArray[np.float64]
 
@@ -25,7 +24,7 @@ SEGMENT = 128  # frames of a periodogram
 LOWEST = 0.35  # Hz
 MEMORIES = np.array([0.15, 0.4, 1.0, 2.5])  # s, of the autoregressive parts
 DRIVER_MEMORIES = np.array([0.7, 2.0, 5.0, 12.0])  # s
-MARGIN = LONGEST // 2
+TYPICAL_MOTION = np.array([0.0, 0.0, 0.0, 0.5])  # m²/s⁴, of recordings too short to tell
 
 
 @dataclass(frozen=True)
@@ -53,41 +52,59 @@ class Noise:
         return Noise(self.white * factor, self.variance * factor, self.memory)
 
 
-def smoothed(noise: Floats, window: int = WINDOW) -> tuple[Floats, Floats, Floats]:
-    """Return position, speed and acceleration noise after the smoother; ``MARGIN`` frames are lost at both ends."""
-    inner = slice(MARGIN, noise.shape[1] - MARGIN)
-    one, two, three = (part[:, inner] for part in derivatives(noise, window))
-    return one, two, three
-
-
 def measurement_noise(recording: Recording, *, most: int = 3000) -> Noise:
     """Return the noise of the recorded positions along the road (m²); none if the recording is smooth already."""
-    quiet = Noise(1e-6, np.zeros(len(MEMORIES)), MEMORIES)
-    if recording.is_smooth:
-        return quiet
+    found = None if recording.is_smooth else _periodogram(recording, most)
+    if found is None:
+        return Noise(1e-6, np.zeros(len(MEMORIES)), MEMORIES)
+    frequency, power = found
+    return _fitted(frequency[frequency >= LOWEST], np.median(power, axis=0)[frequency >= LOWEST] / np.log(2.0))
+
+
+def motion_noise(recording: Recording, measurement: Noise, *, most: int = 3000) -> Noise:
+    """Return the spectrum of the vehicles' own accelerations (m²/s⁴): what the measurement noise leaves of the recorded ones."""
+    found = _periodogram(recording, most)
+    if found is None:
+        return Noise(0.0, TYPICAL_MOTION, DRIVER_MEMORIES)
+    frequency, power = found
+    omega = 2.0 * np.pi * frequency[1:] * FRAME_STEP
+    gain = (2.0 - 2.0 * np.cos(omega)) ** 2
+    parts = zip(measurement.variance, measurement.memory, strict=True)
+    noise = gain * (measurement.white + sum(variance * _spectrum(memory, omega) for variance, memory in parts))
+    wanted = power.mean(axis=0)[1:]
+    design = np.stack([FRAME_STEP**4 * _spectrum(memory, omega) for memory in DRIVER_MEMORIES], 1)
+    solved, _ = nnls(design / wanted[:, None], (wanted - noise) / wanted)
+    return Noise(0.0, solved, DRIVER_MEMORIES)
+
+
+def _spectrum(memory: float, omega: Floats) -> Floats:
+    """Return the spectrum of a first-order autoregressive noise of variance one."""
+    kept = np.exp(-FRAME_STEP / memory)
+    return np.asarray((1.0 - kept * kept) / (1.0 - 2.0 * kept * np.cos(omega) + kept * kept))
+
+
+def _periodogram(recording: Recording, most: int) -> tuple[Floats, Floats] | None:
+    """Return frequencies (Hz) and power of second differences of positions, shape ``(segments, frequencies)``."""
     table = recording.table
     starts, lengths = runs(table)
     count = lengths // SEGMENT
     first = np.repeat(starts, count) + SEGMENT * (np.arange(count.sum()) - np.repeat(np.cumsum(count) - count, count))
     if not len(first):
-        return quiet
+        return None
     first = first[:: max(1, len(first) // most)]
     second = np.diff(table[c.X].to_numpy(np.float64)[first[:, None] + np.arange(SEGMENT)], n=2, axis=1)
     window = np.hanning(second.shape[1])
     power = np.abs(np.fft.rfft(second * window, axis=1)) ** 2 / (window**2).sum()
-    return _fitted(np.median(power, axis=0) / np.log(2.0), second.shape[1])
+    return np.asarray(np.fft.rfftfreq(second.shape[1], FRAME_STEP)), np.asarray(power)
 
 
-def _fitted(power: Floats, length: int) -> Noise:
+def _fitted(frequency: Floats, wanted: Floats) -> Noise:
     """Fit white and autoregressive noise to a periodogram of second differences."""
-    frequency = np.fft.rfftfreq(length, FRAME_STEP)
-    used = frequency >= LOWEST
-    omega = 2.0 * np.pi * frequency[used] * FRAME_STEP
+    omega = 2.0 * np.pi * frequency * FRAME_STEP
     gain = (2.0 - 2.0 * np.cos(omega)) ** 2
-    kept = np.exp(-FRAME_STEP / MEMORIES)
-    shapes = [gain] + [gain * (1.0 - k * k) / (1.0 - 2.0 * k * np.cos(omega) + k * k) for k in kept]
-    shapes.append(FRAME_STEP**4 / (frequency[used] / LOWEST) ** 4)  # what drivers do, falling off
-    design, wanted = np.stack(shapes, 1), power[used]
+    shapes = [gain] + [gain * _spectrum(memory, omega) for memory in MEMORIES]
+    shapes.append(FRAME_STEP**4 / (frequency / LOWEST) ** 4)  # what drivers do, falling off
+    design = np.stack(shapes, 1)
     weight = 1.0 / np.maximum(wanted, 1e-12)
     scale = (design * weight[:, None]).max(axis=0)
     solved, _ = nnls(design * weight[:, None] / scale, wanted * weight)

@@ -16,20 +16,33 @@ from idm_sumo.threads import in_threads
 
 Floats = npt.NDArray[np.float64]
 PARAMETERS = 5  # a, b, T, d0 and the desired speed; d1 stays zero
-NUDGE = 1e-3  # m, m/s: of the numerical derivatives of an acceleration
+NUDGE = 0.1  # m, m/s: of the numerical derivatives by the state; less, and the edge of a dead band looks like a wall
+LITTLE = 1e-3  # of a log-parameter
 BIN = 5  # frames of one pulse, 0.5 s
+
+
+@njit(cache=True, error_model="numpy")
+def _acted_on(past, k, delay):  # type: ignore[no-untyped-def]
+    """Return gap, speed and approach rate that the driver acts on at frame ``k``."""
+    if delay > 0.0:
+        return (
+            recall(past, 0, k, delay, FRAME_STEP), recall(past, 1, k, delay, FRAME_STEP),
+            recall(past, 2, k, delay, FRAME_STEP),
+        )  # fmt: skip
+    return past[k, 0], past[k, 1], past[k, 2]
 
 
 @njit(cache=True, error_model="numpy")
 def _accelerate(seen, k, x, v, past, theta, m):  # type: ignore[no-untyped-def]
     """Return the acceleration at frame ``k`` in the state ``x, v``; row ``k`` of the past is written."""
-    row = seen[k]
-    past[k, 0], past[k, 1], past[k, 2] = row[w.REAR] - x, v, v - row[w.SPEED]
-    gap, speed, approach = past[k, 0], past[k, 1], past[k, 2]
-    if m[slots.DELAY] > 0.0:
-        gap = recall(past, 0, k, m[slots.DELAY], FRAME_STEP)
-        speed = recall(past, 1, k, m[slots.DELAY], FRAME_STEP)
-        approach = recall(past, 2, k, m[slots.DELAY], FRAME_STEP)
+    past[k, 0], past[k, 1], past[k, 2] = seen[k, w.REAR] - x, v, v - seen[k, w.SPEED]
+    gap, speed, approach = _acted_on(past, k, m[slots.DELAY])
+    return _law(seen[k], x, gap, speed, approach, theta, m)
+
+
+@njit(cache=True, error_model="numpy")
+def _law(row, x, gap, speed, approach, theta, m):  # type: ignore[no-untyped-def]
+    """Return the acceleration of a driver at ``x`` who acts on this gap, speed and approach rate."""
     see = Sight(
         x, row[w.TIME], row[w.ACCELERATION], row[w.KIND], row[w.OWN_KIND], row[w.LANE],
         row[w.SECOND] - x, row[w.SECOND_SPEED], row[w.ADJACENT], x - row[w.BEHIND],
@@ -131,39 +144,38 @@ def _respond(first, last, seen, driver, theta, by_lane, response, state):  # typ
         _remember(seen[i], past, w.LEAD)
         x, v = seen[i, w.LEAD, w.X], seen[i, w.LEAD, w.V]
         p = theta[driver[i]].copy()
-        dx, dv = np.zeros(pulses), np.zeros(pulses)
+        dx, dv = np.zeros((steps + 1, pulses)), np.zeros((steps + 1, pulses))
         for k in range(steps):
-            m = by_lane[int(seen[i, w.LEAD + k, w.LANE])]
             now = w.LEAD + k
-            by_x = (
-                _accelerate(seen[i], now, x + NUDGE, v, past, p, m)
-                - _accelerate(seen[i], now, x - NUDGE, v, past, p, m)
-            ) / (2.0 * NUDGE)
-            by_v = (
-                _accelerate(seen[i], now, x, v + NUDGE, past, p, m)
-                - _accelerate(seen[i], now, x, v - NUDGE, past, p, m)
-            ) / (2.0 * NUDGE)
+            m, row = by_lane[int(seen[i, now, w.LANE])], seen[i, now]
             a = _accelerate(seen[i], now, x, v, past, p, m)
-            p[2] *= 1.0 + NUDGE
-            state[i, k, BY_T] = (_accelerate(seen[i], now, x, v, past, p, m) - a) / NUDGE
+            gap, speed, rate = _acted_on(past, now, m[slots.DELAY])
+            nearer = _law(row, x + NUDGE, gap - NUDGE, speed, rate, p, m)
+            by_x = (nearer - _law(row, x - NUDGE, gap + NUDGE, speed, rate, p, m)) / (2.0 * NUDGE)
+            faster = _law(row, x, gap, speed + NUDGE, rate + NUDGE, p, m)
+            by_v = (faster - _law(row, x, gap, speed - NUDGE, rate - NUDGE, p, m)) / (2.0 * NUDGE)
+            p[2] *= 1.0 + LITTLE
+            state[i, k, BY_T] = (_law(row, x, gap, speed, rate, p, m) - a) / LITTLE
             p[2] = theta[driver[i], 2]
-            p[4] *= 1.0 + NUDGE
-            state[i, k, BY_V0] = (_accelerate(seen[i], now, x, v, past, p, m) - a) / NUDGE
+            p[4] *= 1.0 + LITTLE
+            state[i, k, BY_V0] = (_law(row, x, gap, speed, rate, p, m) - a) / LITTLE
             p[4] = theta[driver[i], 4]
+            ago = k - int(np.rint(m[slots.DELAY] / FRAME_STEP))
             state[i, k, BASE_A], state[i, k, BASE_V], state[i, k, BASE_X] = a, v, x
             state[i, k, BY_GAP], state[i, k, BY_V] = -by_x, by_v
             new = v + a * FRAME_STEP
             moving = 1.0 if new > 0.0 else 0.0
             for j in range(min(k // BIN + 1, pulses)):
-                push = 1.0 if k // BIN == j else 0.0
-                after = (dv[j] + (by_x * dx[j] + by_v * dv[j] + push) * FRAME_STEP) * moving
-                dx[j] += 0.5 * (dv[j] + after) * FRAME_STEP
-                dv[j] = after
+                change = 1.0 if k // BIN == j else 0.0
+                if ago >= 0:
+                    change += by_x * dx[ago, j] + by_v * dv[ago, j]
+                dv[k + 1, j] = (dv[k, j] + change * FRAME_STEP) * moving
+                dx[k + 1, j] = dx[k, j] + 0.5 * (dv[k, j] + dv[k + 1, j]) * FRAME_STEP
             x += 0.5 * (v + max(new, 0.0)) * FRAME_STEP
             v = max(new, 0.0)
             if (k + 1) % w.EVERY == 0:
                 for j in range(pulses):
-                    response[i, (k + 1) // w.EVERY - 1, j] = dx[j]
+                    response[i, (k + 1) // w.EVERY - 1, j] = dx[k + 1, j]
 
 
 NO_PUSH = np.empty((0, 0))

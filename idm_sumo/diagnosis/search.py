@@ -10,8 +10,10 @@ import numpy.typing as npt
 from idm_sumo.diagnosis import evidence as ev
 from idm_sumo.diagnosis import hypotheses as hy
 from idm_sumo.diagnosis.fit import Fit
+from idm_sumo.diagnosis.free_fields import CHANGES, DOUBTFUL, HELD
 from idm_sumo.diagnosis.gain import compare, errors
 from idm_sumo.diagnosis.hypotheses import Candidate
+from idm_sumo.diagnosis.left_over import LeftOver, told
 from idm_sumo.diagnosis.result import Gain
 from idm_sumo.diagnosis.sizes import TWINS, Tried, anew, climbed, magnitude_of, refined
 from idm_sumo.progress import Progress
@@ -23,15 +25,17 @@ SIGNIFICANT = 1e-3  # corrected p of a cause
 CLEAR = 5.0  # standard errors that a further cause needs, beside its share of the first one's evidence
 FURTHER_SHARE = 0.06  # of the first cause's squared z, for a further one: less is what its shape leaves over
 LEAST_GAIN = 0.004  # of the ADE, on the drivers that fit
-SURE, BEYOND_DOUBT = 4.8, 8.0  # standard errors, from which on any gain will do, and no loss beyond chance
+SURE, BEYOND_DOUBT = 4.8, 7.0  # standard errors, from which on any gain will do, and no loss beyond chance
 CHANCE = 0.01  # of the ADE
 CLOSE = 0.3  # of the best's squared z: from there on causes are brought to their sizes and compared
 TRIED = 3
+FIRST_TWINS = 5  # whether anything is there at all is looked at more closely than how much
 RIVAL = 0.85  # of the best cause's support: one with as much cannot be told apart
-LEAST_FREE = 0.05  # m/s^2
-FREE_EXCESS = 1.5  # times the best cause's squared z: from there on a free field says the catalogue does not hold it
-FREE_CLEAR = 5.2  # standard errors of a free field, if no cause is found
-FREE_RULES = 7.0  # and of one that keeps causes from being looked for
+# Standard errors from which on something free stands out; what another car-following model looks like, too, needs more.
+FREE_CLEAR, FREE_DOUBTFUL = 5.5, 9.0
+# Times the best cause's squared z, and more, from which on the catalogue does not hold it. A response that changes from place to
+# place, or with time, is what goes beyond the same change everywhere, and has to be only half as sure as that.
+FREE_EXCESS, FREE_CHANGE, FREE_MORE = 1.5, 0.5, 25.0
 
 
 @dataclass(frozen=True)
@@ -55,7 +59,7 @@ class Found:
     without_gain: tuple[Candidate, ...]
     first: ev.Evidence
     last: ev.Evidence
-    unexplained: tuple[Candidate, ...]
+    unexplained: tuple[LeftOver, ...]
 
 
 def search(subject: ev.Subject, base: Fit, rng: np.random.Generator, progress: Progress) -> Found:
@@ -63,7 +67,9 @@ def search(subject: ev.Subject, base: Fit, rng: np.random.Generator, progress: P
     fit = base
     accepted: list[Accepted] = []
     without: list[Candidate] = []
-    first = last = ev.examine(subject, fit, rng, twins=TWINS, progress=progress, stage="looking for causes")
+    first = last = ev.examine(
+        subject, fit, rng, twins=FIRST_TWINS, progress=progress, stage="looking for causes", free=True
+    )
     strange = _outside(first)
     while not strange and len(accepted) < MOST_CAUSES:
         chosen = _next(subject, fit, last, accepted, without, rng)
@@ -75,8 +81,8 @@ def search(subject: ev.Subject, base: Fit, rng: np.random.Generator, progress: P
         fit = refined(subject, fit, [cause.candidate.name for cause in accepted], rng)
         last = ev.examine(subject, fit, rng, twins=TWINS, progress=progress, stage="looking for further causes")
         accepted = [_measured(cause, fit, last) for cause in accepted]
-    left = tuple(strange) if strange else tuple(c for c in hy.free(last)[:3] if _stands_out(c)) if not accepted else ()
-    return Found(base, fit, tuple(accepted), tuple(without), first, last, left)
+    left = strange if strange or accepted else tuple(one for one in first.free if _stands_out(one))
+    return Found(base, fit, tuple(accepted), tuple(without), first, last, told(left))
 
 
 def _measured(cause: Accepted, fit: Fit, evidence: ev.Evidence) -> Accepted:
@@ -86,14 +92,19 @@ def _measured(cause: Accepted, fit: Fit, evidence: ev.Evidence) -> Accepted:
     return replace(cause, value=value, error=cause.error if there is None else there.error)
 
 
-def _stands_out(free: Candidate) -> bool:
-    return abs(free.z) > FREE_CLEAR and abs(free.value) > LEAST_FREE
+def _stands_out(free: LeftOver) -> bool:
+    return free.large_enough and abs(free.z) > (FREE_DOUBTFUL if free.covariate.endswith(DOUBTFUL) else FREE_CLEAR)
 
 
-def _outside(evidence: ev.Evidence) -> list[Candidate]:
-    """Return the free fields that say more than any effect of the catalogue."""
-    best = max((c.z**2 for c in hy.candidates(evidence) if c.large_enough), default=0.0)
-    return [c for c in hy.free(evidence)[:3] if _stands_out(c) and c.z**2 > FREE_EXCESS * best + FREE_RULES**2]
+def _outside(evidence: ev.Evidence) -> tuple[LeftOver, ...]:
+    """Return what is free and says more than any effect of the catalogue that might be accepted."""
+    best = max((c.z**2 for c in hy.candidates(evidence) if c.near_enough and c.p < SIGNIFICANT), default=0.0)
+
+    def needed(one: LeftOver) -> float:
+        return FREE_MORE + best * (FREE_CHANGE if one.covariate.startswith(CHANGES) else FREE_EXCESS)
+
+    new = (one for one in evidence.free if best == 0.0 or one.covariate not in HELD)
+    return tuple(one for one in new if _stands_out(one) and one.z**2 > needed(one))
 
 
 def _next(

@@ -35,6 +35,7 @@ REAR, SPEED, ACCELERATION, KIND, SECOND, SECOND_SPEED, ADJACENT, BEHIND = range(
 JUMP, SINCE, UNTIL_CUT_IN, UNTIL_OWN, MEAN_SPEED, LANE, TIME, X, V, OWN_KIND = range(8, 18)
 TRUCKS_BESIDE, BRAKING_BESIDE, UNREST = 18, 19, 20
 COLUMNS = 21
+LEADERS = (REAR, SPEED, ACCELERATION, SECOND, SECOND_SPEED)  # of which a recording shows what smoothing leaves
 
 Floats = npt.NDArray[np.float64]
 Integers = npt.NDArray[np.int64]
@@ -52,8 +53,8 @@ class Windows:
         infinite for none); jump (m) and time since the last leader change; time until the next cut-in and own
         change; running mean speed; lane; time (s); own position, speed, class; trucks beside and vehicles that brake in other lanes;
         own mean absolute acceleration of late. The simulation starts at frame ``LEAD``.
-    blurred : float64, shape (windows, LEAD + horizon + 1, 3)
-        Leader's rear, speed, second leader's place, smoothed once more: what a twin's measurement sees.
+    blurred : float64, shape (windows, LEAD + horizon + 1, 5)
+        The columns ``LEADERS``, smoothed once more: what a twin's measurement sees.
     driver : int64, shape (windows,)
         Index into ``vehicle`` and ``period``.
     vehicle, period : shape (drivers,)
@@ -199,14 +200,16 @@ def _clock(recording: Recording) -> Floats:
 
 
 def _blurred(recording: Recording, ahead: Ahead, smoothing: int) -> Floats:
-    """Return leader's rear, its speed and the second leader's place as a second smoothing sees them."""
+    """Return what a second smoothing sees of the leaders."""
+    once = _of_leaders(ahead)
     if not recording.has_leader_rows or recording.is_smooth:
-        return np.stack([ahead.rear, ahead.speed, ahead.second_place], 1)
-    twice = smooth_along(recording, smoothing)
-    again = look_around(twice)
-    same = again.identity == ahead.identity
-    pairs = ((again.rear, ahead.rear), (again.speed, ahead.speed), (again.second_place, ahead.second_place))
-    return np.stack([np.where(same, new, old) for new, old in pairs], 1)
+        return once
+    again = look_around(smooth_along(recording, smoothing))
+    return np.where((again.identity == ahead.identity)[:, None], _of_leaders(again), once)
+
+
+def _of_leaders(ahead: Ahead) -> Floats:
+    return np.stack([ahead.rear, ahead.speed, ahead.acceleration, ahead.second_place, ahead.second_speed], axis=1)
 
 
 def _platoons(period: Integers, lane: npt.NDArray[np.int64], frame: npt.NDArray[np.int64], size: int = 5) -> Integers:

@@ -1,0 +1,193 @@
+"""What is left over: the free fields, and the oscillation, that say more than the null twins do."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+import numpy.typing as npt
+from scipy.stats import norm
+
+from idm_sumo.diagnosis import free_fields as ff
+from idm_sumo.diagnosis import oscillation, variance
+from idm_sumo.diagnosis.atoms import Answer, Grid, pulse_means
+from idm_sumo.diagnosis.fit import Fit
+from idm_sumo.diagnosis.pulses import Pulses, pulses_of
+from idm_sumo.diagnosis.rollout import BIN
+from idm_sumo.diagnosis.scans import Stretch, best_stretch
+from idm_sumo.diagnosis.windows import Windows
+
+Floats = npt.NDArray[np.float64]
+Integers = npt.NDArray[np.int64]
+Range = tuple[float, float]
+
+NO_TWIN = "rear_gap"  # the follower answers the real driver, not the twin
+NARROWEST, WIDEST = 2, 0.7  # bins; share of the road, of the time, of both
+CLUMSIEST = 1.5  # times the variance of the model that the clustered one may count
+PLAIN_BEFORE_BOTH = 8.0  # of squared z
+MOST_TOLD, NEARLY = 3, 0.4  # of the strongest's squared z
+LEAST = {ff.ACCELERATION: 0.04, ff.HEADWAY: 0.04, ff.RESPONSE: 0.05, ff.DELAY: 0.1}  # m/s², of log T, share, s
+
+
+@dataclass(frozen=True)
+class LeftOver:
+    """What no effect of the catalogue was asked for.
+
+    Attributes
+    ----------
+    covariate : str
+    range : tuple of float
+        Of the covariate; the lane twice for a lane.
+    position_m, time_s : tuple of float or None
+        Where and when, if it has a place and a time.
+    value : float
+        m/s² of acceleration; share of the time headway or of the response; s of delay; times the usual power or variance.
+    z : float
+        Standard errors beyond the twins.
+    p : float
+        Corrected for everything looked at.
+    large_enough : bool
+        Whether it may be reported at all.
+    """
+
+    covariate: str
+    range: Range
+    position_m: Range | None
+    time_s: Range | None
+    value: float
+    z: float
+    p: float
+    large_enough: bool
+
+
+@dataclass(frozen=True)
+class Heard:
+    """What one twin says of everything free: total scores in the order of the families, spectrum, squares along place and time."""
+
+    totals: Floats
+    spectrum: Floats
+    squares: dict[str, Floats]
+
+
+def hear(windows: Windows, fit: Fit, grid: Grid, answer: Answer) -> Heard:
+    """Return what a twin says."""
+    pulses = pulses_of(windows, fit, answer, grid.pivot)
+    by_frame = np.repeat(pulses.score, BIN, axis=1) / BIN
+    totals, squares = [], {}
+    for family, number, value in ff.families(windows, pulses.state, grid):
+        each = value * by_frame
+        totals.append(np.bincount(1 + number.ravel(), each.ravel(), 1 + family.count)[1:])
+        totals.append(np.array([each.sum()]))
+        if variance.concerns(family):
+            squares[family.covariate] = variance.spread(pulses, number, family.count).squares.sum(axis=0)
+    return Heard(np.concatenate(totals), oscillation.spectrum(pulses).mean(axis=0), squares)
+
+
+def left_over(
+    windows: Windows, fit: Fit, grid: Grid, answer: Answer, fitted: list[Heard], drawn: list[Heard], inflation: float
+) -> list[LeftOver]:
+    """Return everything that is free in its best stretch, the most significant first.
+
+    Parameters
+    ----------
+    windows, fit, grid, answer : Windows, Fit, Grid, Answer
+        Of the recording.
+    fitted, drawn : list of Heard
+        Of twins with the fitted drivers, and with drivers drawn anew: the null of what differs between drivers.
+    inflation : float
+        Of variances beyond the model's.
+    """
+    pulses = pulses_of(windows, fit, answer, grid.pivot)
+    found, unsteady, begin = [], [], 0
+    for family, number, value in ff.families(windows, pulses.state, grid):
+        end = begin + family.count + 1
+        twins = np.array([one.totals[begin:end] for one in (drawn if family.is_regional else fitted)])
+        one = _of_family(pulses, family, number, value, twins * (family.covariate != NO_TWIN), inflation)
+        begin = end
+        if one is not None:
+            found.append(one)
+        if variance.concerns(family):
+            twin = np.mean([heard.squares[family.covariate] for heard in fitted], axis=0)
+            most = variance.most_unsteady(variance.spread(pulses, number, family.count), twin, len(fitted))
+            unsteady += [_unsteady(family, most)] if most is not None else []
+    looks = sum(stretch.looks for _, stretch, _, _ in found)
+    named = [_named(family, stretch, z, value, looks, grid) for family, stretch, z, value in found]
+    swing = oscillation.line(oscillation.spectrum(pulses), np.mean([one.spectrum for one in fitted], axis=0))
+    return sorted([*named, *unsteady, _swinging(swing, grid)], key=_rank)
+
+
+def _rank(one: LeftOver) -> float:
+    """Return less for what says more; a rectangle, which is a place or a time and then some, has to say more than either."""
+    both = one.position_m is not None and one.time_s is not None
+    return PLAIN_BEFORE_BOTH * both - one.z**2
+
+
+def _of_family(
+    pulses: Pulses, family: ff.Family, number: Integers, value: Floats, twins: Floats, inflation: float
+) -> tuple[ff.Family, Stretch, float, float] | None:
+    """Return the best stretch of a family, with its standard errors and its size."""
+    u, gram = pulses.along(number, value, family.count)
+    mix = np.eye(family.count + 1)[:, :-1]
+    if family.is_contrast:
+        mix[-1] = -gram[-1, :-1] / max(gram[-1, -1], 1e-9)
+    total = (u.sum(axis=0) - twins.mean(axis=0)) @ mix
+    best = best_stretch(total, mix.T @ gram @ mix, family.shape, *_limits(family))
+    if best is None:
+        return None
+    mix = mix @ best.inside(family.shape)
+    field = pulse_means(value * (mix[:-1][number] * (number >= 0) + mix[-1]))
+    part, own = pulses.information(field), u @ mix
+    blocks = np.bincount(pulses.windows.platoon, own - own.sum() * part / max(part.sum(), 1e-300))
+    known = best.information * inflation * (1.0 + 1.0 / len(twins))
+    clustered = float((blocks**2).sum() + (twins @ mix).var(ddof=min(1, len(twins) - 1)) / len(twins))
+    z = best.score / np.sqrt(max(known, min(clustered, CLUMSIEST * known)))
+    return family, best, float(z), best.score / best.information
+
+
+def _limits(family: ff.Family) -> tuple[int, float]:
+    """Return the least bins, and the largest share of all, of a stretch: one lane, part of the road, not every value."""
+    if family.is_scanned:
+        return NARROWEST, WIDEST
+    at_most = 1 if family.covariate == "lane" else max(1, family.count - 1)
+    return 1, at_most / family.count
+
+
+def _named(family: ff.Family, stretch: Stretch, z: float, value: float, looks: int, grid: Grid) -> LeftOver:
+    """Return a stretch in words."""
+    edges = [(float(e[a]), float(e[b if family.covariate != "lane" else a]))
+             for e, a, b in zip(family.edges, stretch.first, stretch.last, strict=True)]  # fmt: skip
+    covariate = f"{family.content} over {family.covariate}" if family.content else family.covariate
+    place = edges[0] if family.covariate.startswith("position") else None
+    time = edges[-1] if family.covariate.startswith(("time", "position and time")) else None
+    p = float(min(1.0, looks * 2.0 * norm.sf(abs(z))))
+    return LeftOver(covariate, edges[0], place, time, value, z, p, abs(value) >= LEAST[family.content])
+
+
+def _unsteady(family: ff.Family, most: variance.Unsteady) -> LeftOver:
+    """Return where or when drivers are unsteady in words."""
+    edges = (float(family.edges[0][most.first]), float(family.edges[0][most.last]))
+    place, time = (edges, None) if family.covariate == "position" else (None, edges)
+    p = float(min(1.0, most.looks * norm.sf(most.z)))
+    large_enough = most.ratio > variance.LEAST_RATIO
+    return LeftOver(f"variance over {family.covariate}", edges, place, time, most.ratio, most.z, p, large_enough)
+
+
+def _swinging(swing: oscillation.Line, grid: Grid) -> LeftOver:
+    """Return an oscillation in words."""
+    whole = (float(grid.time[0]), float(grid.time[-1]))
+    p = float(min(1.0, len(oscillation.PERIODS) * norm.sf(swing.z)))
+    covariate = f"own oscillation in time, period {np.sqrt(swing.low * swing.high):.3g} s"
+    return LeftOver(
+        covariate, (swing.low, swing.high), None, whole, swing.ratio, swing.z, p, swing.ratio > oscillation.LEAST_RATIO
+    )
+
+
+def told(found: tuple[LeftOver, ...]) -> tuple[LeftOver, ...]:
+    """Return what is worth telling: the strongest, and what else is nearly as strong but not the same thing again."""
+    kept: list[LeftOver] = []
+    for one in found:
+        subject = one.covariate.split(" over ")[-1]
+        known = any(subject == other.covariate.split(" over ")[-1] for other in kept)
+        if not known and len(kept) < MOST_TOLD and (not kept or one.z**2 > NEARLY * kept[0].z ** 2):
+            kept.append(one)
+    return tuple(kept)

@@ -1,0 +1,67 @@
+"""A driver's own oscillation: a line in the spectrum of the pulses' scores that the null twins have not.
+
+A throttle that swings with a period of its own has no mean along any covariate, and its phase is every driver's own. But within
+a driver it keeps its phase over all windows, which noise of some memory does not: its power gathers in one line.
+"""
+
+from __future__ import annotations
+
+from typing import NamedTuple
+
+import numpy as np
+import numpy.typing as npt
+
+from idm_sumo.diagnosis import gls
+from idm_sumo.diagnosis import rollout as ro
+from idm_sumo.diagnosis import windows as w
+from idm_sumo.diagnosis.pulses import Pulses
+
+Floats = npt.NDArray[np.float64]
+
+PERIODS = np.geomspace(4.0, 40.0, 40)  # s; faster swings are what unstable following and smoothing leave
+NEAR, AROUND = 2, 8  # periods that a line covers to each side, and with which it is compared
+LEAST_RATIO = 1.45  # of a line to what is around it
+
+
+def spectrum(pulses: Pulses) -> Floats:
+    """Return each driver's power at ``PERIODS``, as shares of its whole; shape ``(drivers, periods)``."""
+    windows = pulses.windows
+    seen = windows.seen[:, w.LEAD : -1, w.TIME]
+    time = seen.reshape(len(seen), -1, ro.BIN).mean(axis=2)
+    power = np.empty((windows.drivers, len(PERIODS)))
+    for n, period in enumerate(PERIODS):
+        phase = 2.0 * np.pi * time / period
+        parts = np.stack([(pulses.score * np.cos(phase)).sum(1), (pulses.score * np.sin(phase)).sum(1)], axis=1)
+        power[:, n] = (gls.by_driver(parts, windows.driver, windows.drivers) ** 2).sum(axis=1)
+    return np.asarray(power / np.maximum(power.sum(axis=1, keepdims=True), 1e-300))
+
+
+class Line(NamedTuple):
+    """A line of the spectrum: edges of its period (s), its power over that around it, standard errors."""
+
+    low: float
+    high: float
+    ratio: float
+    z: float
+
+
+def line(found: Floats, twins: Floats) -> Line:
+    """Return the strongest line.
+
+    Parameters
+    ----------
+    found : float64, shape (drivers, periods)
+        Of the recording.
+    twins : float64, shape (periods,)
+        Mean over the twins' drivers.
+    """
+    excess = found.mean(axis=0) / np.maximum(twins, 1e-300)
+    number = np.arange(len(excess))
+    far = np.abs(number[:, None] - number)
+    beside = (far > NEAR) & (far <= AROUND)
+    usual = np.array([np.median(excess[row]) for row in beside])
+    ratio = excess / usual
+    error = found.std(axis=0) / np.sqrt(len(found)) / np.maximum(twins * usual, 1e-300)
+    best = int(np.argmax(ratio))
+    edges = (PERIODS[max(best - 1, 0)], PERIODS[min(best + 1, len(PERIODS) - 1)])
+    return Line(float(edges[0]), float(edges[1]), float(ratio[best]), float((ratio[best] - 1.0) / error[best]))

@@ -1,0 +1,152 @@
+"""What the catalogue does not hold: pulses say of a field what the field itself would say; what is planted is found where it is."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from idm_sumo.diagnosis import atoms as at
+from idm_sumo.diagnosis import free_fields as ff
+from idm_sumo.diagnosis import gls, oscillation, variance
+from idm_sumo.diagnosis import left_over as lo
+from idm_sumo.diagnosis import rollout as ro
+from idm_sumo.diagnosis import windows as w
+from idm_sumo.diagnosis.bins import pulses_by_bin
+from idm_sumo.diagnosis.fit import Fit, fit_drivers
+from idm_sumo.diagnosis.pulses import Pulses, pulses_of
+from tests.test_diagnosis_rollout import followers
+
+START = np.array([1e-4, 1e-4])
+
+
+@pytest.fixture(scope="module")
+def driven() -> tuple[w.Windows, Fit, at.Grid, at.Answer]:
+    windows, _ = followers(ro.PLAIN, np.random.default_rng(4))
+    fit = fit_drivers(windows, ro.PLAIN.copy(), START, rounds=6)
+    return windows, fit, at.grid_of(windows), at.answer_of(windows, fit)
+
+
+def test_pulses_add_up_to_the_score_and_the_gram_matrix_of_a_field(driven):
+    windows, fit, grid, answer = driven
+    pulses = pulses_of(windows, fit, answer, grid.pivot)
+    number = np.random.default_rng(0).integers(-1, 3, (len(windows.seen), w.HORIZON))
+    value = np.random.default_rng(1).standard_normal(number.shape)
+    u, gram = pulses.along(number, value, 3)
+    line = answer.line
+    columns = at.tamed(answer.response) @ np.concatenate(
+        [pulses_by_bin(number, 3, value), at.pulse_means(value)[:, :, None]], axis=2
+    )
+    form = [at.linear_fields(windows, answer.state, grid.pivot)[name] for name in at.INSTANT[:2]]
+    form += at.form_fields(windows, answer.state, grid.pivot)
+    nuisance = at.tamed(answer.response) @ np.stack([at.pulse_means(field) for field in form], axis=2)
+    error, own, atoms = gls.whiten(
+        line.covariance, line.error[:, :, None], line.jacobian, np.concatenate([line.jacobian, at.tamed(nuisance), columns], 2)
+    )  # fmt: skip
+    direct = gls.scores(error, own, atoms, np.linalg.inv(fit.spread), windows.driver, windows.drivers)
+    known = atoms.shape[2] - 4
+    direct = direct.without(np.arange(known))
+    np.testing.assert_allclose(u.sum(axis=0), direct.u.sum(axis=0)[known:], rtol=1e-5, atol=1e-6 * np.abs(u).max())
+    np.testing.assert_allclose(gram, direct.gram[known:, known:], rtol=1e-5, atol=1e-6 * np.abs(gram).max())
+
+
+def test_twins_and_recording_count_the_same_fields_in_the_same_order(driven):
+    windows, fit, grid, answer = driven
+    heard = lo.hear(windows, fit, grid, answer)
+    pulses = pulses_of(windows, fit, answer, grid.pivot)
+    totals = [
+        pulses.along(number, value, family.count)[0].sum(axis=0)
+        for family, number, value in ff.families(windows, pulses.state, grid)
+    ]
+    np.testing.assert_allclose(heard.totals, np.concatenate(totals), rtol=1e-9, atol=1e-9)
+
+
+def pushed(windows: w.Windows, fit: Fit, more: np.ndarray) -> w.Windows:
+    """Return the windows as driven with some acceleration (m/s²) added in the simulated frames."""
+    seen = windows.seen.copy()
+    x, v = ro.drive(seen, windows.driver, fit.theta, fit.by_lane, np.zeros(2), more, w.LEAD)
+    seen[:, w.LEAD :, w.X], seen[:, w.LEAD :, w.V] = x, v
+    return replace(windows, seen=seen)
+
+
+def strongest(windows: w.Windows, fit: Fit, grid: at.Grid, quiet: w.Windows) -> lo.LeftOver:
+    """Return what says most, against a twin in which nothing is."""
+    twin = lo.hear(quiet, fit, grid, at.answer_of(quiet, fit))
+    found = lo.left_over(windows, fit, grid, at.answer_of(windows, fit), [twin], [twin], 1.0)
+    return next(one for one in found if one.large_enough)
+
+
+def test_what_one_place_does_is_found_there(driven):
+    windows, fit, grid, _ = driven
+    place = windows.seen[:, w.LEAD : -1, w.X]
+    found = strongest(pushed(windows, fit, np.where((place > 60.0) & (place < 110.0), -0.3, 0.0)), fit, grid, windows)
+    assert found.covariate == "position"
+    assert found.position_m == pytest.approx((60.0, 110.0), abs=20.0)
+    assert found.time_s is None
+    assert found.value == pytest.approx(-0.3, rel=0.4)
+
+
+def test_an_own_oscillation_has_a_line_and_noise_of_some_memory_has_none():
+    rng = np.random.default_rng(5)
+    windows, _ = followers(ro.PLAIN, rng)
+    seen = windows.seen.copy()
+    each = np.arange(len(seen)) % 3
+    seen[:, :, w.TIME] += 12.0 * each[:, None]
+    windows = replace(windows, seen=seen)
+    time = seen[:, w.LEAD : -1, w.TIME].reshape(len(seen), -1, ro.BIN).mean(axis=2)
+    phase = rng.uniform(0.0, 6.3, windows.drivers)[windows.driver][:, None]
+
+    def power(swing: float) -> np.ndarray:
+        noise = rng.standard_normal(time.shape).cumsum(axis=1)
+        score = noise + swing * np.sin(2.0 * np.pi * time / 9.0 + phase)
+        empty = np.empty(0)
+        return oscillation.spectrum(Pulses(windows, empty, score, empty, empty, empty, empty, empty))
+
+    twins = np.mean([power(0.0).mean(axis=0) for _ in range(6)], axis=0)
+    line = oscillation.line(power(4.0), twins)
+    assert line.low < 9.0 < line.high
+    assert line.ratio > 2.0
+    assert oscillation.line(power(0.0), twins).z < 4.0
+
+
+def test_a_place_where_drivers_are_unsteady_is_found_by_its_variance_alone():
+    rng = np.random.default_rng(6)
+    counts = np.full((60, 30), 4.0)
+    usual = 1.0 + np.sin(np.arange(30.0) / 5.0) ** 2
+    squares = counts * usual * rng.uniform(0.5, 1.5, counts.shape)
+    quiet = variance.most_unsteady(variance.Spread(squares, counts), usual, 3)
+    assert quiet is not None
+    assert quiet.z < 5.0
+    squares[:, 10:14] *= 1.6
+    found = variance.most_unsteady(variance.Spread(squares, counts), usual, 3)
+    assert found is not None
+    assert (found.first, found.last) == (10, 14)
+    assert found.ratio == pytest.approx(1.6, rel=0.15)
+    assert found.z > 8.0
+
+
+def test_squares_are_counted_by_block_and_bin(driven):
+    windows, fit, grid, answer = driven
+    pulses = pulses_of(windows, fit, answer, grid.pivot)
+    number = np.zeros((len(windows.seen), w.HORIZON), dtype=np.int64)
+    number[:, : w.HORIZON // 2] = -1
+    found = variance.spread(pulses, number, 2)
+    inside = pulses.variance[:, pulses.score.shape[1] // 2 :] > 0.0
+    assert found.counts.sum() == inside.sum()
+    assert found.squares.shape == (windows.platoon.max() + 1, 2)
+    assert not found.squares[:, 1].any()
+
+
+def one(covariate: str, z: float) -> lo.LeftOver:
+    return lo.LeftOver(covariate, (0.0, 1.0), None, None, 1.0, z, 0.0, True)
+
+
+def test_the_same_thing_is_told_once_and_weak_things_beside_strong_ones_are_not_told():
+    found = (
+        one("time in lane 2", 16.0),
+        one("delay over time in lane 2", -14.0),
+        one("lane", 12.0),
+        one("position", 6.0),
+    )
+    assert [told.covariate for told in lo.told(found)] == ["time in lane 2", "lane"]
