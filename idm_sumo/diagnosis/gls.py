@@ -50,10 +50,6 @@ class Scores:
         gram[nuisance], gram[:, nuisance] = 0.0, 0.0
         return Scores(u, gram, self.part)
 
-    def combined(self, mix: Floats) -> Scores:
-        """Return the scores of linear combinations of atoms; ``mix`` has shape ``(atoms, combinations)``."""
-        return Scores(self.u @ mix, mix.T @ self.gram @ mix, self.part @ mix**2)
-
 
 def whiten(covariance: Floats, *parts: Floats) -> list[Floats]:
     r"""Return :math:`L^{-1} Z` for each window, with :math:`V = LL^\\top`; parts have shape ``(windows, moments, columns)``."""
