@@ -22,6 +22,8 @@ Floats = npt.NDArray[np.float64]
 
 MOST_CAUSES = 3
 SIGNIFICANT = 1e-3  # corrected p of a cause
+# Standard errors: what smoothing hides of a leader is in part its answer to the second one, and the twins' leaders do not follow.
+SURER = {"multi_leader_anticipation": 6.0}
 CLEAR = 5.0  # standard errors that a further cause needs, beside its share of the first one's evidence
 FURTHER_SHARE = 0.06  # of the first cause's squared z, for a further one: less is what its shape leaves over
 LEAST_GAIN = 0.004  # of the ADE, on the drivers that fit
@@ -92,13 +94,18 @@ def _measured(cause: Accepted, fit: Fit, evidence: ev.Evidence) -> Accepted:
     return replace(cause, value=value, error=cause.error if there is None else there.error)
 
 
+def _may_be(candidate: Candidate) -> bool:
+    """Return whether a candidate is significant, and may turn out large enough."""
+    return candidate.near_enough and candidate.p < SIGNIFICANT and abs(candidate.z) > SURER.get(candidate.name, 0.0)
+
+
 def _stands_out(free: LeftOver) -> bool:
     return free.large_enough and abs(free.z) > (FREE_DOUBTFUL if free.covariate.endswith(DOUBTFUL) else FREE_CLEAR)
 
 
 def _outside(evidence: ev.Evidence) -> tuple[LeftOver, ...]:
     """Return what is free and says more than any effect of the catalogue that might be accepted."""
-    best = max((c.z**2 for c in hy.candidates(evidence) if c.near_enough and c.p < SIGNIFICANT), default=0.0)
+    best = max((c.z**2 for c in hy.candidates(evidence) if _may_be(c)), default=0.0)
 
     def needed(one: LeftOver) -> float:
         return FREE_MORE + best * (FREE_CHANGE if one.covariate.startswith(CHANGES) else FREE_EXCESS)
@@ -113,7 +120,7 @@ def _next(
 ) -> tuple[Candidate, Fit, float, tuple[str, ...]] | None:  # fmt: skip
     """Return the next cause that passes every gate, with the refitted model."""
     used = {a.candidate.name for a in accepted} | {c.name for c in without}
-    open_ = [c for c in hy.candidates(evidence) if c.name not in used and c.near_enough and c.p < SIGNIFICANT]
+    open_ = [c for c in hy.candidates(evidence) if c.name not in used and _may_be(c)]
     if accepted:
         needed = max(CLEAR**2, FURTHER_SHARE * accepted[0].candidate.z ** 2)
         open_ = [c for c in open_ if c.z**2 > needed]
