@@ -55,15 +55,18 @@ def test_true_drivers_end_where_they_were_recorded(plain):
     np.testing.assert_allclose(ro.positions(windows, theta, ro.PLAIN), windows.target, atol=1e-6)
 
 
+def change_by_a_pulse(windows: w.Windows, theta: np.ndarray, m: np.ndarray, small: float) -> np.ndarray:
+    """Return by how much the fifth pulse moves the compared positions, per m/s²."""
+    push = np.zeros((len(windows.seen), w.HORIZON))
+    push[:, 4 * ro.BIN : 5 * ro.BIN] = small
+    moved, _ = ro.drive(windows.seen, windows.driver, theta, m, np.zeros(2), push, w.LEAD)
+    return (moved[:, w.EVERY :: w.EVERY] - ro.positions(windows, theta, m)) / small
+
+
 def test_response_to_pulses_is_the_derivative_of_the_rollout(plain):
     windows, theta = plain
     response, _ = ro.respond(windows.seen, windows.driver, theta, ro.PLAIN)
-    small = 1e-4
-    push = np.zeros((len(windows.seen), w.HORIZON))
-    push[:, 4 * ro.BIN : 5 * ro.BIN] = small
-    moved, _ = ro.drive(windows.seen, windows.driver, theta, ro.PLAIN, np.zeros(2), push, w.LEAD)
-    change = (moved[:, w.EVERY :: w.EVERY] - ro.positions(windows, theta, ro.PLAIN)) / small
-    np.testing.assert_allclose(response[:, :, 4], change, atol=2e-3)
+    np.testing.assert_allclose(response[:, :, 4], change_by_a_pulse(windows, theta, ro.PLAIN, 1e-4), atol=2e-3)
 
 
 def test_response_to_pulses_waits_for_a_delayed_driver(plain):
@@ -71,11 +74,7 @@ def test_response_to_pulses_waits_for_a_delayed_driver(plain):
     m = ro.PLAIN.copy()
     m[:, slots.DELAY] = 0.6
     response, _ = ro.respond(windows.seen, windows.driver, theta, m)
-    push = np.zeros((len(windows.seen), w.HORIZON))
-    push[:, 4 * ro.BIN : 5 * ro.BIN] = small = 1e-3
-    moved, _ = ro.drive(windows.seen, windows.driver, theta, m, np.zeros(2), push, w.LEAD)
-    change = (moved[:, w.EVERY :: w.EVERY] - ro.positions(windows, theta, m)) / small
-    np.testing.assert_allclose(response[:, :, 4], change, atol=0.02)
+    np.testing.assert_allclose(response[:, :, 4], change_by_a_pulse(windows, theta, m, 1e-3), atol=0.02)
 
 
 def test_the_edge_of_a_dead_band_is_no_wall(plain):
@@ -83,10 +82,7 @@ def test_the_edge_of_a_dead_band_is_no_wall(plain):
     m = ro.PLAIN.copy()
     m[:, slots.BAND] = 1.0
     response, _ = ro.respond(windows.seen, windows.driver, theta, m)
-    push = np.zeros((len(windows.seen), w.HORIZON))
-    push[:, 4 * ro.BIN : 5 * ro.BIN] = small = 0.1
-    moved, _ = ro.drive(windows.seen, windows.driver, theta, m, np.zeros(2), push, w.LEAD)
-    change = (moved[:, w.EVERY :: w.EVERY] - ro.positions(windows, theta, m)) / small
+    change = change_by_a_pulse(windows, theta, m, 0.1)
     assert np.abs(response[:, -1, 4]).max() < 3.0 * np.abs(change[:, -1]).max()
 
 

@@ -120,7 +120,8 @@ def hierarchical(
     if population is None:
         population = _learn(parts)
     for part in parts:
-        part.settle(population)
+        typical = np.tile(np.clip(population.mean, LOWER, UPPER), (len(part.u), 1))
+        part.settle(population, (part.u, typical), LAST_STEPS)
     rows = zip(every, problems, which, parts, strict=True)
     tables = [_as_table(one, problem, w, part, population, desired_speed) for one, problem, w, part in rows]
     return pd.concat(tables, ignore_index=True), population
@@ -165,15 +166,15 @@ class Part:
             damping = np.where(better, 0.2 * damping, 8.0 * damping)
         self.hessian = hessian
 
-    def settle(self, population: Population) -> None:
-        """Move every driver to its maximum a posteriori, from where it is or from the typical driver, whichever is better."""
-        own = self.u
-        precision = np.linalg.inv(population.covariance)
-        self.draw(population, LAST_STEPS)
-        from_own, self.u = self.u, np.tile(np.clip(population.mean, LOWER, UPPER), (len(own), 1))
-        self.draw(population, LAST_STEPS)
-        values = [self.posterior(u, population.mean, precision)[0] for u in (from_own, self.u)]
-        self.u = np.where((values[0] <= values[1])[:, None], from_own, self.u)
+    def settle(self, population: Population, starts: tuple[Floats, Floats], steps: int) -> None:
+        """Move every driver to its maximum a posteriori, from either start, whichever ends better."""
+        precision, ends = np.linalg.inv(population.covariance), []
+        for start in starts:
+            self.u = start.copy()
+            self.draw(population, steps)
+            ends.append((self.u, self.posterior(self.u, population.mean, precision)[0]))
+        (one, value), (other, other_value) = ends
+        self.u = np.where((value <= other_value)[:, None], one, other)
         self.hessian = self.posterior(self.u, population.mean, precision)[2]
 
     def posterior(

@@ -40,15 +40,19 @@ class Scores:
         """Project the nuisance atoms out of all others (which keep their places; the nuisance's become zero)."""
         if not len(nuisance):
             return self
-        inner = self.gram[np.ix_(nuisance, nuisance)]
-        scale = np.sqrt(np.maximum(np.diag(inner), 1e-300))
-        share = np.linalg.pinv(inner / np.outer(scale, scale), rcond=1e-9, hermitian=True) / np.outer(scale, scale)
-        by = share @ self.gram[nuisance]
+        by = scaled_inverse(self.gram[np.ix_(nuisance, nuisance)]) @ self.gram[nuisance]
         u = self.u - self.u[:, nuisance] @ by
         gram = self.gram - self.gram[:, nuisance] @ by
         u[:, nuisance] = 0.0
         gram[nuisance], gram[:, nuisance] = 0.0, 0.0
         return Scores(u, gram, self.part)
+
+
+def scaled_inverse(gram: Floats) -> Floats:
+    """Return the pseudo-inverse of a Gram matrix whose rows may be of very different sizes."""
+    scale = np.sqrt(np.maximum(np.diag(gram), 1e-300))
+    both = np.outer(scale, scale)
+    return np.asarray(np.linalg.pinv(gram / both, rcond=1e-9, hermitian=True) / both)
 
 
 def whiten(covariance: Floats, *parts: Floats) -> list[Floats]:

@@ -101,9 +101,7 @@ def pulses_of(windows: w.Windows, fit: Fit, answer: Answer, pivot: float) -> Pul
 
     nuisance = np.concatenate([own, *rest], axis=2)
     kept, flat = without_own(nuisance), (-1, nuisance.shape[2])
-    inner = kept.reshape(flat).T @ nuisance.reshape(flat)
-    scale = np.sqrt(np.maximum(np.diag(inner), 1e-300))
-    bound = np.linalg.pinv(inner / np.outer(scale, scale), rcond=1e-9, hermitian=True) / np.outer(scale, scale)
+    bound = gls.scaled_inverse(kept.reshape(flat).T @ nuisance.reshape(flat))
     taken = kept @ (bound @ (kept.reshape(flat).T @ error.reshape(-1)))
     moved_t = moved.transpose(0, 2, 1)
     score = (moved_t @ (without_own(error) - taken[:, :, None]))[:, :, 0]

@@ -195,16 +195,9 @@ class Watched:
 
         Searched from what was expected and from the driver's own fit to its past.
         """
-        part, precision = self.part, np.linalg.inv(self.population.covariance)
-        part.frames = strength * self.frames
-        ends = []
-        for start in (self.mean, self.own):
-            part.u = start.copy()
-            part.draw(self.population, STEPS)
-            ends.append((part.u, part.posterior(part.u, self.mean, precision)[0]))
-        (one, value), (other, other_value) = ends
-        u = np.where((value <= other_value)[:, None], one, other)
-        return u, np.asarray(np.linalg.inv(part.posterior(u, self.mean, precision)[2]))
+        self.part.frames = strength * self.frames
+        self.part.settle(self.population, (self.mean, self.own), STEPS)
+        return self.part.u, np.asarray(np.linalg.inv(self.part.hessian))
 
 
 def recent(scenes: Scenes, frames: int) -> Scenes:
