@@ -9,7 +9,8 @@ import numpy.typing as npt
 import pandas as pd
 
 from idm_sumo import columns as c
-from idm_sumo.calibration import calibrate, hierarchical, pooled
+from idm_sumo import road
+from idm_sumo.calibration import hierarchical, pooled
 from idm_sumo.calibration.identifiability import UNDETERMINED_SHARE, identify
 from idm_sumo.calibration.kernel import LOWER, UPPER, slopes_at, to_search
 from idm_sumo.calibration.problem import prepare
@@ -19,7 +20,7 @@ from idm_sumo.prediction import KNNPredictor
 
 from . import prediction_seconds, prediction_share, tables
 from .drivers import Drivers
-from .prediction_share import share_closed
+from .prediction_share import fits_or, share_closed
 from .source import Source
 from .study import Study
 
@@ -154,8 +155,7 @@ def hindsight(windows: Drivers, one_for_all: IDMParameters, seed: int) -> dict[s
     for k in np.sort(rng.choice(len(drivers), min(HINDSIGHT_DRIVERS, len(drivers)), replace=False)):
         own = ((keys[c.PERIOD] == drivers[k][0]) & (keys[c.VEHICLE] == drivers[k][1])).to_numpy()
         one = _only(windows, np.flatnonzero(own))
-        oracle = calibrate(one.scenes[0])[PARAMETERS].to_numpy(np.float64)
-        oracle = np.where(np.isfinite(oracle), oracle, np.asarray(one_for_all))
+        oracle = fits_or(one.scenes[0], one_for_all, road.SPEED_LIMIT)
         sets: dict[str, Any] = {"idm_pooled": one_for_all, "idm_oracle": oracle, "hindsight": pooled(one.scenes)}
         rows.append({name: _ade(one, theta).mean() for name, theta in sets.items()})
     share = share_closed(pd.DataFrame(rows), "hindsight")

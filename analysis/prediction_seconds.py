@@ -8,9 +8,7 @@ import pandas as pd
 
 from idm_sumo import columns as c
 from idm_sumo import road
-from idm_sumo.calibration import calibrate
 from idm_sumo.errors import InputError
-from idm_sumo.idm import IDMParameters
 from idm_sumo.metrics import displacement
 from idm_sumo.prediction import MovingHorizon, RolloutPredictor, first_second, recent
 from idm_sumo.prediction.moving_horizon import past
@@ -18,7 +16,7 @@ from idm_sumo.rollout import drive_idm
 from idm_sumo.scenes import Scenes, Window
 
 from .drivers import Drivers
-from .prediction_share import Learned, drawn_anew, share_closed, some_drivers
+from .prediction_share import Learned, drawn_anew, fits_or, share_closed, some_drivers
 from .settings import Settings
 from .source import Source
 
@@ -107,10 +105,7 @@ def _foreseen(test: Drivers, watcher: MovingHorizon, learned: Learned, frames: i
 
 
 def _fits(scenes: Scenes, learned: Learned) -> Floats:
-    """Return fitted parameters, the pooled ones where there is no fit."""
-    predictor = learned.predictor
-    theta = calibrate(scenes, desired_speed=predictor.desired_speed)[list(IDMParameters._fields)].to_numpy(np.float64)
-    return np.where(np.isfinite(theta), theta, np.asarray(predictor.pooled_))
+    return fits_or(scenes, learned.predictor.pooled_, learned.predictor.desired_speed)
 
 
 def _rows(test: Drivers, found: dict[tuple[str, float], list[Floats]]) -> pd.DataFrame:

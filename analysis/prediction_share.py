@@ -79,10 +79,7 @@ def tables(
     theta = learned.predictor.predict(_first_seconds(test))
     driven = {"idm_pooled": test.drive(pooled), "idm_rollout": test.drive(theta)}
     driven["idm_prediction"] = test.drive(neighbours(test.code(settings.observed), settings.neighbours))
-    oracle = np.concatenate(
-        [calibrate(s, desired_speed=settings.desired_speed)[list(IDMParameters._fields)] for s in test.scenes]
-    )
-    driven["idm_oracle"] = test.drive(np.where(np.isfinite(oracle), oracle, np.asarray(pooled)))
+    driven["idm_oracle"] = test.drive(np.concatenate([fits_or(s, pooled, settings.desired_speed) for s in test.scenes]))
     errors = {name: np.concatenate([_ade(s, t) for s, t in zip(test.scenes, found, strict=True)])
               for name, found in driven.items()}  # fmt: skip
     for name, with_leader in (("black_box_first_second", False), ("black_box_with_leaders_path", True)):
@@ -108,6 +105,12 @@ def explained(learned: Learned, fits: pd.DataFrame, drivers: Drivers) -> pd.Data
     found = cross_val_predict(model, inputs, z, groups=keys, cv=GroupKFold(parts))
     r2 = 1.0 - ((z - found) ** 2).sum(axis=0) / np.maximum(((z - z.mean(axis=0)) ** 2).sum(axis=0), 1e-12)
     return pd.DataFrame({"parameter": IDMParameters._fields, "r2": r2, "drivers": len(z)})
+
+
+def fits_or(scenes: Scenes, pooled: IDMParameters, desired_speed: float) -> Floats:
+    """Return the parameters fitted to each window, the pooled ones where there is no fit."""
+    theta = calibrate(scenes, desired_speed=desired_speed)[list(IDMParameters._fields)].to_numpy(np.float64)
+    return np.where(np.isfinite(theta), theta, np.asarray(pooled))
 
 
 def _first_seconds(drivers: Drivers) -> pd.DataFrame:
