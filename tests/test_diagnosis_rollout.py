@@ -10,7 +10,7 @@ import pytest
 from idm_sumo.diagnosis import atoms as at
 from idm_sumo.diagnosis import rollout as ro
 from idm_sumo.diagnosis import windows as w
-from idm_sumo.diagnosis.fit import fit_drivers, for_others
+from idm_sumo.diagnosis.fit import fit_drivers, for_rollouts
 from idm_sumo.diagnosis.noise import DRIVER_MEMORIES, Noise
 from idm_sumo.diagnosis.twins import Noises, make_twin, refit
 from idm_sumo.effects import slots
@@ -104,7 +104,7 @@ def test_the_fit_finds_the_drivers(plain):
     gap = np.abs(ro.positions(windows, fit.theta, ro.PLAIN) - windows.target)
     assert gap.mean() < 0.03
     assert np.corrcoef(np.log(theta[:, 2]), fit.own[:, 2])[0, 1] > 0.9
-    others = for_others(windows, fit)
+    others = for_rollouts(windows, fit)
     assert np.abs(ro.positions(windows, others.theta, ro.PLAIN) - windows.target).mean() < 0.05
 
 

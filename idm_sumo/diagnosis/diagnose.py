@@ -15,7 +15,7 @@ from idm_sumo.diagnosis import evidence as ev
 from idm_sumo.diagnosis import noise as no
 from idm_sumo.diagnosis import statements, tables, twins
 from idm_sumo.diagnosis.artefact import find_seam, repaired
-from idm_sumo.diagnosis.fit import Fit, first_guess, fit_drivers, for_others
+from idm_sumo.diagnosis.fit import Fit, first_guess, fit_drivers, for_rollouts
 from idm_sumo.diagnosis.gain import all_gains, errors
 from idm_sumo.diagnosis.result import NAMED, NONE, UNKNOWN, Diagnosis
 from idm_sumo.diagnosis.rollout import PLAIN
@@ -99,7 +99,7 @@ def _confirmed(found: Found, held: Windows) -> Found:
     """
     if not found.accepted or not len(held.seen):
         return found
-    base, extended = (errors(held, for_others(held, fit)).ade_m.mean() for fit in (found.base, found.fit))
+    base, extended = (errors(held, for_rollouts(held, fit)).ade_m.mean() for fit in (found.base, found.fit))
     beyond_doubt = all(abs(cause.candidate.z) > BEYOND_DOUBT for cause in found.accepted)
     if extended < base * (1.0 + CHANCE * beyond_doubt):
         return found
@@ -139,7 +139,7 @@ def _told(
     clock: list[tuple[str, float]], rng: np.random.Generator,
 ) -> Diagnosis:  # fmt: skip
     """Measure the gain on the held-out drivers and put everything into words."""
-    base, extended = for_others(held, found.base), for_others(held, found.fit)
+    base, extended = for_rollouts(held, found.base), for_rollouts(held, found.fit)
     base_errors = errors(held, base)
     extended_errors = errors(held, extended) if found.accepted else base_errors
     gains = all_gains(base_errors, extended_errors, held.platoon, rng)
@@ -183,4 +183,4 @@ def _shares(held: Windows, found: Found, base: float, extended: float) -> Mappin
 
 def _ade_without(held: Windows, fit: Fit, name: str) -> float:
     by_lane = statements.without_cause(fit.by_lane, name)
-    return float(errors(held, for_others(held, replace(fit, by_lane=by_lane))).ade_m.mean())
+    return float(errors(held, for_rollouts(held, replace(fit, by_lane=by_lane))).ade_m.mean())

@@ -180,10 +180,15 @@ def fit_drivers(windows: Windows, by_lane: Floats, start_variance: Floats, *, ro
     return fit
 
 
-def for_others(windows: Windows, fit: Fit, *, rounds: int = 4) -> Fit:
-    """Fit drivers that took no part in a fit: population, covariance and magnitudes stay as they are."""
+def for_rollouts(windows: Windows, fit: Fit, *, rounds: int = 6) -> Fit:
+    """Fit each driver to its positions at all moments alike, as errors of rollouts count them.
+
+    Population and magnitudes stay as they are, so the drivers may be others than those of the fit. The likelihood's own fit
+    weighs moments by how they vary together: it says what is there, but drives farther from the recording than need be.
+    """
     own = np.tile(fit.mean, (windows.drivers, 1))
-    fit = replace(fit, own=own, weight=np.ones(len(windows.seen)))
+    alike = np.diag(np.full(len(fit.residual), np.diag(fit.residual).mean()))
+    fit = replace(fit, own=own, residual=alike, weight=np.ones(len(windows.seen)))
     for _ in range(rounds):
         fit = improve(windows, fit, hyper=False, new_mean=False)
     return fit

@@ -9,7 +9,7 @@ import numpy.typing as npt
 
 from idm_sumo.diagnosis import evidence as ev
 from idm_sumo.diagnosis import hypotheses as hy
-from idm_sumo.diagnosis.fit import Fit
+from idm_sumo.diagnosis.fit import Fit, for_rollouts
 from idm_sumo.diagnosis.free_fields import CHANGES, DOUBTFUL, HELD
 from idm_sumo.diagnosis.gain import compare, errors
 from idm_sumo.diagnosis.hypotheses import Candidate
@@ -128,8 +128,9 @@ def _next(
         close = [c for c in open_ if c.z**2 > CLOSE * open_[0].z ** 2][:TRIED]
         best, rivals = _strongest(subject, fit, [form for c in close for form in hy.forms(evidence, c)])
         model = anew(subject, best.fit)
-        before, after = errors(subject.windows, fit).ade_m, errors(subject.windows, model).ade_m
-        gain = compare("ade_m", before, after, subject.windows.platoon, rng, held_out=False)
+        driven = subject.windows
+        before, after = (errors(driven, for_rollouts(driven, one)).ade_m for one in (fit, model))
+        gain = compare("ade_m", before, after, driven.platoon, rng, held_out=False)
         if best.candidate.large_enough and _worth_it(gain, best.candidate):
             return best.candidate, model, gain.difference, rivals
         without.append(best.candidate)
