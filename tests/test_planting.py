@@ -207,7 +207,7 @@ def test_the_true_model_gains_what_its_effect_is_worth(underlying):
 
 
 def test_without_noise_the_true_model_drives_what_was_driven():
-    planted = simulate(plan(6, effect="hysteresis", size="mid", underlying="idm", driver_noise=0.0, density="congested", **SHORT),
+    planted = simulate(plan(6, effect="hysteresis", size="mid", underlying="idm", driver_noise=0.0, sigma=0.0, density="congested", **SHORT),
                        remember=True)  # fmt: skip
     truth = achievable(planted)
     assert truth.extended < 0.05 < truth.base

@@ -15,11 +15,11 @@ from idm_sumo.diagnosis import evidence as ev
 from idm_sumo.diagnosis import noise as no
 from idm_sumo.diagnosis import statements, tables, twins
 from idm_sumo.diagnosis.artefact import find_seam, repaired
-from idm_sumo.diagnosis.fit import Fit, first_guess, fit_drivers, for_rollouts
-from idm_sumo.diagnosis.gain import all_gains, errors
-from idm_sumo.diagnosis.result import NAMED, NONE, UNKNOWN, Diagnosis
+from idm_sumo.diagnosis.fit import Fit, first_guess, fit_drivers
+from idm_sumo.diagnosis.gain import Errors, all_gains, driven
+from idm_sumo.diagnosis.result import NAMED, NONE, UNKNOWN, Diagnosis, Gain
 from idm_sumo.diagnosis.rollout import PLAIN
-from idm_sumo.diagnosis.search import BEYOND_DOUBT, CHANCE, Found, search
+from idm_sumo.diagnosis.search import BEYOND_DOUBT, Found, search
 from idm_sumo.diagnosis.sizes import ROUNDS
 from idm_sumo.diagnosis.smoother import window_for
 from idm_sumo.diagnosis.windows import Windows, cut_windows
@@ -81,7 +81,7 @@ def _diagnose(recording: Recording, rng: np.random.Generator, progress: Progress
     noises = twins.Noises(measurement, measurement, leader)
     noises = replace(noises, driver=twins.driver_noise(train, base, noises, rng, is_smooth=recording.is_smooth))
     subject = ev.Subject(train, noises, at.grid_of(windows), recording.is_smooth)
-    found = _confirmed(search(subject, base, rng, progress), held)
+    found = search(subject, base, rng, progress)
     clock.append(("search", time.perf_counter()))
     progress("measuring the gain", 0, 1)
     told = _told(recording, windows, held, found, measurement, clock, rng)
@@ -92,19 +92,22 @@ def _diagnose(recording: Recording, rng: np.random.Generator, progress: Progress
     )
 
 
-def _confirmed(found: Found, held: Windows) -> Found:
-    """Return what was found, its causes without gain if drivers that were never touched are driven worse by them.
+def _confirmed(found: Found, held: Windows, rng: np.random.Generator) -> tuple[Found, Errors, Errors, tuple[Gain, ...]]:
+    """Return what was found, and the errors without and with it of drivers that were never touched.
 
-    A cause beyond doubt may leave them as they are, within chance; any other has to drive them better.
+    Causes that drive them worse are kept as causes without gain: a cause beyond doubt, if they are clearly worse, any other,
+    if they are not better.
     """
-    if not found.accepted or not len(held.seen):
-        return found
-    base, extended = (errors(held, for_rollouts(held, fit)).ade_m.mean() for fit in (found.base, found.fit))
-    beyond_doubt = all(abs(cause.candidate.z) > BEYOND_DOUBT for cause in found.accepted)
-    if extended < base * (1.0 + CHANCE * beyond_doubt):
-        return found
-    there = (*found.without_gain, *(cause.candidate for cause in found.accepted))
-    return replace(found, fit=found.base, accepted=(), without_gain=there)
+    base = driven(held, found.base)
+    if found.accepted and len(held.seen):
+        extended = driven(held, found.fit)
+        gains = all_gains(base, extended, held.platoon, rng)
+        beyond_doubt = all(abs(cause.candidate.z) > BEYOND_DOUBT for cause in found.accepted)
+        if gains[0].difference > 0.0 or (beyond_doubt and gains[0].ci95[1] > 0.0):
+            return found, base, extended, gains
+        there = (*found.without_gain, *(cause.candidate for cause in found.accepted))
+        found = replace(found, fit=found.base, accepted=(), without_gain=there)
+    return found, base, base, all_gains(base, base, held.platoon, rng)
 
 
 def _split(windows: Windows, rng: np.random.Generator) -> tuple[Windows, Windows]:
@@ -139,15 +142,12 @@ def _told(
     clock: list[tuple[str, float]], rng: np.random.Generator,
 ) -> Diagnosis:  # fmt: skip
     """Measure the gain on the held-out drivers and put everything into words."""
-    base, extended = for_rollouts(held, found.base), for_rollouts(held, found.fit)
-    base_errors = errors(held, base)
-    extended_errors = errors(held, extended) if found.accepted else base_errors
-    gains = all_gains(base_errors, extended_errors, held.platoon, rng)
-    shares = _shares(held, found, base_errors.ade_m.mean(), extended_errors.ade_m.mean())
+    found, base, extended, gains = _confirmed(found, held, rng)
+    shares = _shares(held, found, base.ade_m.mean(), extended.ade_m.mean())
     verdict = NAMED if found.accepted else UNKNOWN if found.unexplained else NONE
     clock.append(("gain", time.perf_counter()))
     known = {
-        "vehicle": held.vehicle, "period": held.period, "base": base_errors.ade_m, "extended": extended_errors.ade_m,
+        "vehicle": held.vehicle, "period": held.period, "base": base.ade_m, "extended": extended.ade_m,
     }  # fmt: skip
     return Diagnosis(
         verdict=verdict,
@@ -161,7 +161,7 @@ def _told(
         power=statements.power(found),
         model=statements.model_of(found.fit, found.accepted, recording.source),
         base_model=statements.model_of(found.base, (), recording.source),
-        residuals=tables.residuals(held, base_errors.residual, extended_errors.residual),
+        residuals=tables.residuals(held, base.residual, extended.residual),
         drivers=tables.drivers(windows, known),
         scans=statements.scans(found.first),
         excluded=dict(windows.excluded),
@@ -183,4 +183,4 @@ def _shares(held: Windows, found: Found, base: float, extended: float) -> Mappin
 
 def _ade_without(held: Windows, fit: Fit, name: str) -> float:
     by_lane = statements.without_cause(fit.by_lane, name)
-    return float(errors(held, for_rollouts(held, replace(fit, by_lane=by_lane))).ade_m.mean())
+    return float(driven(held, replace(fit, by_lane=by_lane)).ade_m.mean())

@@ -180,15 +180,16 @@ def fit_drivers(windows: Windows, by_lane: Floats, start_variance: Floats, *, ro
     return fit
 
 
-def for_rollouts(windows: Windows, fit: Fit, *, rounds: int = 6) -> Fit:
+def for_rollouts(windows: Windows, fit: Fit, *, known: bool = False) -> Fit:
     """Fit each driver to its positions at all moments alike, as errors of rollouts count them.
 
-    Population and magnitudes stay as they are, so the drivers may be others than those of the fit. The likelihood's own fit
-    weighs moments by how they vary together: it says what is there, but drives farther from the recording than need be.
+    Population and magnitudes stay as they are. Unless the drivers are ``known``, the windows may be of others than those of the
+    fit. The likelihood's own fit weighs moments by how they vary together: it says what is there, but drives farther from the
+    recording than need be.
     """
-    own = np.tile(fit.mean, (windows.drivers, 1))
+    own = fit.own if known else np.tile(fit.mean, (windows.drivers, 1))
     alike = np.diag(np.full(len(fit.residual), np.diag(fit.residual).mean()))
     fit = replace(fit, own=own, residual=alike, weight=np.ones(len(windows.seen)))
-    for _ in range(rounds):
+    for _ in range(3 if known else 6):
         fit = improve(windows, fit, hyper=False, new_mean=False)
     return fit

@@ -8,7 +8,7 @@ import numpy as np
 import numpy.typing as npt
 
 from idm_sumo.diagnosis import windows as w
-from idm_sumo.diagnosis.fit import Fit
+from idm_sumo.diagnosis.fit import Fit, for_rollouts
 from idm_sumo.diagnosis.result import Gain
 from idm_sumo.diagnosis.rollout import drive
 
@@ -45,6 +45,11 @@ def errors(windows: w.Windows, fit: Fit) -> Errors:
         by_driver(np.abs(seen[:, 1:, w.V] - v[:, 1:]).mean(1)), by_driver((gap <= 0.0).any(1).astype(np.float64)),
         off[:, w.EVERY :: w.EVERY],
     )  # fmt: skip
+
+
+def driven(windows: w.Windows, fit: Fit, *, known: bool = False) -> Errors:
+    """Return the errors of a model with drivers fitted to their positions alike; ``known`` if they are those of the fit."""
+    return errors(windows, for_rollouts(windows, fit, known=known))
 
 
 def compare(

@@ -9,13 +9,12 @@ import numpy.typing as npt
 
 from idm_sumo.diagnosis import evidence as ev
 from idm_sumo.diagnosis import hypotheses as hy
-from idm_sumo.diagnosis.fit import Fit, for_rollouts
+from idm_sumo.diagnosis.fit import Fit
 from idm_sumo.diagnosis.free_fields import CHANGES, DOUBTFUL, HELD
-from idm_sumo.diagnosis.gain import compare, errors
 from idm_sumo.diagnosis.hypotheses import Candidate
 from idm_sumo.diagnosis.left_over import LeftOver, told
 from idm_sumo.diagnosis.result import Gain
-from idm_sumo.diagnosis.sizes import TWINS, Tried, anew, climbed, magnitude_of, refined
+from idm_sumo.diagnosis.sizes import TWINS, Tried, anew, climbed, gain_of, magnitude_of, refined
 from idm_sumo.progress import Progress
 
 Floats = npt.NDArray[np.float64]
@@ -126,30 +125,39 @@ def _next(
         open_ = [c for c in open_ if c.z**2 > needed]
     while open_:
         close = [c for c in open_ if c.z**2 > CLOSE * open_[0].z ** 2][:TRIED]
-        best, rivals = _strongest(subject, fit, [form for c in close for form in hy.forms(evidence, c)])
+        best, rivals = _strongest(subject, fit, [form for c in close for form in hy.forms(evidence, c)], rng)
         model = anew(subject, best.fit)
-        driven = subject.windows
-        before, after = (errors(driven, for_rollouts(driven, one)).ade_m for one in (fit, model))
-        gain = compare("ade_m", before, after, driven.platoon, rng, held_out=False)
-        if best.candidate.large_enough and _worth_it(gain, best.candidate):
+        gain = gain_of(subject, fit, model, rng)
+        if best.candidate.large_enough and _worth_it(gain, best.candidate, further=bool(accepted)):
             return best.candidate, model, gain.difference, rivals
         without.append(best.candidate)
         open_ = [c for c in open_ if c.name != best.candidate.name]
     return None
 
 
-def _worth_it(gain: Gain, candidate: Candidate) -> bool:
-    """Return whether rollouts are better for a cause: clearly; at all, if it is surely there; not worse, if beyond doubt."""
+def _worth_it(gain: Gain, candidate: Candidate, *, further: bool) -> bool:
+    """Return whether rollouts are better for a cause: clearly; at all, if it is surely there; not worse, if beyond doubt.
+
+    A further cause must make them clearly better: what the first one's form leaves over is surely there, too.
+    """
     clearly = gain.difference >= LEAST_GAIN * gain.base and gain.ci95[0] > 0.0
-    if clearly or candidate.name in ev.ENDOGENOUS:
+    if clearly or further or candidate.name in ev.ENDOGENOUS:
         return clearly
     z, share = abs(candidate.z), gain.difference / gain.base
     return (z > SURE and share > 0.0) or (z > BEYOND_DOUBT and share > -CHANCE)
 
 
-def _strongest(subject: ev.Subject, fit: Fit, close: list[Candidate]) -> tuple[Tried, tuple[str, ...]]:
-    """Bring each candidate to its size and return the one with most support, and those with nearly as much."""
-    tried = sorted((climbed(subject, fit, c) for c in close), key=lambda t: -t.support)
-    best = tried[0]
-    rivals = {t.candidate.name for t in tried[1:] if t.support > RIVAL * best.support} - {best.candidate.name}
-    return best, tuple(sorted(rivals))
+def _strongest(
+    subject: ev.Subject, fit: Fit, close: list[Candidate], rng: np.random.Generator
+) -> tuple[Tried, tuple[str, ...]]:
+    """Bring each candidate to its size and return the best, and those of other names with nearly as much support.
+
+    The best has most support, unless another drives the vehicles clearly better: where no form is quite right, the likelihood
+    may hold on to how errors vary together more than to where the vehicles are.
+    """
+    best, *others = sorted((climbed(subject, fit, c) for c in close), key=lambda t: -t.support)
+    rivals = {t.candidate.name for t in others if t.support > RIVAL * best.support}
+    for other in others:
+        if other.candidate.name != best.candidate.name and gain_of(subject, best.fit, other.fit, rng).ci95[0] > 0.0:
+            best = other
+    return best, tuple(sorted(rivals - {best.candidate.name}))

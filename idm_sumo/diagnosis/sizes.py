@@ -9,8 +9,9 @@ import numpy as np
 from idm_sumo.diagnosis import evidence as ev
 from idm_sumo.diagnosis import hypotheses as hy
 from idm_sumo.diagnosis.fit import Fit, fit_drivers, improve
-from idm_sumo.diagnosis.gain import errors
+from idm_sumo.diagnosis.gain import compare, driven
 from idm_sumo.diagnosis.hypotheses import Candidate
+from idm_sumo.diagnosis.result import Gain
 from idm_sumo.effects import BY_NAME, Parameter
 
 TWINS = 3
@@ -58,11 +59,9 @@ def climbed(subject: ev.Subject, fit: Fit, candidate: Candidate) -> Tried:
     The score near zero underrates what is not linear (a dead band, a long delay) or what the fitted drivers have absorbed. The
     integral of the score over the magnitude, freed from the twins' at every point, is the log-likelihood that it gains.
     """
-    if candidate.name == "reaction_delay":
-        now = _delayed(subject, fit, candidate)
-    else:
-        now = refitted(subject, with_cause(fit, candidate), rounds=2)
-    slot = magnitude_of(candidate.name).slot
+    is_delay = candidate.name == "reaction_delay"
+    now = _delayed(subject, fit, candidate) if is_delay else refitted(subject, with_cause(fit, candidate), rounds=2)
+    begin, slot = now, magnitude_of(candidate.name).slot
     value, before, score, support = float(now.by_lane[0, slot]), 0.0, candidate.score, 0.0
     error, stride = candidate.error, Stride()
     for _ in range(CLIMBS):
@@ -77,7 +76,13 @@ def climbed(subject: ev.Subject, fit: Fit, candidate: Candidate) -> Tried:
         by_lane = now.by_lane.copy()
         by_lane[:, slot] = value
         now = refitted(subject, replace(now, by_lane=by_lane), rounds=1)
+    if is_delay and _ade(subject, begin) < _ade(subject, now):
+        now, value = begin, float(begin.by_lane[0, slot])  # another form of delay: its score leads away from it
     return Tried(replace(candidate, value=value, error=error), now, support)
+
+
+def _ade(subject: ev.Subject, fit: Fit) -> float:
+    return float(driven(subject.windows, fit, known=True).ade_m.mean())
 
 
 def _delayed(subject: ev.Subject, fit: Fit, candidate: Candidate) -> Fit:
@@ -86,15 +91,16 @@ def _delayed(subject: ev.Subject, fit: Fit, candidate: Candidate) -> Fit:
         fit_drivers(subject.windows, with_cause(fit, candidate, size).by_lane, fit.start_variance, rounds=6)
         for size in DELAYS
     ]
-    return min(models, key=lambda model: float(errors(subject.windows, model).ade_m.mean()))
+    return min(models, key=lambda model: _ade(subject, model))
 
 
 def refined(subject: ev.Subject, fit: Fit, names: list[str], rng: np.random.Generator) -> Fit:
     """Move the magnitudes in the model to where recording and twins agree.
 
     What twins show depends on the model that drives them, and they begin where the recorded vehicles were, which the true
-    effect put there: so twins are made anew until nothing moves.
+    effect put there: so twins are made anew until nothing moves. Sizes that drive the vehicles clearly worse are not taken.
     """
+    begin = fit
     strides = {name: Stride() for name in names}
     for _ in range(ROUNDS_OF_TWINS):
         bias = ev.local_biases(subject, fit, rng, twins=TWINS)
@@ -111,7 +117,14 @@ def refined(subject: ev.Subject, fit: Fit, names: list[str], rng: np.random.Gene
                 break
         if all(stride.settled for stride in strides.values()):
             break
-    return anew(subject, fit)
+    fit = anew(subject, fit)
+    return begin if gain_of(subject, begin, fit, rng).ci95[1] < 0.0 else fit
+
+
+def gain_of(subject: ev.Subject, before: Fit, after: Fit, rng: np.random.Generator) -> Gain:
+    """Return what one model is better by than another on the drivers that fit."""
+    one, two = (driven(subject.windows, fit, known=True).ade_m for fit in (before, after))
+    return compare("ade_m", one, two, subject.windows.platoon, rng, held_out=False)
 
 
 class Stride:

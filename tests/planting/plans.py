@@ -43,6 +43,7 @@ MODELS = ("idm", "fvd", "gipps")
 UNDERLYING = MODELS[:2]  # that are drawn from the seed
 NOISES = ("white", "correlated")
 DENSITIES = ("moderate", "congested")
+BUSIEST = 0.7  # vehicles a second and lane, those on the road at the beginning included
 
 
 @dataclass(frozen=True)
@@ -81,7 +82,7 @@ def plan(
     """Return a plan; ``effect=None`` plants nothing, a tuple of names plants several, by default one is drawn."""
     rng = np.random.default_rng(seed)
     minutes, length = float(given.get("minutes", 7.0)), float(given.get("length", 640.0))  # type: ignore[arg-type]
-    begin, start = rng.uniform(0.15, 0.55) * length, rng.uniform(0.2, 0.5) * minutes * 60
+    begin, start = rng.uniform(0.15, 0.55) * length, rng.uniform(0.2, 0.5)
     drawn = Plan(
         seed=seed,
         underlying=str(rng.choice(UNDERLYING)),
@@ -91,12 +92,18 @@ def plan(
         form=str(rng.choice(["usual", "other"])),
         lanes=int(rng.integers(3, 6)),
         place=(begin, begin + rng.uniform(0.15, 0.3) * length),
-        time=(start, start + rng.uniform(0.25, 0.4) * minutes * 60),
+        time=(start, start + rng.uniform(0.25, 0.4)),  # of the recording
     )
-    drawn = replace(drawn, lane=int(rng.integers(drawn.lanes)))
+    seconds = _seconds(minutes, int(given.get("drivers", drawn.drivers)), int(given.get("lanes", drawn.lanes)))  # type: ignore[call-overload]
+    drawn = replace(drawn, lane=int(rng.integers(drawn.lanes)), time=(drawn.time[0] * seconds, drawn.time[1] * seconds))
     name = str(rng.choice(CATALOGUE[:11])) if effect == "drawn" else effect
     level = size or str(rng.choice(LEVELS))
     names = () if name is None else (name,) if isinstance(name, str) else name
     magnitudes = {one: SIZES[one][LEVELS.index(level)] for one in names}
     chosen = replace(drawn, effects=magnitudes, **given)  # type: ignore[arg-type]
     return replace(chosen, lane=min(chosen.lane, chosen.lanes - 1))
+
+
+def _seconds(minutes: float, drivers: int, lanes: int) -> float:
+    """Return about how long the recording lasts (s), or less: a time beyond its end would plant nothing."""
+    return min(60.0 * minutes, drivers / (BUSIEST * lanes))
