@@ -129,6 +129,9 @@ def test_a_planted_delay_is_larger_than_what_refitting_absorbs():
         return np.abs(ro.positions(windows, fit.theta, fit.by_lane) - windows.target).mean()
 
     assert off(with_delay) < 0.5 * off(plain_fit)
+    # With another model than the driver's, the likelihood is not where the vehicles are nearest.
+    nearest = for_rollouts(windows, plain_fit, known=True)
+    assert off(nearest) < 0.95 * off(plain_fit)
 
 
 def test_drivers_can_be_taken_apart(plain):
