@@ -108,7 +108,10 @@ class Evidence:
 def score(
     subject: Subject, windows: w.Windows, fit: Fit, build: Build = at.build, answer: at.Answer | None = None
 ) -> tuple[list[at.Atom], gls.Scores]:
-    """Return the scores of all atoms, orthogonal to what drivers, trucks as drivers and the population can absorb."""
+    """Return the scores of all atoms, orthogonal to what drivers, trucks as drivers and the population can absorb.
+
+    Not yet to the car-following's own form: that is for :func:`guard`, after the twins.
+    """
     answer = at.answer_of(windows, fit) if answer is None else answer
     line = answer.line
     atoms, columns = build(windows, fit, answer, subject.grid)
@@ -126,25 +129,30 @@ def score(
         windows.drivers,
     )
     whole = whole.without(np.arange(known))
-    return atoms, guarded(atoms, gls.Scores(whole.u[:, known:], whole.gram[known:, known:], whole.part[:, known:]))
+    return atoms, gls.Scores(whole.u[:, known:], whole.gram[known:, known:], whole.part[:, known:])
 
 
-def guarded(atoms: list[at.Atom], plain: gls.Scores) -> gls.Scores:
-    """Project the car-following's own form out of every atom that is not itself an instantaneous law.
-
-    Without it another model underneath (not an IDM) shows as effects of place and time, wherever speeds differ.
-    """
+def _are_instant(atoms: list[at.Atom]) -> npt.NDArray[np.bool_]:
+    """Return which atoms are themselves laws of the moment, or the form of one."""
     names = [atom.name.removeprefix(at.LOCAL) for atom in atoms]
-    instant = np.array([name in at.INSTANT or name.startswith(at.GUARD) for name in names])
+    return np.array([name in at.INSTANT or name.startswith(at.GUARD) for name in names])
+
+
+def guard(atoms: list[at.Atom], gram: Floats) -> Floats:
+    """Return what projects the car-following's own form out of every atom that is not itself an instantaneous law.
+
+    Scores times this matrix are free of it. Without it another model underneath (not an IDM) shows as effects of place and
+    time, wherever speeds differ.
+    """
+    instant = _are_instant(atoms)
     form = np.array(
         [n for n, atom in enumerate(atoms) if atom.name.startswith(at.GUARD) or atom.name in at.INSTANT[:2]]
     )
-    others = plain.without(form)
-    u = np.where(instant, plain.u, others.u)
-    both = np.outer(instant, instant)
-    return gls.Scores(
-        u, np.where(both, plain.gram, np.where(np.outer(~instant, ~instant), others.gram, 0.0)), plain.part
+    out = np.eye(len(atoms))
+    out[np.ix_(form, np.flatnonzero(~instant))] -= (
+        gls.scaled_inverse(gram[np.ix_(form, form)]) @ gram[form][:, ~instant]
     )
+    return out
 
 
 def examine(
@@ -160,11 +168,12 @@ def examine(
     """Score the recording and its null twins at one model; if ``free``, everything that is no effect of the catalogue, too."""
     answer = at.answer_of(subject.windows, fit)
     atoms, found = score(subject, subject.windows, fit, at.build, answer)
+    free_of_form = guard(atoms, found.gram)
     progress(stage, 0, 1)
     heard = Twins([], []) if free else None
-    totals = _twin_totals(subject, fit, rng, atoms, twins, at.build, heard)
+    totals = _twin_totals(subject, fit, rng, atoms, twins, at.build, free_of_form, heard)
     progress(stage, 1, 1)
-    evidence = _corrected(subject, atoms, found, totals)
+    evidence = _corrected(subject, atoms, found, free_of_form, totals)
     if heard is None:
         return evidence
     left = left_over(subject.windows, fit, subject.grid, answer, heard.fitted, heard.drawn, evidence.inflation())
@@ -180,24 +189,27 @@ class Twins(NamedTuple):
 
 def _twin_totals(
     subject: Subject, fit: Fit, rng: np.random.Generator, atoms: list[at.Atom], twins: int, build: Build,
-    heard: Twins | None = None,
+    free_of_form: Floats, heard: Twins | None = None,
 ) -> Floats:  # fmt: skip
     """Return the total scores of null twins, shape ``(twins, atoms)``: of drawn drivers for what differs between drivers.
 
-    What they say of everything free is added to ``heard``.
+    The form of the car-following is taken out of them as out of the recording, by the recording's Gram matrix and as twins of
+    the fitted drivers show it: these share their paths with the recording, drawn ones do not. What they say of everything free
+    is added to ``heard``.
     """
     names = [atom.name.removeprefix(at.LOCAL) for atom in atoms]
-    between = np.array([name.startswith(BETWEEN) for name in names])
     asked = np.array([build is at.build or atom.name.startswith(at.LOCAL) for atom in atoms])
-    totals = np.zeros((twins, len(atoms)))
-    for drawn, rows in ((False, asked & ~between), (True, asked & between)):
-        if rows.any():
-            each = _each_twin(subject, fit, rng.spawn(twins), build, drawn=drawn, listen=heard is not None)
-            totals[:, rows] = np.array([scores for scores, _ in each])[:, rows]
-            if heard is not None:
-                heard[drawn].extend(free for _, free in each if free is not None)
-    totals[:, [n for n, name in enumerate(names) if name in ENDOGENOUS]] = 0.0
-    return totals
+    between = asked & np.array([name.startswith(BETWEEN) for name in names])
+    listen = heard is not None
+    own = {}
+    for drawn in (False, True) if between.any() else (False,):
+        each = _each_twin(subject, fit, rng.spawn(twins), build, drawn=drawn, listen=listen)
+        own[drawn] = np.array([scores for scores, _ in each])
+        if heard is not None:
+            heard[drawn].extend(free for _, free in each if free is not None)
+    of_form = own[False] @ (free_of_form - np.eye(len(atoms)))
+    totals = np.where(between, own[True], own[False]) if between.any() else own[False]
+    return np.asarray(totals * [name not in ENDOGENOUS for name in names] + of_form)
 
 
 def _each_twin(
@@ -218,11 +230,20 @@ def _each_twin(
         return list(pool.map(one, seeds))
 
 
-def _corrected(subject: Subject, atoms: list[at.Atom], found: gls.Scores, totals: Floats) -> Evidence:
-    """Return the evidence of scores from which the twins' mean is taken, a window like the other."""
+def _corrected(
+    subject: Subject, atoms: list[at.Atom], found: gls.Scores, free_of_form: Floats, totals: Floats
+) -> Evidence:
+    """Return the evidence of scores free of the form, from which the twins' mean is taken, a window like the other."""
     share = np.bincount(subject.windows.driver, minlength=len(found.u)) / len(subject.windows.driver)
-    corrected = found.u - share[:, None] * totals.mean(axis=0)
-    return Evidence(atoms, corrected, totals, found.gram, found.part, subject.windows.platoon)
+    corrected = found.u @ free_of_form - share[:, None] * totals.mean(axis=0)
+    gram = _gram(atoms, found.gram, free_of_form)
+    return Evidence(atoms, corrected, totals, gram, found.part, subject.windows.platoon)
+
+
+def _gram(atoms: list[at.Atom], gram: Floats, free_of_form: Floats) -> Floats:
+    """Return the Gram matrix of atoms free of the form; they and those that are laws of the moment are not compared."""
+    instant = _are_instant(atoms)
+    return np.asarray((free_of_form.T @ gram @ free_of_form) * (instant[:, None] == instant))
 
 
 class Local(NamedTuple):
@@ -235,14 +256,16 @@ class Local(NamedTuple):
 def local_scores(subject: Subject, fit: Fit) -> dict[str, Local]:
     """Return how the recording wants each magnitude in the model changed, before any twin is heard."""
     atoms, found = score(subject, subject.windows, fit, at.build_local)
-    return _by_name(atoms, found.u.sum(axis=0), np.diag(found.gram))
+    free_of_form = guard(atoms, found.gram)
+    return _by_name(atoms, (found.u @ free_of_form).sum(axis=0), np.diag(_gram(atoms, found.gram, free_of_form)))
 
 
 def local_biases(subject: Subject, fit: Fit, rng: np.random.Generator, *, twins: int) -> dict[str, Local]:
     """Return the same of twins in which the model as it is drives: the score that noise and smoothing make."""
     atoms, found = score(subject, subject.windows, fit, at.build_local)
-    totals = _twin_totals(subject, fit, rng, atoms, twins, at.build_local)
-    return _by_name(atoms, totals.mean(axis=0), np.diag(found.gram))
+    free_of_form = guard(atoms, found.gram)
+    totals = _twin_totals(subject, fit, rng, atoms, twins, at.build_local, free_of_form)
+    return _by_name(atoms, totals.mean(axis=0), np.diag(_gram(atoms, found.gram, free_of_form)))
 
 
 def _by_name(atoms: list[at.Atom], total: Floats, information: Floats) -> dict[str, Local]:

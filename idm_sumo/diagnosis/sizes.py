@@ -17,8 +17,9 @@ from idm_sumo.effects import BY_NAME, Parameter
 TWINS = 3
 ROUNDS = 12  # of a fit from scratch
 CLIMBS = 5
-REFINEMENTS = 5
+REFINEMENTS = 4
 ROUNDS_OF_TWINS = 3
+STEEPEST = 0.6  # of the information: twins follow the model that drives them only in part
 LONGEST_MOVE, SETTLED = 0.6, 0.02  # of a magnitude, in one step; below, it has settled
 LARGEST_FACTOR = 6.0  # by which steps may grow
 DELAYS = (0.2, 0.45, 0.8)  # s
@@ -98,27 +99,60 @@ def refined(subject: ev.Subject, fit: Fit, names: list[str], rng: np.random.Gene
     """Move the magnitudes in the model to where recording and twins agree.
 
     What twins show depends on the model that drives them, and they begin where the recorded vehicles were, which the true
-    effect put there: so twins are made anew until nothing moves. Sizes that drive the vehicles clearly worse are not taken.
+    effect put there: so twins are made anew until nothing moves, with the same luck in every round, or they would never agree
+    with each other. Sizes that drive the vehicles clearly worse are not taken.
     """
-    begin = fit
-    strides = {name: Stride() for name in names}
+    begin, luck = fit, int(rng.integers(2**63))
+    heard: dict[str, Heard] = {}
     for _ in range(ROUNDS_OF_TWINS):
-        bias = ev.local_biases(subject, fit, rng, twins=TWINS)
-        for _ in range(REFINEMENTS):
-            by_lane, steps = fit.by_lane.copy(), ev.local_scores(subject, fit)
-            for name, stride in strides.items():
-                slot = magnitude_of(name).slot
-                free = steps[name].score - bias[name].score
-                by_lane[:, slot] = stride.moved(
-                    name, float(by_lane[0, slot]), free / max(steps[name].information, 1e-9)
-                )
-            fit = refitted(subject, replace(fit, by_lane=by_lane), rounds=1)
-            if all(stride.settled for stride in strides.values()):
-                break
-        if all(stride.settled for stride in strides.values()):
+        scores = ev.local_biases(subject, fit, np.random.default_rng(luck), twins=TWINS)
+        heard = {name: Heard.at(_value(fit, name), scores[name], heard.get(name)) for name in names}
+        fit, steps = _settle(subject, fit, heard)
+        if steps == 1:
             break
     fit = anew(subject, fit)
     return begin if gain_of(subject, begin, fit, rng).ci95[1] < 0.0 else fit
+
+
+def _settle(subject: ev.Subject, fit: Fit, heard: dict[str, Heard]) -> tuple[Fit, int]:
+    """Step towards where the recording says what twins are expected to say; return the steps it took, too."""
+    strides = {name: Stride() for name in heard}
+    for number in range(1, REFINEMENTS + 1):
+        by_lane, found = fit.by_lane.copy(), ev.local_scores(subject, fit)
+        for name, stride in strides.items():
+            value = _value(fit, name)
+            free = found[name].score - heard[name].expected(value)
+            by_lane[:, magnitude_of(name).slot] = stride.moved(name, value, free / max(found[name].information, 1e-9))
+        fit = refitted(subject, replace(fit, by_lane=by_lane), rounds=1)
+        if all(stride.settled for stride in strides.values()):
+            break
+    return fit, number
+
+
+def _value(fit: Fit, name: str) -> float:
+    return float(fit.by_lane[0, magnitude_of(name).slot])
+
+
+@dataclass(frozen=True)
+class Heard:
+    """The score of twins, and how it changes with the magnitude that drives them."""
+
+    value: float
+    score: float
+    slope: float = 0.0
+
+    @classmethod
+    def at(cls, value: float, local: ev.Local, before: Heard | None) -> Heard:
+        """Return what was heard at a magnitude; with what was heard before at another one, its slope."""
+        moved = 0.0 if before is None else value - before.value
+        if before is None or abs(moved) < SETTLED * abs(value):
+            return cls(value, local.score)
+        most = STEEPEST * local.information
+        return cls(value, local.score, float(np.clip((local.score - before.score) / moved, -most, most)))
+
+    def expected(self, value: float) -> float:
+        """Return the score that twins would have at a magnitude nearby."""
+        return self.score + self.slope * (value - self.value)
 
 
 def gain_of(subject: ev.Subject, before: Fit, after: Fit, rng: np.random.Generator) -> Gain:
