@@ -107,17 +107,17 @@ def refined(subject: ev.Subject, fit: Fit, names: list[str], rng: np.random.Gene
     for _ in range(ROUNDS_OF_TWINS):
         scores = ev.local_biases(subject, fit, np.random.default_rng(luck), twins=TWINS)
         heard = {name: Heard.at(_value(fit, name), scores[name], heard.get(name)) for name in names}
-        fit, steps = _settle(subject, fit, heard)
-        if steps == 1:
+        fit, was_there = _settle(subject, fit, heard)
+        if was_there:
             break
     fit = anew(subject, fit)
     return begin if gain_of(subject, begin, fit, rng).ci95[1] < 0.0 else fit
 
 
-def _settle(subject: ev.Subject, fit: Fit, heard: dict[str, Heard]) -> tuple[Fit, int]:
-    """Step towards where the recording says what twins are expected to say; return the steps it took, too."""
+def _settle(subject: ev.Subject, fit: Fit, heard: dict[str, Heard]) -> tuple[Fit, bool]:
+    """Step towards where the recording says what twins are expected to say; return whether it was there from the start, too."""
     strides = {name: Stride() for name in heard}
-    for number in range(1, REFINEMENTS + 1):
+    for number in range(REFINEMENTS):
         by_lane, found = fit.by_lane.copy(), ev.local_scores(subject, fit)
         for name, stride in strides.items():
             value = _value(fit, name)
@@ -125,8 +125,8 @@ def _settle(subject: ev.Subject, fit: Fit, heard: dict[str, Heard]) -> tuple[Fit
             by_lane[:, magnitude_of(name).slot] = stride.moved(name, value, free / max(found[name].information, 1e-9))
         fit = refitted(subject, replace(fit, by_lane=by_lane), rounds=1)
         if all(stride.settled for stride in strides.values()):
-            break
-    return fit, number
+            return fit, number == 0
+    return fit, False
 
 
 def _value(fit: Fit, name: str) -> float:
