@@ -95,15 +95,15 @@ def _diagnose(recording: Recording, rng: np.random.Generator, progress: Progress
 def _confirmed(found: Found, held: Windows, rng: np.random.Generator) -> tuple[Found, Errors, Errors, tuple[Gain, ...]]:
     """Return what was found, and the errors without and with it of drivers that were never touched.
 
-    Causes that drive them worse are kept as causes without gain: a cause beyond doubt, if they are clearly worse, any other,
-    if they are not better.
+    Causes that do not drive them better, nine to one, are kept as causes without gain; if the first is beyond doubt, only where
+    they drive clearly worse.
     """
     base = driven(held, found.base)
     if found.accepted and len(held.seen):
         extended = driven(held, found.fit)
         gains = all_gains(base, extended, held.platoon, rng)
-        beyond_doubt = all(abs(cause.candidate.z) > BEYOND_DOUBT for cause in found.accepted)
-        if gains[0].difference > 0.0 or (beyond_doubt and gains[0].ci95[1] > 0.0):
+        beyond_doubt = abs(found.accepted[0].candidate.z) > BEYOND_DOUBT
+        if gains[0].is_likely or (beyond_doubt and gains[0].ci95[1] > 0.0):
             return found, base, extended, gains
         there = (*found.without_gain, *(cause.candidate for cause in found.accepted))
         found = replace(found, fit=found.base, accepted=(), without_gain=there)

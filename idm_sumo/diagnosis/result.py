@@ -75,6 +75,9 @@ class Unexplained:
     p_value: float
 
 
+NINE_TO_ONE = 0.65  # of the distance to the end of a 95 % interval: the end of an 80 % one
+
+
 @dataclass(frozen=True)
 class Gain:
     """A measure of the error on held-out drivers, base and extended; ``difference`` is base minus extended."""
@@ -86,6 +89,11 @@ class Gain:
     ci95: Range
     vehicles: int
     held_out: bool = True
+
+    @property
+    def is_likely(self) -> bool:
+        """Whether the odds are nine to one that there is a gain: zero is below an 80 % interval."""
+        return self.difference > NINE_TO_ONE * (self.difference - self.ci95[0])
 
 
 @dataclass(frozen=True)

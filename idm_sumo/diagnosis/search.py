@@ -28,7 +28,6 @@ FURTHER_SHARE = 0.06  # of the first cause's squared z, for a further one: less 
 LEAST_GAIN = 0.004  # of the ADE, on the drivers that fit
 SURE, BEYOND_DOUBT = 4.8, 7.0  # standard errors, from which on any gain will do, and no loss beyond chance
 CHANCE = 0.01  # of the ADE
-NINE_TO_ONE = 0.65  # of the distance to the end of a 95 % interval: the end of an 80 % one
 CLOSE = 0.3  # of the best's squared z: from there on causes are brought to their sizes and compared
 TRIED = 3
 FIRST_TWINS = 5  # whether anything is there at all is looked at more closely than how much
@@ -141,12 +140,12 @@ def _worth_it(gain: Gain, candidate: Candidate, *, further: bool) -> bool:
 
     A further cause must make them better, nine to one, however sure it is: what the first one's form leaves over is there, too.
     """
-    enough, below = gain.difference >= LEAST_GAIN * gain.base, gain.difference - gain.ci95[0]
+    enough = gain.difference >= LEAST_GAIN * gain.base
     clearly = enough and gain.ci95[0] > 0.0
     if clearly or candidate.name in ev.ENDOGENOUS:
         return clearly
     if further:
-        return enough and gain.difference > NINE_TO_ONE * below
+        return enough and gain.is_likely
     z, share = abs(candidate.z), gain.difference / gain.base
     return (z > SURE and share > 0.0) or (z > BEYOND_DOUBT and share > -CHANCE)
 
