@@ -59,6 +59,25 @@ def test_a_rare_effect_is_not_its_own_noise():
     assert evidence.clustered(np.eye(1)) == pytest.approx(alone.clustered(np.eye(1)))
 
 
+def test_the_form_is_taken_out_of_all_but_laws_of_the_moment():
+    names = [
+        "acceleration_asymmetry",
+        "speed_dependent_headway",
+        at.GUARD + "0",
+        "location",
+        at.LOCAL + "reaction_delay",
+    ]
+    atoms = [at.Atom(name) for name in names]
+    root = np.random.default_rng(3).standard_normal((5, 12))
+    gram = root @ root.T
+    free = ev.guard(atoms, gram)
+    form, others = [0, 1, 2], [3, 4]
+    np.testing.assert_allclose((free.T @ gram)[np.ix_(others, form)], 0.0, atol=1e-9)
+    np.testing.assert_array_equal(free[:, form], np.eye(5)[:, form])
+    # Scores that the form alone makes leave nothing.
+    np.testing.assert_allclose((gram[:, 2] @ free)[others], 0.0, atol=1e-9)
+
+
 def test_drawn_drivers_are_of_the_population_and_start_where_they_would():
     windows, _ = followers(ro.PLAIN, np.random.default_rng(4))
     fit = fit_drivers(windows, ro.PLAIN.copy(), START, rounds=6)
