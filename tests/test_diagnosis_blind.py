@@ -14,7 +14,7 @@ from idm_sumo.reading import read_recording
 from idm_sumo.recording import Recording
 from tests import planting
 
-SMALL = {"drivers": 260, "minutes": 4.0, "lanes": 3, "noise": "white", "sigma": 0.2, "underlying": "idm"}
+SMALL = {"drivers": 200, "minutes": 3.0, "lanes": 3, "noise": "white", "sigma": 0.2, "underlying": "idm"}
 
 
 def hidden(folder: Path, seed: int, effect: str | None, size: str = "large", **given: object) -> Recording:
