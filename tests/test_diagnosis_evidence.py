@@ -101,7 +101,8 @@ def test_the_score_vanishes_at_the_planted_size_and_points_to_it_from_below(slot
     half = planted.copy()
     half[:, slot] = 0.5 * size
     steps = [
-        ev.local_scores(subject, fit_drivers(windows, by_lane, START, rounds=8))[name] for by_lane in (half, planted)
+        ev.local_scores(subject, fit_drivers(windows, by_lane, START, rounds=8)).scores[name]
+        for by_lane in (half, planted)
     ]
     below, there = (step.score / step.information for step in steps)
     assert below > 0.15 * size

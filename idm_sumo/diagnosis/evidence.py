@@ -253,19 +253,27 @@ class Local(NamedTuple):
     information: float
 
 
-def local_scores(subject: Subject, fit: Fit) -> dict[str, Local]:
-    """Return how the recording wants each magnitude in the model changed, before any twin is heard."""
+class Here(NamedTuple):
+    """How the recording wants each magnitude in the model changed, before any twin is heard."""
+
+    scores: dict[str, Local]
+    atoms: list[at.Atom]
+    information: Floats
+    free_of_form: Floats
+
+
+def local_scores(subject: Subject, fit: Fit) -> Here:
+    """Return how the recording wants each magnitude in the model changed."""
     atoms, found = score(subject, subject.windows, fit, at.build_local)
     free_of_form = guard(atoms, found.gram)
-    return _by_name(atoms, (found.u @ free_of_form).sum(axis=0), np.diag(_gram(atoms, found.gram, free_of_form)))
+    information = np.diag(_gram(atoms, found.gram, free_of_form))
+    return Here(_by_name(atoms, (found.u @ free_of_form).sum(axis=0), information), atoms, information, free_of_form)
 
 
-def local_biases(subject: Subject, fit: Fit, rng: np.random.Generator, *, twins: int) -> dict[str, Local]:
+def local_biases(subject: Subject, fit: Fit, here: Here, rng: np.random.Generator, *, twins: int) -> dict[str, Local]:
     """Return the same of twins in which the model as it is drives: the score that noise and smoothing make."""
-    atoms, found = score(subject, subject.windows, fit, at.build_local)
-    free_of_form = guard(atoms, found.gram)
-    totals = _twin_totals(subject, fit, rng, atoms, twins, at.build_local, free_of_form)
-    return _by_name(atoms, totals.mean(axis=0), np.diag(_gram(atoms, found.gram, free_of_form)))
+    totals = _twin_totals(subject, fit, rng, here.atoms, twins, at.build_local, here.free_of_form)
+    return _by_name(here.atoms, totals.mean(axis=0), here.information)
 
 
 def _by_name(atoms: list[at.Atom], total: Floats, information: Floats) -> dict[str, Local]:

@@ -61,12 +61,12 @@ def climbed(subject: ev.Subject, fit: Fit, candidate: Candidate) -> Tried:
     integral of the score over the magnitude, freed from the twins' at every point, is the log-likelihood that it gains.
     """
     is_delay = candidate.name == "reaction_delay"
-    now = _delayed(subject, fit, candidate) if is_delay else refitted(subject, with_cause(fit, candidate), rounds=2)
-    begin, slot = now, magnitude_of(candidate.name).slot
+    begin = _delayed(subject, fit, candidate) if is_delay else refitted(subject, with_cause(fit, candidate), rounds=2)
+    now, slot = begin, magnitude_of(candidate.name).slot
     value, before, score, support = float(now.by_lane[0, slot]), 0.0, candidate.score, 0.0
     error, stride = candidate.error, Stride()
     for _ in range(CLIMBS):
-        step = ev.local_scores(subject, now)[candidate.name]
+        step = ev.local_scores(subject, now).scores[candidate.name]
         free = step.score - candidate.bias
         support += (score + free) * (value - before)
         before, score = value, free
@@ -105,20 +105,21 @@ def refined(subject: ev.Subject, fit: Fit, names: list[str], rng: np.random.Gene
     begin, luck = fit, int(rng.integers(2**63))
     heard: dict[str, Heard] = {}
     for _ in range(ROUNDS_OF_TWINS):
-        scores = ev.local_biases(subject, fit, np.random.default_rng(luck), twins=TWINS)
-        heard = {name: Heard.at(_value(fit, name), scores[name], heard.get(name)) for name in names}
-        fit, was_there = _settle(subject, fit, heard)
+        here = ev.local_scores(subject, fit)
+        biases = ev.local_biases(subject, fit, here, np.random.default_rng(luck), twins=TWINS)
+        heard = {name: Heard.at(_value(fit, name), biases[name], heard.get(name)) for name in names}
+        fit, was_there = _settle(subject, fit, here, heard)
         if was_there:
             break
     fit = anew(subject, fit)
     return begin if gain_of(subject, begin, fit, rng).ci95[1] < 0.0 else fit
 
 
-def _settle(subject: ev.Subject, fit: Fit, heard: dict[str, Heard]) -> tuple[Fit, bool]:
+def _settle(subject: ev.Subject, fit: Fit, here: ev.Here, heard: dict[str, Heard]) -> tuple[Fit, bool]:
     """Step towards where the recording says what twins are expected to say; return whether it was there from the start, too."""
     strides = {name: Stride() for name in heard}
     for number in range(REFINEMENTS):
-        by_lane, found = fit.by_lane.copy(), ev.local_scores(subject, fit)
+        by_lane, found = fit.by_lane.copy(), (ev.local_scores(subject, fit) if number else here).scores
         for name, stride in strides.items():
             value = _value(fit, name)
             free = found[name].score - heard[name].expected(value)
