@@ -13,7 +13,7 @@ from idm_sumo.diagnosis import rollout as ro
 from idm_sumo.diagnosis.atoms import Atom
 from idm_sumo.diagnosis.fit import fit_drivers
 from idm_sumo.diagnosis.hypotheses import Candidate
-from idm_sumo.diagnosis.sizes import STEEPEST, Heard, Stride, climbed, magnitude_of, refined
+from idm_sumo.diagnosis.sizes import STEEPEST, Stride, TwinScore, climbed, magnitude_of, refined
 from idm_sumo.diagnosis.twins import Noises
 from idm_sumo.effects import slots
 from tests.test_diagnosis_rollout import QUIET, followers
@@ -66,17 +66,17 @@ def test_a_candidate_far_below_its_size_climbs_towards_it(size):
 
 
 def test_twins_are_expected_on_the_line_through_two_magnitudes():
-    first = Heard.at(0.4, ev.Local(3.0, 100.0), None)
+    first = TwinScore.at(0.4, ev.Local(3.0, 100.0), None)
     assert first.expected(0.7) == 3.0
-    second = Heard.at(0.5, ev.Local(7.0, 100.0), first)
+    second = TwinScore.at(0.5, ev.Local(7.0, 100.0), first)
     assert second.expected(0.55) == pytest.approx(9.0)
     assert second.expected(0.4) == pytest.approx(3.0)
 
 
 def test_a_steep_or_unmoved_line_is_not_believed():
-    first = Heard.at(0.4, ev.Local(3.0, 10.0), None)
-    assert Heard.at(0.5, ev.Local(90.0, 10.0), first).slope == pytest.approx(STEEPEST * 10.0)
-    assert Heard.at(0.4001, ev.Local(90.0, 10.0), first).slope == 0.0
+    first = TwinScore.at(0.4, ev.Local(3.0, 10.0), None)
+    assert TwinScore.at(0.5, ev.Local(90.0, 10.0), first).slope == pytest.approx(STEEPEST * 10.0)
+    assert TwinScore.at(0.4001, ev.Local(90.0, 10.0), first).slope == 0.0
 
 
 def test_a_size_is_refined_to_what_was_planted():

@@ -208,7 +208,7 @@ def _twin_totals(
         if heard is not None:
             heard[drawn].extend(free for _, free in each if free is not None)
     of_form = own[False] @ (free_of_form - np.eye(len(atoms)))
-    totals = np.where(between, own[True], own[False]) if between.any() else own[False]
+    totals = np.where(between, own.get(True, own[False]), own[False])
     return np.asarray(totals * [name not in ENDOGENOUS for name in names] + of_form)
 
 

@@ -61,7 +61,11 @@ def climbed(subject: ev.Subject, fit: Fit, candidate: Candidate) -> Tried:
     integral of the score over the magnitude, freed from the twins' at every point, is the log-likelihood that it gains.
     """
     is_delay = candidate.name == "reaction_delay"
-    begin = _delayed(subject, fit, candidate) if is_delay else refitted(subject, with_cause(fit, candidate), rounds=2)
+    begin, nearest = (
+        _delayed(subject, fit, candidate)
+        if is_delay
+        else (refitted(subject, with_cause(fit, candidate), rounds=2), 0.0)
+    )
     now, slot = begin, magnitude_of(candidate.name).slot
     value, before, score, support = float(now.by_lane[0, slot]), 0.0, candidate.score, 0.0
     error, stride = candidate.error, Stride()
@@ -77,7 +81,7 @@ def climbed(subject: ev.Subject, fit: Fit, candidate: Candidate) -> Tried:
         by_lane = now.by_lane.copy()
         by_lane[:, slot] = value
         now = refitted(subject, replace(now, by_lane=by_lane), rounds=1)
-    if is_delay and _ade(subject, begin) < _ade(subject, now):
+    if is_delay and nearest < _ade(subject, now):
         now, value = begin, float(begin.by_lane[0, slot])  # another form of delay: its score leads away from it
     return Tried(replace(candidate, value=value, error=error), now, support)
 
@@ -86,13 +90,16 @@ def _ade(subject: ev.Subject, fit: Fit) -> float:
     return float(driven(subject.windows, fit, known=True).ade_m.mean())
 
 
-def _delayed(subject: ev.Subject, fit: Fit, candidate: Candidate) -> Fit:
-    """Return the fit with the delay that leaves least, from scratch: drivers fitted without one are far from those with it."""
+def _delayed(subject: ev.Subject, fit: Fit, candidate: Candidate) -> tuple[Fit, float]:
+    """Return the fit with the delay that leaves least, and its error (m).
+
+    It is from scratch: drivers fitted without a delay are far from those with one.
+    """
     models = [
         fit_drivers(subject.windows, with_cause(fit, candidate, size).by_lane, fit.start_variance, rounds=6)
         for size in DELAYS
     ]
-    return min(models, key=lambda model: _ade(subject, model))
+    return min(((model, _ade(subject, model)) for model in models), key=lambda one: one[1])
 
 
 def refined(subject: ev.Subject, fit: Fit, names: list[str], rng: np.random.Generator) -> Fit:
@@ -103,11 +110,11 @@ def refined(subject: ev.Subject, fit: Fit, names: list[str], rng: np.random.Gene
     with each other. Sizes that drive the vehicles clearly worse are not taken.
     """
     begin, luck = fit, int(rng.integers(2**63))
-    heard: dict[str, Heard] = {}
+    heard: dict[str, TwinScore] = {}
     for _ in range(ROUNDS_OF_TWINS):
         here = ev.local_scores(subject, fit)
         biases = ev.local_biases(subject, fit, here, np.random.default_rng(luck), twins=TWINS)
-        heard = {name: Heard.at(_value(fit, name), biases[name], heard.get(name)) for name in names}
+        heard = {name: TwinScore.at(_value(fit, name), biases[name], heard.get(name)) for name in names}
         fit, was_there = _settle(subject, fit, here, heard)
         if was_there:
             break
@@ -115,7 +122,7 @@ def refined(subject: ev.Subject, fit: Fit, names: list[str], rng: np.random.Gene
     return begin if gain_of(subject, begin, fit, rng).ci95[1] < 0.0 else fit
 
 
-def _settle(subject: ev.Subject, fit: Fit, here: ev.Here, heard: dict[str, Heard]) -> tuple[Fit, bool]:
+def _settle(subject: ev.Subject, fit: Fit, here: ev.Here, heard: dict[str, TwinScore]) -> tuple[Fit, bool]:
     """Step towards where the recording says what twins are expected to say; return whether it was there from the start, too."""
     strides = {name: Stride() for name in heard}
     for number in range(REFINEMENTS):
@@ -135,7 +142,7 @@ def _value(fit: Fit, name: str) -> float:
 
 
 @dataclass(frozen=True)
-class Heard:
+class TwinScore:
     """The score of twins, and how it changes with the magnitude that drives them."""
 
     value: float
@@ -143,7 +150,7 @@ class Heard:
     slope: float = 0.0
 
     @classmethod
-    def at(cls, value: float, local: ev.Local, before: Heard | None) -> Heard:
+    def at(cls, value: float, local: ev.Local, before: TwinScore | None) -> TwinScore:
         """Return what was heard at a magnitude; with what was heard before at another one, its slope."""
         moved = 0.0 if before is None else value - before.value
         if before is None or abs(moved) < SETTLED * abs(value):
