@@ -16,7 +16,8 @@ from idm_sumo.diagnosis import rollout as ro
 from idm_sumo.diagnosis import windows as w
 from idm_sumo.diagnosis.bins import numbered, pulses_by_bin
 from idm_sumo.diagnosis.fit import fit_drivers
-from idm_sumo.diagnosis.twins import Noises, drawn_anew, placed_for
+from idm_sumo.diagnosis.luck import Noises, draw
+from idm_sumo.diagnosis.twins import drawn_anew, placed_for
 from idm_sumo.effects import slots
 from tests.test_diagnosis_rollout import QUIET, followers
 
@@ -82,7 +83,9 @@ def test_drawn_drivers_are_of_the_population_and_start_where_they_would():
     windows, _ = followers(ro.PLAIN, np.random.default_rng(4))
     fit = fit_drivers(windows, ro.PLAIN.copy(), START, rounds=6)
     many = replace(fit, own=np.tile(fit.mean, (4000, 1)))
-    drawn = drawn_anew(many, np.random.default_rng(2))
+    drawn = drawn_anew(
+        many, draw(replace(windows, vehicle=np.arange(4000)), Noises(QUIET, QUIET), np.random.default_rng(2))
+    )
     np.testing.assert_allclose(drawn.own.mean(axis=0), fit.mean, atol=0.05)
     np.testing.assert_allclose(np.cov(drawn.own.T)[2, 2], fit.spread[2, 2], rtol=0.1)
     longer = replace(fit, own=fit.own + np.array([0.0, 0.0, 0.2, 0.0, 0.0]))

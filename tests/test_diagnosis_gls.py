@@ -26,7 +26,7 @@ def make_case():
 
 def whole(case):
     covariance, spread, error, own, atoms = case
-    e, j, g = gls.whiten(covariance, error, own, atoms)
+    e, j, g = (gls.whitener(covariance) @ part for part in (error, own, atoms))
     return gls.scores(e, j, np.concatenate([j, g], axis=2), np.linalg.inv(spread), DRIVER, DRIVERS)
 
 

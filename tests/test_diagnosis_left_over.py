@@ -41,9 +41,8 @@ def test_pulses_add_up_to_the_score_and_the_gram_matrix_of_a_field(driven):
     form = [at.linear_fields(windows, answer.state, grid.pivot)[name] for name in at.INSTANT[:2]]
     form += at.form_fields(windows, answer.state, grid.pivot)
     nuisance = at.tamed(answer.response) @ np.stack([at.pulse_means(field) for field in form], axis=2)
-    error, own, atoms = gls.whiten(
-        line.covariance, line.error[:, :, None], line.jacobian, np.concatenate([line.jacobian, at.tamed(nuisance), columns], 2)
-    )  # fmt: skip
+    every = np.concatenate([line.jacobian, at.tamed(nuisance), columns], axis=2)
+    error, own, atoms = (line.whitener @ part for part in (line.error[:, :, None], line.jacobian, every))
     direct = gls.scores(error, own, atoms, np.linalg.inv(fit.spread), windows.driver, windows.drivers)
     known = atoms.shape[2] - 4
     direct = direct.without(np.arange(known))

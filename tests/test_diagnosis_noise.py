@@ -9,7 +9,7 @@ from scipy.signal import savgol_filter
 
 from idm_sumo import columns as c
 from idm_sumo.diagnosis import noise as no
-from idm_sumo.diagnosis.twins import MARGIN, Noises, hidden, measured
+from idm_sumo.diagnosis.luck import MARGIN, Noises, hidden, measured
 from idm_sumo.recording import Recording
 from idm_sumo.smoothing import WINDOW
 

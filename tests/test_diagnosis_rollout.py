@@ -11,8 +11,9 @@ from idm_sumo.diagnosis import atoms as at
 from idm_sumo.diagnosis import rollout as ro
 from idm_sumo.diagnosis import windows as w
 from idm_sumo.diagnosis.fit import fit_drivers, for_rollouts
+from idm_sumo.diagnosis.luck import Noises, draw
 from idm_sumo.diagnosis.noise import DRIVER_MEMORIES, Noise
-from idm_sumo.diagnosis.twins import Noises, make_twin, refit
+from idm_sumo.diagnosis.twins import make_twin, refit
 from idm_sumo.effects import slots
 
 QUIET = Noise(0.0, np.zeros(len(DRIVER_MEMORIES)), DRIVER_MEMORIES)
@@ -111,7 +112,7 @@ def test_the_fit_finds_the_drivers(plain):
 def test_a_twin_of_quiet_drivers_is_fitted_by_the_same_drivers(plain):
     windows, _ = plain
     fit = fit_drivers(windows, ro.PLAIN.copy(), np.array([1e-4, 1e-4]), rounds=8)
-    twin = make_twin(windows, fit, Noises(QUIET, QUIET), np.random.default_rng(0), is_smooth=True)
+    twin = make_twin(windows, fit, draw(windows, Noises(QUIET, QUIET), np.random.default_rng(0)), is_smooth=True)
     np.testing.assert_allclose(twin.target, windows.target, atol=0.5)
     again = refit(twin, fit)
     assert np.abs(again.own - fit.own).max() < 0.1

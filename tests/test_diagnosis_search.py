@@ -11,10 +11,10 @@ from idm_sumo.diagnosis import rollout as ro
 from idm_sumo.diagnosis.atoms import Atom
 from idm_sumo.diagnosis.fit import fit_drivers
 from idm_sumo.diagnosis.hypotheses import Candidate
+from idm_sumo.diagnosis.luck import Noises
 from idm_sumo.diagnosis.result import Gain
 from idm_sumo.diagnosis.search import _strongest, _worth_it
 from idm_sumo.diagnosis.sizes import gain_of
-from idm_sumo.diagnosis.twins import Noises
 from idm_sumo.effects import slots
 from tests.test_diagnosis_rollout import QUIET, followers
 

@@ -13,8 +13,8 @@ from idm_sumo.diagnosis import rollout as ro
 from idm_sumo.diagnosis.atoms import Atom
 from idm_sumo.diagnosis.fit import fit_drivers
 from idm_sumo.diagnosis.hypotheses import Candidate
+from idm_sumo.diagnosis.luck import Noises, draws
 from idm_sumo.diagnosis.sizes import STEEPEST, Stride, TwinScore, climbed, magnitude_of, refined
-from idm_sumo.diagnosis.twins import Noises
 from idm_sumo.effects import slots
 from tests.test_diagnosis_rollout import QUIET, followers
 
@@ -86,7 +86,7 @@ def test_a_size_is_refined_to_what_was_planted():
     subject = ev.Subject(windows, Noises(QUIET, QUIET), at.grid_of(windows), True)
     there = ro.PLAIN.copy()
     there[:, slots.HYSTERESIS] = 0.1
-    fit = refined(
-        subject, fit_drivers(windows, there, np.array([1e-4, 1e-4]), rounds=8), ["hysteresis"], np.random.default_rng(0)
-    )
+    rng = np.random.default_rng(0)
+    begin = fit_drivers(windows, there, np.array([1e-4, 1e-4]), rounds=8)
+    fit = refined(subject, begin, ["hysteresis"], draws(windows, subject.noises, 3, rng), rng)
     assert fit.by_lane[0, slots.HYSTERESIS] == pytest.approx(0.2, rel=0.1)

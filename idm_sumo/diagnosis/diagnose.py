@@ -9,11 +9,12 @@ from dataclasses import replace
 
 import numpy as np
 from numba import get_num_threads, set_num_threads
+from threadpoolctl import threadpool_limits
 
 from idm_sumo.diagnosis import atoms as at
 from idm_sumo.diagnosis import evidence as ev
+from idm_sumo.diagnosis import luck, statements, tables, twins
 from idm_sumo.diagnosis import noise as no
-from idm_sumo.diagnosis import statements, tables, twins
 from idm_sumo.diagnosis.artefact import find_seam, repaired
 from idm_sumo.diagnosis.fit import Fit, first_guess, fit_drivers
 from idm_sumo.diagnosis.gain import Errors, all_gains, driven
@@ -57,7 +58,8 @@ def diagnose(recording: Recording, *, seed: int = 0, jobs: int = 1, progress: Pr
     before = get_num_threads()
     set_num_threads(max(1, min(jobs, before)))
     try:
-        return _diagnose(recording, np.random.default_rng(seed), progress)
+        with threadpool_limits(1, user_api="blas"):  # the threads are ours: many windows, small matrices
+            return _diagnose(recording, np.random.default_rng(seed), progress)
     finally:
         set_num_threads(before)
 
@@ -68,17 +70,17 @@ def _diagnose(recording: Recording, rng: np.random.Generator, progress: Progress
     seam = find_seam(recording)
     recording = recording if seam is None else repaired(recording, seam)
     measurement = no.measurement_noise(recording)
-    windows = cut_windows(recording, window_for(float(twins.measured(measurement, WINDOW, 400, 160, rng)[1].std())))
+    windows = cut_windows(recording, window_for(float(luck.measured(measurement, WINDOW, 400, 160, rng)[1].std())))
     train, held = _split(windows, rng)
     clock.append(("windows", time.perf_counter()))
     if train.drivers < LEAST_DRIVERS or len(train.seen) < LEAST_WINDOWS:
         return _too_little(windows, train, clock)
     progress("fitting drivers", 0, 1)
-    start = twins.measured(measurement, windows.smoothing, 400, 160, rng)
+    start = luck.measured(measurement, windows.smoothing, 400, 160, rng)
     base = fit_drivers(train, PLAIN.copy(), np.array([start[0].var() + 1e-4, start[1].var() + 1e-4]), rounds=ROUNDS)
     clock.append(("fit", time.perf_counter()))
     leader = no.motion_noise(recording, measurement) if recording.has_leader_rows and not recording.is_smooth else None
-    noises = twins.Noises(measurement, measurement, leader)
+    noises = luck.Noises(measurement, measurement, leader)
     noises = replace(noises, driver=twins.driver_noise(train, base, noises, rng, is_smooth=recording.is_smooth))
     subject = ev.Subject(train, noises, at.grid_of(windows), recording.is_smooth)
     found = search(subject, base, rng, progress)

@@ -16,8 +16,9 @@ from idm_sumo.diagnosis import gls
 from idm_sumo.diagnosis import windows as w
 from idm_sumo.diagnosis.fit import Fit
 from idm_sumo.diagnosis.left_over import Heard, LeftOver, hear, left_over
+from idm_sumo.diagnosis.luck import Luck, Noises
 from idm_sumo.diagnosis.rollout import PARAMETERS
-from idm_sumo.diagnosis.twins import Noises, drawn_anew, make_twin, placed_for, refit
+from idm_sumo.diagnosis.twins import drawn_anew, make_twin, placed_for, refit
 from idm_sumo.effects.leader_class import TRUCK
 from idm_sumo.progress import Progress
 
@@ -118,7 +119,7 @@ def score(
     columns = at.tamed(columns)
     truck = (windows.seen[:, -1, w.OWN_KIND] == TRUCK)[:, None, None]
     parts = [line.jacobian * truck, columns] if truck.any() else [columns]
-    error, own, *rest = gls.whiten(line.covariance, line.error[:, :, None], line.jacobian, *parts)
+    error, own, *rest = (line.whitener @ part for part in (line.error[:, :, None], line.jacobian, *parts))
     known = PARAMETERS * (2 if truck.any() else 1)
     whole = gls.scores(
         error,
@@ -158,20 +159,22 @@ def guard(atoms: list[at.Atom], gram: Floats) -> Floats:
 def examine(
     subject: Subject,
     fit: Fit,
-    rng: np.random.Generator,
+    lucks: list[Luck],
     *,
-    twins: int,
     progress: Progress,
     stage: str,
     free: bool = False,
 ) -> Evidence:
-    """Score the recording and its null twins at one model; if ``free``, everything that is no effect of the catalogue, too."""
+    """Score the recording and its null twins, one for each luck, at one model.
+
+    If ``free``, everything that is no effect of the catalogue, too.
+    """
     answer = at.answer_of(subject.windows, fit)
     atoms, found = score(subject, subject.windows, fit, at.build, answer)
     free_of_form = guard(atoms, found.gram)
     progress(stage, 0, 1)
     heard = Twins([], []) if free else None
-    totals = _twin_totals(subject, fit, rng, atoms, twins, at.build, free_of_form, heard)
+    totals = _twin_totals(subject, fit, lucks, atoms, at.build, free_of_form, heard)
     progress(stage, 1, 1)
     evidence = _corrected(subject, atoms, found, free_of_form, totals)
     if heard is None:
@@ -188,7 +191,7 @@ class Twins(NamedTuple):
 
 
 def _twin_totals(
-    subject: Subject, fit: Fit, rng: np.random.Generator, atoms: list[at.Atom], twins: int, build: Build,
+    subject: Subject, fit: Fit, lucks: list[Luck], atoms: list[at.Atom], build: Build,
     free_of_form: Floats, heard: Twins | None = None,
 ) -> Floats:  # fmt: skip
     """Return the total scores of null twins, shape ``(twins, atoms)``: of drawn drivers for what differs between drivers.
@@ -203,7 +206,7 @@ def _twin_totals(
     listen = heard is not None
     own = {}
     for drawn in (False, True) if between.any() else (False,):
-        each = _each_twin(subject, fit, rng.spawn(twins), build, drawn=drawn, listen=listen)
+        each = _each_twin(subject, fit, lucks, build, drawn=drawn, listen=listen)
         own[drawn] = np.array([scores for scores, _ in each])
         if heard is not None:
             heard[drawn].extend(free for _, free in each if free is not None)
@@ -213,21 +216,21 @@ def _twin_totals(
 
 
 def _each_twin(
-    subject: Subject, fit: Fit, seeds: list[np.random.Generator], build: Build, *, drawn: bool, listen: bool
+    subject: Subject, fit: Fit, lucks: list[Luck], build: Build, *, drawn: bool, listen: bool
 ) -> list[tuple[Floats, Heard | None]]:
     """Return the total scores of each twin, with the fitted drivers or with drawn ones, and what is heard of everything free."""
 
-    def one(rng: np.random.Generator) -> tuple[Floats, Heard | None]:
-        drivers = drawn_anew(fit, rng) if drawn else fit
+    def one(luck: Luck) -> tuple[Floats, Heard | None]:
+        drivers = drawn_anew(fit, luck) if drawn else fit
         windows = placed_for(subject.windows, fit, drivers) if drawn else subject.windows
-        twin = make_twin(windows, drivers, subject.noises, rng, is_smooth=subject.is_smooth)
+        twin = make_twin(windows, drivers, luck, is_smooth=subject.is_smooth)
         fitted = refit(twin, drivers)
         answer = at.answer_of(twin, fitted)
         total = np.asarray(score(subject, twin, fitted, build, answer)[1].u.sum(axis=0))
         return total, hear(twin, fitted, subject.grid, answer) if listen else None
 
     with ThreadPoolExecutor(get_num_threads()) as pool:
-        return list(pool.map(one, seeds))
+        return list(pool.map(one, lucks))
 
 
 def _corrected(
@@ -270,9 +273,9 @@ def local_scores(subject: Subject, fit: Fit) -> Here:
     return Here(_by_name(atoms, (found.u @ free_of_form).sum(axis=0), information), atoms, information, free_of_form)
 
 
-def local_biases(subject: Subject, fit: Fit, here: Here, rng: np.random.Generator, *, twins: int) -> dict[str, Local]:
+def local_biases(subject: Subject, fit: Fit, here: Here, lucks: list[Luck]) -> dict[str, Local]:
     """Return the same of twins in which the model as it is drives: the score that noise and smoothing make."""
-    totals = _twin_totals(subject, fit, rng, here.atoms, twins, at.build_local, here.free_of_form)
+    totals = _twin_totals(subject, fit, lucks, here.atoms, at.build_local, here.free_of_form)
     return _by_name(here.atoms, totals.mean(axis=0), here.information)
 
 

@@ -12,13 +12,17 @@ import numpy as np
 import numpy.typing as npt
 
 from idm_sumo.diagnosis import gls
-from idm_sumo.diagnosis.rollout import PARAMETERS, positions
+from idm_sumo.diagnosis.rollout import PARAMETERS, positions, positions_beside
 from idm_sumo.diagnosis.windows import EVERY, Windows
 from idm_sumo.road import FRAME_STEP
 
 Floats = npt.NDArray[np.float64]
 
 STEP = 0.03  # of a log-parameter, for the Jacobian
+NUDGES = np.array([0.2, 0.2])  # m, m/s: of the start, for the same
+# Rollouts side by side: as fitted; a parameter moved; the start moved.
+OWN_STEPS = np.hstack([np.zeros((PARAMETERS, 1)), STEP * np.eye(PARAMETERS), np.zeros((PARAMETERS, len(NUDGES)))])
+START_STEPS = np.hstack([np.zeros((len(NUDGES), 1 + PARAMETERS)), np.diag(NUDGES)])
 LONGEST_STEP = 0.5  # of a log-parameter in one Gauss-Newton step
 TEXTBOOK = np.log([1.2, 1.8, 1.2, 2.2, 28.0])  # a, b, T, d0, v0
 BELIEF = np.array([0.7, 0.7, 0.5, 0.5, 0.15])  # sd of the population's mean around it
@@ -66,32 +70,22 @@ class Linear:
 
     error: Floats  # recorded minus simulated, plus what the drivers' deviation from the mean explains
     jacobian: Floats
-    start: Floats
     covariance: Floats
     simulated: Floats
+    whitener: Floats  # whatever is multiplied by it is white where it had the covariance
 
 
 def linearise(windows: Windows, fit: Fit) -> Linear:
     """Return the linear model of the windows around a fit."""
-    base = positions(windows, fit.theta, fit.by_lane)
-    jacobian = np.empty((*base.shape, PARAMETERS))
-    for p in range(PARAMETERS):
-        moved = fit.own.copy()
-        moved[:, p] += STEP
-        jacobian[:, :, p] = (positions(windows, np.exp(moved), fit.by_lane) - base) / STEP
-    start = np.stack(
-        [
-            (positions(windows, fit.theta, fit.by_lane, dx=0.2) - base) / 0.2,
-            (positions(windows, fit.theta, fit.by_lane, dv=0.2) - base) / 0.2,
-        ],
-        axis=2,
-    )
+    moved = np.exp(np.repeat(fit.own[:, :, None], 1 + PARAMETERS + len(NUDGES), axis=2) + OWN_STEPS)
+    beside = positions_beside(windows, moved, fit.by_lane, START_STEPS)
+    base = np.ascontiguousarray(beside[:, :, 0])
+    jacobian = (beside[:, :, 1 : 1 + PARAMETERS] - base[:, :, None]) / STEP
+    start = (beside[:, :, 1 + PARAMETERS :] - base[:, :, None]) / NUDGES
     deviation = (fit.own - fit.mean)[windows.driver]
-    error = windows.target - base + np.einsum("wkp,wp->wk", jacobian, deviation)
-    covariance = fit.residual / fit.weight[:, None, None] + np.einsum(
-        "wks,s,wls->wkl", start, fit.start_variance, start, optimize=True
-    )
-    return Linear(error, jacobian, start, covariance, base)
+    error = windows.target - base + (jacobian @ deviation[:, :, None])[:, :, 0]
+    covariance = fit.residual / fit.weight[:, None, None] + (start * fit.start_variance) @ start.transpose(0, 2, 1)
+    return Linear(error, jacobian, covariance, base, gls.whitener(covariance))
 
 
 def first_guess(windows: Windows, by_lane: Floats, start_variance: Floats) -> Fit:
@@ -110,7 +104,7 @@ def improve(windows: Windows, fit: Fit, *, hyper: bool = True, new_mean: bool = 
     With ``hyper`` off spreads, covariance and weights stay; with ``new_mean`` off the population's mean, too.
     """
     line = linearise(windows, fit)
-    error, jacobian = gls.whiten(line.covariance, line.error[:, :, None], line.jacobian)
+    error, jacobian = line.whitener @ line.error[:, :, None], line.whitener @ line.jacobian
     turned = jacobian.transpose(0, 2, 1)
     driver, drivers = windows.driver, windows.drivers
     information = gls.by_driver(turned @ jacobian, driver, drivers)
@@ -137,8 +131,7 @@ def _no_worse(windows: Windows, fit: Fit, line: Linear, mean: Floats, proposed: 
     inverse = np.linalg.inv(fit.spread)
 
     def misfit(own: Floats, simulated: Floats) -> Floats:
-        left = (windows.target - simulated)[:, :, None]
-        (white,) = gls.whiten(line.covariance, left)
+        white = line.whitener @ (windows.target - simulated)[:, :, None]
         each = gls.by_driver((white**2).sum(axis=(1, 2)), windows.driver, windows.drivers)
         return np.asarray(each + np.einsum("ip,pq,iq->i", own - mean, inverse, own - mean))
 
@@ -158,7 +151,8 @@ def _residuals(
     """Return the EM step of the pooled covariance and the windows' weights."""
     left = line.error - np.einsum("wkp,wp->wk", line.jacobian, (deviation + shift)[windows.driver])
     pooled = fit.residual / fit.weight[:, None, None]
-    solved = np.linalg.solve(line.covariance, np.concatenate([pooled, left[:, :, None], line.jacobian], axis=2))
+    known = np.concatenate([pooled, left[:, :, None], line.jacobian], axis=2)
+    solved = line.whitener.transpose(0, 2, 1) @ (line.whitener @ known)
     moments = left.shape[1]
     keep, drawn, along = solved[:, :, :moments], solved[:, :, moments], solved[:, :, moments + 1 :]
     noise = np.einsum("wkl,wl->wk", pooled, drawn)

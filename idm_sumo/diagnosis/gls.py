@@ -55,10 +55,9 @@ def scaled_inverse(gram: Floats) -> Floats:
     return np.asarray(np.linalg.pinv(gram / both, rcond=1e-9, hermitian=True) / both)
 
 
-def whiten(covariance: Floats, *parts: Floats) -> list[Floats]:
-    r"""Return :math:`L^{-1} Z` for each window, with :math:`V = LL^\\top`; parts have shape ``(windows, moments, columns)``."""
-    inverse = np.linalg.inv(np.linalg.cholesky(covariance))
-    return [inverse @ part for part in parts]
+def whitener(covariance: Floats) -> Floats:
+    r"""Return :math:`L^{-1}` for each window, with :math:`V = LL^\top`; shape ``(windows, moments, moments)``."""
+    return np.asarray(np.linalg.inv(np.linalg.cholesky(covariance)))
 
 
 def by_driver(values: Floats, driver: Integers, drivers: int) -> Floats:

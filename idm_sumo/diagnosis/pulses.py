@@ -86,13 +86,13 @@ class Pulses:
 def pulses_of(windows: w.Windows, fit: Fit, answer: Answer, pivot: float) -> Pulses:
     """Return the scores of all pulses of the windows at a fit; ``pivot`` (m/s) as in :class:`atoms.Grid`."""
     line, response, state = answer.line, tamed(answer.response), answer.state
-    fields = [linear_fields(windows, state, pivot)[name] for name in INSTANT[:2]]
-    form = np.stack([pulse_means(field) for field in [*fields, *form_fields(windows, state, pivot)]], axis=2)
+    linear = linear_fields(windows, state, pivot)
+    fields = [*(linear[name] for name in INSTANT[:2]), *form_fields(windows, state, pivot)]
+    form = np.stack([pulse_means(field) for field in fields], axis=2)
     truck = (windows.seen[:, -1, w.OWN_KIND] == TRUCK)[:, None, None]
     common = [line.jacobian * truck] if truck.any() else []
-    error, own, moved, *rest = gls.whiten(
-        line.covariance, line.error[:, :, None], line.jacobian, response, *common, tamed(response @ form)
-    )
+    parts = (line.error[:, :, None], line.jacobian, response, *common, tamed(response @ form))
+    error, own, moved, *rest = (line.whitener @ part for part in parts)
     own_t, driver, drivers = own.transpose(0, 2, 1), windows.driver, windows.drivers
     free = np.linalg.inv(gls.by_driver(own_t @ own, driver, drivers) + np.linalg.inv(fit.spread))
 
@@ -105,8 +105,7 @@ def pulses_of(windows: w.Windows, fit: Fit, answer: Answer, pivot: float) -> Pul
     taken = kept @ (bound @ (kept.reshape(flat).T @ error.reshape(-1)))
     moved_t = moved.transpose(0, 2, 1)
     score = (moved_t @ (without_own(error) - taken[:, :, None]))[:, :, 0]
-    parts = (np.ascontiguousarray(moved_t @ other) for other in (moved, own, kept))
-    inner, along, shared = parts
+    inner, along, shared = (np.ascontiguousarray(moved_t @ other) for other in (moved, own, kept))
     return Pulses(windows, state, score, inner, along, free, shared, bound)
 
 

@@ -9,90 +9,114 @@ from numba import njit
 from idm_sumo import idm
 from idm_sumo.diagnosis import windows as w
 from idm_sumo.effects import slots
-from idm_sumo.effects.acceleration import Sight, extended_acceleration
-from idm_sumo.effects.reaction_delay import recall
+from idm_sumo.effects.acceleration import Sight, behaved, moment_of
+from idm_sumo.effects.reaction_delay import between, moment_ago
 from idm_sumo.road import FRAME_STEP
 from idm_sumo.threads import in_threads
 
 Floats = npt.NDArray[np.float64]
+Integers = npt.NDArray[np.int64]
 PARAMETERS = 5  # a, b, T, d0 and the desired speed; d1 stays zero
 NUDGE = 0.1  # m, m/s: of the numerical derivatives by the state; less, and the edge of a dead band looks like a wall
 LITTLE = 1e-3  # of a log-parameter
 BIN = 5  # frames of one pulse, 0.5 s
 
 
-@njit(cache=True, error_model="numpy")
-def _acted_on(past, k, delay):  # type: ignore[no-untyped-def]
-    """Return gap, speed and approach rate that the driver acts on at frame ``k``."""
-    if delay > 0.0:
-        return (
-            recall(past, 0, k, delay, FRAME_STEP), recall(past, 1, k, delay, FRAME_STEP),
-            recall(past, 2, k, delay, FRAME_STEP),
-        )  # fmt: skip
-    return past[k, 0], past[k, 1], past[k, 2]
-
-
-@njit(cache=True, error_model="numpy")
-def _accelerate(seen, k, x, v, past, theta, m):  # type: ignore[no-untyped-def]
-    """Return the acceleration at frame ``k`` in the state ``x, v``; row ``k`` of the past is written."""
-    past[k, 0], past[k, 1], past[k, 2] = seen[k, w.REAR] - x, v, v - seen[k, w.SPEED]
-    gap, speed, approach = _acted_on(past, k, m[slots.DELAY])
-    return _law(seen[k], x, gap, speed, approach, theta, m)
-
-
-@njit(cache=True, error_model="numpy")
-def _law(row, x, gap, speed, approach, theta, m):  # type: ignore[no-untyped-def]
-    """Return the acceleration of a driver at ``x`` who acts on this gap, speed and approach rate."""
+@njit(cache=True, error_model="numpy", forceinline=True)
+def _moment(row, m):  # type: ignore[no-untyped-def]
+    """Return the moment of a frame, seen from where the recorded twin is: that does not matter."""
+    x = row[w.X]
     see = Sight(
         x, row[w.TIME], row[w.ACCELERATION], row[w.KIND], row[w.OWN_KIND], row[w.LANE],
         row[w.SECOND] - x, row[w.SECOND_SPEED], row[w.ADJACENT], x - row[w.BEHIND],
         row[w.JUMP], row[w.SINCE], row[w.UNTIL_CUT_IN], row[w.UNTIL_OWN], row[w.MEAN_SPEED],
     )  # fmt: skip
-    return extended_acceleration(speed, approach, gap, see, theta[0], theta[1], theta[2], theta[3], 0.0, theta[4], m)
+    return moment_of(see, m)
 
 
 @njit(cache=True, error_model="numpy")
-def _remember(seen, past, begin):  # type: ignore[no-untyped-def]
+def _remember(seen, gap, speed, rate, begin):  # type: ignore[no-untyped-def]
     """Fill the past with what the recorded twin did before the start."""
     for k in range(begin):
-        past[k, 0] = seen[k, w.REAR] - seen[k, w.X]
-        past[k, 1] = seen[k, w.V]
-        past[k, 2] = seen[k, w.V] - seen[k, w.SPEED]
+        gap[k] = seen[k, w.REAR] - seen[k, w.X]
+        speed[k] = seen[k, w.V]
+        rate[k] = seen[k, w.V] - seen[k, w.SPEED]
 
 
 @njit(cache=True, nogil=True, error_model="numpy")
-def _drive(first, last, seen, driver, theta, by_lane, start, pushed, begin, x, v):  # type: ignore[no-untyped-def]
-    steps = seen.shape[1] - begin - 1
-    past = np.empty((seen.shape[1], 3))
-    plain = not by_lane.any()
+def _drive(first, last, seen, driver, theta, by_lane, start, pushed, begin, every, x, v):  # type: ignore[no-untyped-def]
+    """Fill ``x`` and ``v``; the last axis of ``theta``, ``start``, ``x`` and ``v`` is of rollouts side by side.
+
+    An array for each quantity, so that the compiler sees loops over rollouts that it can turn into vector instructions.
+    """
+    frames, beside = seen.shape[1], theta.shape[2]
+    gap, speed, rate = np.empty((frames, beside)), np.empty((frames, beside)), np.empty((frames, beside))
+    a, weight, headway, jam, limit = (
+        np.empty(beside), np.empty(beside), np.empty(beside), np.empty(beside), np.empty(beside),
+    )  # fmt: skip
+    here, fast, more = np.empty(beside), np.empty(beside), np.empty(beside)
     for i in range(first, last):
-        _remember(seen[i], past, begin)
-        own = theta[driver[i]]
-        weight, inverse = idm.closing_weight(own[0], own[1]), 1.0 / own[4]
-        x[i, 0] = seen[i, begin, w.X] + start[0]
-        v[i, 0] = max(seen[i, begin, w.V] + start[1], 0.0)
-        for k in range(steps):
-            if plain:  # most rollouts, and several times faster
-                gap, approach = seen[i, begin + k, w.REAR] - x[i, k], v[i, k] - seen[i, begin + k, w.SPEED]
-                a = idm.acceleration_of(v[i, k], approach, gap, own[0], weight, own[2], own[3], 0.0, inverse)
-            else:
-                m = by_lane[int(seen[i, begin + k, w.LANE])]
-                a = _accelerate(seen[i], begin + k, x[i, k], v[i, k], past, own, m)
-            if pushed.shape[0] > 0:
-                a += pushed[i, k]
-            v[i, k + 1] = max(v[i, k] + a * FRAME_STEP, 0.0)
-            x[i, k + 1] = x[i, k] + 0.5 * (v[i, k] + v[i, k + 1]) * FRAME_STEP
+        one, own = seen[i], theta[driver[i]]
+        _remember(one, gap, speed, rate, begin)
+        for n in range(beside):
+            a[n], headway[n], jam[n], limit[n] = own[0, n], own[2, n], own[3, n], own[4, n]
+            weight[n] = idm.closing_weight(own[0, n], own[1, n])
+            here[n], fast[n] = one[begin, w.X] + start[0, n], max(one[begin, w.V] + start[1, n], 0.0)
+            x[i, 0, n], v[i, 0, n] = here[n], fast[n]
+        for now in range(begin, frames - 1):
+            row = one[now]
+            m = by_lane[int(row[w.LANE])]
+            moment = _moment(row, m)
+            rear, ahead, second, behind = row[w.REAR], row[w.SPEED], row[w.SECOND], row[w.BEHIND]
+            push = pushed[i, now - begin] if pushed.shape[0] > 0 else 0.0
+            for n in range(beside):
+                gap[now, n] = rear - here[n]
+                speed[now, n] = fast[n]
+                rate[now, n] = fast[n] - ahead
+            ago, after, share = moment_ago(now, m[slots.DELAY], FRAME_STEP)
+            for n in range(beside):
+                more[n] = behaved(
+                    between(speed[ago, n], speed[after, n], share), between(rate[ago, n], rate[after, n], share),
+                    between(gap[ago, n], gap[after, n], share), here[n], second - here[n], here[n] - behind, moment,
+                    a[n], weight[n], headway[n], jam[n], 0.0, limit[n],
+                )  # fmt: skip
+            for n in range(beside):
+                faster = max(fast[n] + (more[n] + push) * FRAME_STEP, 0.0)
+                here[n] += 0.5 * (fast[n] + faster) * FRAME_STEP
+                fast[n] = faster
+            step = now + 1 - begin
+            if step % every == 0:
+                for n in range(beside):
+                    x[i, step // every, n], v[i, step // every, n] = here[n], fast[n]
+
+
+def side_by_side(
+    seen: Floats, driver: Integers, theta: Floats, by_lane: Floats, start: Floats, pushed: Floats, begin: int, every: int
+) -> tuple[Floats, Floats]:  # fmt: skip
+    """Return positions and speeds of several rollouts of every window, of drivers with other parameters or starts.
+
+    Parameters
+    ----------
+    seen, driver, by_lane, pushed, begin
+        As in :func:`drive`.
+    theta : float64, shape (drivers, 5, rollouts)
+    start : float64, shape (2, rollouts)
+    every : int
+        Frames between those that are returned.
+
+    Returns
+    -------
+    float64, shapes (windows, 1 + horizon // every, rollouts)
+    """
+    shape = (len(seen), 1 + (seen.shape[1] - begin - 1) // every, theta.shape[2])
+    x, v = np.empty(shape), np.empty(shape)
+    in_threads(_drive, len(seen), seen, driver, np.ascontiguousarray(theta), by_lane, start, pushed, begin, every, x, v)
+    return x, v
 
 
 def drive(
-    seen: Floats,
-    driver: npt.NDArray[np.int64],
-    theta: Floats,
-    by_lane: Floats,
-    start: Floats,
-    pushed: Floats,
-    begin: int,
-) -> tuple[Floats, Floats]:
+    seen: Floats, driver: Integers, theta: Floats, by_lane: Floats, start: Floats, pushed: Floats, begin: int, every: int = 1
+) -> tuple[Floats, Floats]:  # fmt: skip
     """Return positions and speeds of all windows, each of shape ``(windows, horizon + 1)``.
 
     Parameters
@@ -108,17 +132,18 @@ def drive(
         Acceleration (m/s²) added to the driver's own.
     begin : int
         The frame at which the simulation starts.
+    every : int
+        Frames between those that are returned.
     """
-    x, v = (np.empty((len(seen), seen.shape[1] - begin)) for _ in range(2))
-    in_threads(_drive, len(seen), seen, driver, theta, by_lane, start, pushed, begin, x, v)
-    return x, v
+    x, v = side_by_side(seen, driver, theta[:, :, None], by_lane, start[:, None], pushed, begin, every)
+    return x[:, :, 0], v[:, :, 0]
 
 
 # What `respond` notes of the base rollout at each step.
 BY_T, BY_V0, BASE_A, BASE_V, BASE_X, BY_GAP, BY_V = range(7)
 
 
-def respond(seen: Floats, driver: npt.NDArray[np.int64], theta: Floats, by_lane: Floats) -> tuple[Floats, Floats]:
+def respond(seen: Floats, driver: Integers, theta: Floats, by_lane: Floats) -> tuple[Floats, Floats]:
     """Return the response of the compared positions to pulses of acceleration, and the base rollout's state.
 
     Returns
@@ -136,39 +161,52 @@ def respond(seen: Floats, driver: npt.NDArray[np.int64], theta: Floats, by_lane:
     return response, state
 
 
+# Seven looks at one moment: as it is; a little farther and nearer; faster and slower; with more headway; with more desired speed.
+FARTHER = NUDGE * np.array([0.0, 1.0, -1.0, 0.0, 0.0, 0.0, 0.0])
+FASTER = NUDGE * np.array([0.0, 0.0, 0.0, 1.0, -1.0, 0.0, 0.0])
+MORE_HEADWAY = 1.0 + LITTLE * np.array([0.0, 0.0, 0.0, 0.0, 0.0, 1.0, 0.0])
+MORE_SPEED = 1.0 + LITTLE * np.array([0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 1.0])
+
+
 @njit(cache=True, nogil=True, error_model="numpy")
 def _respond(first, last, seen, driver, theta, by_lane, response, state):  # type: ignore[no-untyped-def]
     steps, pulses = state.shape[1], response.shape[2]
-    past = np.empty((seen.shape[1], 3))
+    gaps, speeds, rates = np.empty(seen.shape[1]), np.empty(seen.shape[1]), np.empty(seen.shape[1])
+    looked = np.empty(len(FARTHER))
     for i in range(first, last):
-        _remember(seen[i], past, w.LEAD)
-        x, v = seen[i, w.LEAD, w.X], seen[i, w.LEAD, w.V]
-        p = theta[driver[i]].copy()
+        one, own = seen[i], theta[driver[i]]
+        _remember(one, gaps, speeds, rates, w.LEAD)
+        x, v, weight = one[w.LEAD, w.X], one[w.LEAD, w.V], idm.closing_weight(own[0], own[1])
         dx, dv = np.zeros((steps + 1, pulses)), np.zeros((steps + 1, pulses))
         for k in range(steps):
             now = w.LEAD + k
-            m, row = by_lane[int(seen[i, now, w.LANE])], seen[i, now]
-            a = _accelerate(seen[i], now, x, v, past, p, m)
-            gap, speed, rate = _acted_on(past, now, m[slots.DELAY])
-            nearer = _law(row, x + NUDGE, gap - NUDGE, speed, rate, p, m)
-            by_x = (nearer - _law(row, x - NUDGE, gap + NUDGE, speed, rate, p, m)) / (2.0 * NUDGE)
-            faster = _law(row, x, gap, speed + NUDGE, rate + NUDGE, p, m)
-            by_v = (faster - _law(row, x, gap, speed - NUDGE, rate - NUDGE, p, m)) / (2.0 * NUDGE)
-            p[2] *= 1.0 + LITTLE
-            state[i, k, BY_T] = (_law(row, x, gap, speed, rate, p, m) - a) / LITTLE
-            p[2] = theta[driver[i], 2]
-            p[4] *= 1.0 + LITTLE
-            state[i, k, BY_V0] = (_law(row, x, gap, speed, rate, p, m) - a) / LITTLE
-            p[4] = theta[driver[i], 4]
-            ago = k - int(np.rint(m[slots.DELAY] / FRAME_STEP))
+            row = one[now]
+            m = by_lane[int(row[w.LANE])]
+            moment = _moment(row, m)
+            gaps[now], speeds[now], rates[now] = row[w.REAR] - x, v, v - row[w.SPEED]
+            ago, after, share = moment_ago(now, m[slots.DELAY], FRAME_STEP)
+            gap, speed, rate = (
+                between(gaps[ago], gaps[after], share), between(speeds[ago], speeds[after], share),
+                between(rates[ago], rates[after], share),
+            )  # fmt: skip
+            for n in range(len(looked)):
+                at = x + FARTHER[n]
+                looked[n] = behaved(
+                    speed + FASTER[n], rate + FASTER[n], gap - FARTHER[n], at, row[w.SECOND] - at, at - row[w.BEHIND],
+                    moment, own[0], weight, own[2] * MORE_HEADWAY[n], own[3], 0.0, own[4] * MORE_SPEED[n],
+                )  # fmt: skip
+            a = looked[0]
+            by_x, by_v = (looked[1] - looked[2]) / (2.0 * NUDGE), (looked[3] - looked[4]) / (2.0 * NUDGE)
+            state[i, k, BY_T], state[i, k, BY_V0] = (looked[5] - a) / LITTLE, (looked[6] - a) / LITTLE
             state[i, k, BASE_A], state[i, k, BASE_V], state[i, k, BASE_X] = a, v, x
             state[i, k, BY_GAP], state[i, k, BY_V] = -by_x, by_v
+            then = k - int(np.rint(m[slots.DELAY] / FRAME_STEP))
             new = v + a * FRAME_STEP
             moving = 1.0 if new > 0.0 else 0.0
             for j in range(min(k // BIN + 1, pulses)):
                 change = 1.0 if k // BIN == j else 0.0
-                if ago >= 0:
-                    change += by_x * dx[ago, j] + by_v * dv[ago, j]
+                if then >= 0:
+                    change += by_x * dx[then, j] + by_v * dv[then, j]
                 dv[k + 1, j] = (dv[k, j] + change * FRAME_STEP) * moving
                 dx[k + 1, j] = dx[k, j] + 0.5 * (dv[k, j] + dv[k + 1, j]) * FRAME_STEP
             x += 0.5 * (v + max(new, 0.0)) * FRAME_STEP
@@ -182,7 +220,13 @@ NO_PUSH = np.empty((0, 0))
 PLAIN = np.zeros((9, slots.COUNT))
 
 
-def positions(windows: w.Windows, theta: Floats, by_lane: Floats, dx: float = 0.0, dv: float = 0.0) -> Floats:
+def positions(windows: w.Windows, theta: Floats, by_lane: Floats) -> Floats:
     """Return the simulated positions (m) at the compared moments, shape ``(windows, moments)``."""
-    x, _ = drive(windows.seen, windows.driver, theta, by_lane, np.array([dx, dv]), NO_PUSH, w.LEAD)
-    return np.ascontiguousarray(x[:, w.EVERY :: w.EVERY])
+    x, _ = drive(windows.seen, windows.driver, theta, by_lane, np.zeros(2), NO_PUSH, w.LEAD, w.EVERY)
+    return np.ascontiguousarray(x[:, 1:])
+
+
+def positions_beside(windows: w.Windows, theta: Floats, by_lane: Floats, start: Floats) -> Floats:
+    """Return :func:`positions` of several rollouts, shape ``(windows, moments, rollouts)``; see :func:`side_by_side`."""
+    x, _ = side_by_side(windows.seen, windows.driver, theta, by_lane, start, NO_PUSH, w.LEAD, w.EVERY)
+    return x[:, 1:]

@@ -13,8 +13,9 @@ from idm_sumo.diagnosis.fit import Fit
 from idm_sumo.diagnosis.free_fields import CHANGES, DOUBTFUL, HELD
 from idm_sumo.diagnosis.hypotheses import Candidate
 from idm_sumo.diagnosis.left_over import LeftOver, told
+from idm_sumo.diagnosis.luck import Luck, draws
 from idm_sumo.diagnosis.result import Gain
-from idm_sumo.diagnosis.sizes import TWINS, Tried, anew, climbed, gain_of, magnitude_of, refined
+from idm_sumo.diagnosis.sizes import Tried, anew, climbed, gain_of, magnitude_of, refined
 from idm_sumo.progress import Progress
 
 Floats = npt.NDArray[np.float64]
@@ -30,7 +31,7 @@ SURE, BEYOND_DOUBT = 4.8, 7.0  # standard errors, from which on any gain will do
 CHANCE = 0.01  # of the ADE
 CLOSE = 0.3  # of the best's squared z: from there on causes are brought to their sizes and compared
 TRIED = 3
-FIRST_TWINS = 5  # whether anything is there at all is looked at more closely than how much
+FIRST_TWINS, TWINS = 5, 3  # whether anything is there at all is looked at more closely than how much
 RIVAL = 0.85  # of the best cause's support: one with as much cannot be told apart
 # Standard errors from which on something free stands out; what another car-following model looks like, too, needs more.
 FREE_CLEAR, FREE_DOUBTFUL = 5.5, 9.0
@@ -69,8 +70,10 @@ def search(subject: ev.Subject, base: Fit, rng: np.random.Generator, progress: P
     accepted: list[Accepted] = []
     without: list[Candidate] = []
     first = last = ev.examine(
-        subject, fit, rng, twins=FIRST_TWINS, progress=progress, stage="looking for causes", free=True
-    )
+        subject, fit, draws(subject.windows, subject.noises, FIRST_TWINS, rng),
+        progress=progress, stage="looking for causes", free=True,
+    )  # fmt: skip
+    lucks: list[Luck] = []  # other luck for the sizes: that of the first look had a hand in the choice
     strange = _outside(first)
     while not strange and len(accepted) < MOST_CAUSES:
         chosen = _next(subject, fit, last, accepted, without, rng)
@@ -79,8 +82,9 @@ def search(subject: ev.Subject, base: Fit, rng: np.random.Generator, progress: P
         candidate, fit, gained, rivals = chosen
         accepted.append(Accepted(candidate, candidate.value, candidate.error, gained, rivals))
         progress(f"refining {candidate.name}", 0, 1)
-        fit = refined(subject, fit, [cause.candidate.name for cause in accepted], rng)
-        last = ev.examine(subject, fit, rng, twins=TWINS, progress=progress, stage="looking for further causes")
+        lucks = lucks or draws(subject.windows, subject.noises, TWINS, rng)
+        fit = refined(subject, fit, [cause.candidate.name for cause in accepted], lucks, rng)
+        last = ev.examine(subject, fit, lucks, progress=progress, stage="looking for further causes")
         accepted = [_measured(cause, fit, last) for cause in accepted]
     left = strange if strange or accepted else tuple(one for one in first.free if _stands_out(one))
     return Found(base, fit, tuple(accepted), tuple(without), first, last, told(left))

@@ -11,10 +11,10 @@ from idm_sumo.diagnosis import hypotheses as hy
 from idm_sumo.diagnosis.fit import Fit, fit_drivers, improve
 from idm_sumo.diagnosis.gain import compare, driven
 from idm_sumo.diagnosis.hypotheses import Candidate
+from idm_sumo.diagnosis.luck import Luck
 from idm_sumo.diagnosis.result import Gain
 from idm_sumo.effects import BY_NAME, Parameter
 
-TWINS = 3
 ROUNDS = 12  # of a fit from scratch
 CLIMBS = 5
 REFINEMENTS = 4
@@ -102,18 +102,18 @@ def _delayed(subject: ev.Subject, fit: Fit, candidate: Candidate) -> tuple[Fit, 
     return min(((model, _ade(subject, model)) for model in models), key=lambda one: one[1])
 
 
-def refined(subject: ev.Subject, fit: Fit, names: list[str], rng: np.random.Generator) -> Fit:
+def refined(subject: ev.Subject, fit: Fit, names: list[str], lucks: list[Luck], rng: np.random.Generator) -> Fit:
     """Move the magnitudes in the model to where recording and twins agree.
 
     What twins show depends on the model that drives them, and they begin where the recorded vehicles were, which the true
     effect put there: so twins are made anew until nothing moves, with the same luck in every round, or they would never agree
     with each other. Sizes that drive the vehicles clearly worse are not taken.
     """
-    begin, luck = fit, int(rng.integers(2**63))
+    begin = fit
     heard: dict[str, TwinScore] = {}
     for _ in range(ROUNDS_OF_TWINS):
         here = ev.local_scores(subject, fit)
-        biases = ev.local_biases(subject, fit, here, np.random.default_rng(luck), twins=TWINS)
+        biases = ev.local_biases(subject, fit, here, lucks)
         heard = {name: TwinScore.at(_value(fit, name), biases[name], heard.get(name)) for name in names}
         fit, was_there = _settle(subject, fit, here, heard)
         if was_there:

@@ -6,6 +6,8 @@ null twins are smoothed alike, so that what the filter blurs is blurred in them,
 
 from __future__ import annotations
 
+from functools import lru_cache
+
 import numpy as np
 import numpy.typing as npt
 from scipy.signal import savgol_filter
@@ -37,5 +39,11 @@ def smooth_along(recording: Recording, window: int) -> Recording:
 
 def derivatives(position: Floats, window: int) -> tuple[Floats, Floats, Floats]:
     """Return smoothed position, speed and acceleration along the last axis."""
-    one, two, three = (savgol_filter(position, window, ORDER, deriv=d, delta=FRAME_STEP) for d in range(3))
+    one, two, three = (position @ _filter(position.shape[-1], window, which) for which in range(3))
     return one, two, three
+
+
+@lru_cache(maxsize=64)
+def _filter(frames: int, window: int, which: int) -> Floats:
+    """Return the filter, ends included, as a matrix: rows of thousands of windows are filtered faster so than one by one."""
+    return np.ascontiguousarray(savgol_filter(np.eye(frames), window, ORDER, deriv=which, delta=FRAME_STEP, axis=0).T)

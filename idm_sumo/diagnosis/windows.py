@@ -119,6 +119,8 @@ def cut_windows(recording: Recording, smoothing: int = WINDOW) -> Windows:
     rows = first[:, None] + np.arange(-LEAD, horizon + 1)
     moving = table[c.SPEED].to_numpy()[rows].max(axis=1, initial=0.0) > MOVING
     rows = rows[moving]
+    blurred = _blurred(smoothed, ahead, smoothing)
+    blurred = np.where(np.isfinite(blurred), blurred, seen[:, LEADERS])
     keys, driver = np.unique(key[rows[:, LEAD]] if len(rows) else np.empty(0, np.int64), return_inverse=True)
     entry = np.array([np.searchsorted(key, one) for one in keys], dtype=np.int64)
     excluded = {
@@ -127,7 +129,7 @@ def cut_windows(recording: Recording, smoothing: int = WINDOW) -> Windows:
     }
     periods = np.asarray(table[c.PERIOD].astype(str))
     return Windows(
-        seen=seen[rows], blurred=_blurred(smoothed, ahead, smoothing)[rows], driver=driver.astype(np.int64),
+        seen=seen[rows], blurred=blurred[rows], driver=driver.astype(np.int64),
         vehicle=table[c.VEHICLE].to_numpy(np.int64)[entry], period=periods[entry],
         platoon=_platoons(code[entry], table[c.LANE].to_numpy()[entry], table[c.FRAME].to_numpy()[entry]),
         smoothing=smoothing,

@@ -72,37 +72,103 @@ NAN = float("nan")
 BLIND = Sight(*([NAN] * len(Sight._fields)))  # sees nothing but its leader
 
 
-@njit(cache=True, error_model="numpy")
-def headway_factor(see, speed, desired_speed, m):  # type: ignore[no-untyped-def]
-    """Return the product of all factors of the time headway."""
-    return (
+class Moment(NamedTuple):
+    """What the surroundings and the magnitudes make of one moment, whatever the driver's own state.
+
+    Computed once, it serves many drivers of other parameters, places and speeds side by side. Plain numbers throughout, so that
+    a loop over them becomes vector instructions.
+
+    Attributes
+    ----------
+    headway, limit : float
+        Factors of the time headway and of the desired speed.
+    credit : float
+        Added to the gap, m.
+    share, second_speed : float
+        Of the interaction that the second leader has, zero if there is none; its speed (m/s).
+    band, asymmetry, slope, pivot, memory, mean_speed : float
+        Magnitudes, and the running mean speed (m/s).
+    place, begin, end : float
+        m/s², m, m.
+    friction, adjacent_speed, pressure : float
+        1/s, m/s, m/s².
+    """
+
+    headway: float
+    limit: float
+    credit: float
+    share: float
+    second_speed: float
+    band: float
+    asymmetry: float
+    slope: float
+    pivot: float
+    memory: float
+    mean_speed: float
+    place: float
+    begin: float
+    end: float
+    friction: float
+    adjacent_speed: float
+    pressure: float
+
+
+@njit(cache=True, error_model="numpy", forceinline=True)
+def moment_of(see, m):  # type: ignore[no-untyped-def]
+    """Return what does not depend on the driver's own place and speed."""
+    leader_acceleration = see.leader_acceleration if see.leader_acceleration == see.leader_acceleration else 0.0
+    headway = (
         behind_truck(see.leader_class, m[slots.LEADER_CLASS])
-        * at_speed(speed, m[slots.PIVOT_SPEED], m[slots.SPEED_HEADWAY])
-        * in_phase(
-            see.leader_acceleration if see.leader_acceleration == see.leader_acceleration else 0.0, m[slots.HYSTERESIS]
-        )
+        * in_phase(leader_acceleration, m[slots.HYSTERESIS])
         * at_time(see.t, m[slots.PERIOD], m[slots.PERIOD_BEGIN], m[slots.PERIOD_END])
         * of_truck(see.own_class, m[slots.OWN_CLASS])
-        * resigned(
-            see.mean_speed if see.mean_speed == see.mean_speed else desired_speed, desired_speed, m[slots.MEMORY]
-        )
         * before_cut_in(see.until_cut_in, m[slots.COURTESY])
         * before_own_change(see.until_own_change, m[slots.PRE_INSERTION])
     )
+    return Moment(
+        headway,
+        in_lane(see.lane, m[slots.DESIRED_SPEED], m[slots.DESIRED_SPEED_LANE]),
+        gap_credit(see.jump, see.since_change, m[slots.RELAXATION], m[slots.RELAXATION_TIME]),
+        m[slots.SECOND_LEADER] if see.second_gap < 1e6 else 0.0, see.second_speed,
+        m[slots.BAND], m[slots.ASYMMETRY], m[slots.SPEED_HEADWAY], m[slots.PIVOT_SPEED],
+        m[slots.MEMORY] if see.mean_speed == see.mean_speed else 0.0, see.mean_speed,
+        m[slots.PLACE], m[slots.PLACE_BEGIN], m[slots.PLACE_END],
+        m[slots.FRICTION], see.adjacent_speed, m[slots.PRESSURE],
+    )  # fmt: skip
 
 
-@njit(cache=True, error_model="numpy")
-def interaction_of(speed, approach_rate, gap, see, a, b, T, d0, d1, desired_speed, m):  # type: ignore[no-untyped-def]
-    """Return the squared ratio of wanted to kept gap, shared with the second leader where there is one."""
-    weight, inverse = idm.closing_weight(a, b), 1.0 / desired_speed
-    seen = perceived(approach_rate, m[slots.BAND])
-    ratio = idm.desired_gap_of(speed, seen, weight, T, d0, d1, inverse) * (1.0 / max(gap, idm.SMALLEST_GAP))
-    share = m[slots.SECOND_LEADER]
-    if share == 0.0 or not see.second_gap < 1e6:
-        return ratio * ratio
-    wanted = idm.desired_gap_of(speed, speed - see.second_speed, weight, T, d0, d1, inverse)
-    second = wanted / max(0.5 * see.second_gap, idm.SMALLEST_GAP)
-    return shared_interaction(ratio * ratio, second * second, share)
+# Inlined by force: a loop over drivers that calls it is turned into vector instructions only then.
+@njit(cache=True, error_model="numpy", forceinline=True)
+def behaved(speed, approach_rate, gap, x, second_gap, rear_gap, moment, a, weight, T, d0, d1, desired_speed):  # type: ignore[no-untyped-def]
+    """Return the acceleration (m/s²) at one moment; without branches, for many at once.
+
+    Parameters
+    ----------
+    speed, approach_rate, gap : float
+        m/s, m/s, m as the driver acts on them.
+    x, second_gap, rear_gap : float
+        Of :class:`Sight`.
+    moment : Moment
+    a, weight, T, d0, d1, desired_speed : float
+        ``weight`` of :func:`idm_sumo.idm.closing_weight`.
+    """
+    limit = desired_speed * moment.limit
+    inverse = 1.0 / limit
+    factor = at_speed(speed, moment.pivot, moment.slope) * resigned(moment.mean_speed, limit, moment.memory)
+    headway = T * (moment.headway * factor)
+    seen = perceived(approach_rate, moment.band)
+    wanted = idm.desired_gap_of(speed, seen, weight, headway, d0, d1, inverse)
+    ratio = wanted * (1.0 / max(gap + moment.credit, idm.SMALLEST_GAP))
+    wanted = idm.desired_gap_of(speed, speed - moment.second_speed, weight, headway, d0, d1, inverse)
+    second = wanted / max(0.5 * second_gap, idm.SMALLEST_GAP) if moment.share > 0.0 else 0.0
+    interaction = shared_interaction(ratio * ratio, second * second, moment.share)
+    ratio = speed * inverse
+    free = weakened(a * (1.0 - ratio * ratio * ratio * ratio - interaction), moment.asymmetry)
+    free += at_place(x, moment.place, moment.begin, moment.end)
+    free += friction(speed, moment.adjacent_speed, moment.friction)
+    free += pressed(rear_gap, moment.pressure)
+    free = max(free, -idm.EMERGENCY_BRAKING)
+    return free if gap > idm.SMALLEST_GAP else -idm.EMERGENCY_BRAKING
 
 
 @njit(cache=True, error_model="numpy")
@@ -122,16 +188,7 @@ def extended_acceleration(speed, approach_rate, gap, see, a, b, T, d0, d1, desir
     -----
     The bound ``-EMERGENCY_BRAKING`` and the smallest gap are those of the plain IDM.
     """
-    if not gap > idm.SMALLEST_GAP:
-        return -idm.EMERGENCY_BRAKING
-    limit = desired_speed * in_lane(see.lane, m[slots.DESIRED_SPEED], m[slots.DESIRED_SPEED_LANE])
-    credit = gap_credit(see.jump, see.since_change, m[slots.RELAXATION], m[slots.RELAXATION_TIME])
-    headway = T * headway_factor(see, speed, limit, m)
-    interaction = interaction_of(speed, approach_rate, gap + credit, see, a, b, headway, d0, d1, limit, m)
-    ratio = speed * (1.0 / limit)
-    free = a * (1.0 - ratio * ratio * ratio * ratio - interaction)
-    behaved = weakened(free, m[slots.ASYMMETRY])
-    behaved += at_place(see.x, m[slots.PLACE], m[slots.PLACE_BEGIN], m[slots.PLACE_END])
-    behaved += friction(speed, see.adjacent_speed, m[slots.FRICTION]) if m[slots.FRICTION] != 0.0 else 0.0
-    behaved += pressed(see.rear_gap, m[slots.PRESSURE]) if m[slots.PRESSURE] != 0.0 else 0.0
-    return max(behaved, -idm.EMERGENCY_BRAKING)
+    return behaved(
+        speed, approach_rate, gap, see.x, see.second_gap, see.rear_gap, moment_of(see, m),
+        a, idm.closing_weight(a, b), T, d0, d1, desired_speed,
+    )  # fmt: skip

@@ -16,19 +16,32 @@ LONGEST = 1.5  # s, what a past has to hold
 
 
 @njit(cache=True, error_model="numpy")
-def recall(past, column, now, delay, step):  # type: ignore[no-untyped-def]
-    """Return what ``past[:, column]`` held ``delay`` (s) before row ``now``; rows are ``step`` (s) apart.
+def moment_ago(now, delay, step):  # type: ignore[no-untyped-def]
+    """Return the two rows between which a past is read ``delay`` (s) before row ``now``, and the share of the later one.
 
-    Linear between rows. Before row 0 the first row holds; an infinite value (no leader) is not mixed.
+    Rows are ``step`` (s) apart. Before row 0 the first row holds.
     """
     place = now - delay / step
     if place <= 0.0:
-        return past[0, column]
+        return 0, 0, 0.0
     row = int(place)
     share = place - row
     if share < 1e-9:
-        return past[row, column]
-    return past[row, column] * (1.0 - share) + past[row + 1, column] * share
+        return row, row, 0.0
+    return row, row + 1, share
+
+
+@njit(cache=True, error_model="numpy")
+def between(one, other, share):  # type: ignore[no-untyped-def]
+    """Return the value between two rows; an infinite one (no leader) is not mixed with share zero."""
+    return one * (1.0 - share) + other * share if share > 0.0 else one
+
+
+@njit(cache=True, error_model="numpy")
+def recall(past, column, now, delay, step):  # type: ignore[no-untyped-def]
+    """Return what ``past[:, column]`` held ``delay`` (s) before row ``now``, linear between rows."""
+    row, after, share = moment_ago(now, delay, step)
+    return between(past[row, column], past[after, column], share)
 
 
 EFFECT = Effect(

@@ -1,0 +1,130 @@
+"""What chance adds to a null twin: measurement errors, drivers' noise, what smoothing hid of the leaders, who drives.
+
+Drawn once, it serves twins of one model after the other: what differs between them is then the model, not the luck.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from concurrent.futures import ThreadPoolExecutor
+from dataclasses import dataclass
+
+import numpy as np
+import numpy.typing as npt
+from numba import get_num_threads
+
+from idm_sumo.diagnosis.noise import Noise
+from idm_sumo.diagnosis.rollout import PARAMETERS
+from idm_sumo.diagnosis.smoother import LONGEST, derivatives
+from idm_sumo.diagnosis.windows import LEADERS, Windows
+from idm_sumo.road import FRAME_STEP
+
+Floats = npt.NDArray[np.float64]
+Singles = npt.NDArray[np.float32]  # enough for what is added to a path, and half the memory
+
+MARGIN = LONGEST // 2  # frames on each side of what is drawn: the smoother sees less at the ends
+
+
+@dataclass(frozen=True)
+class Noises:
+    """What makes a recording beside the model: measurement errors (m²), drivers' and leaders' own motion (m²/s⁴).
+
+    ``leader`` is None where leaders were not smoothed, so that nothing of theirs is hidden.
+    """
+
+    measurement: Noise
+    driver: Noise
+    leader: Noise | None = None
+
+
+Path = tuple[Floats, Floats, Floats]  # position (m), speed (m/s) and acceleration (m/s²), shapes (rows, frames)
+
+
+def measured(noise: Noise, smoothing: int, rows: int, frames: int, rng: np.random.Generator) -> Path:
+    """Return what measurement errors are smoothed to."""
+    return _inner(derivatives(noise.draw(rows, frames + 2 * MARGIN, rng), smoothing))
+
+
+def _inner(path: Path) -> Path:
+    one, two, three = (part[:, MARGIN:-MARGIN] for part in path)
+    return one, two, three
+
+
+def hidden(noises: Noises, smoothing: int, rows: int, frames: int, rng: np.random.Generator) -> tuple[Path, Path]:
+    """Return what a smoothed leader really did beside what is shown of it, and what is shown of that.
+
+    The first is a motion of the leaders' own spectrum less what the smoother makes of its measurement: on top of a smoothed path
+    it is one of the paths that the recording allows. The second is that, measured anew and smoothed.
+
+    References
+    ----------
+    Durbin and Koopman (2002), A simple and efficient simulation smoother for state space time series analysis.
+    """
+    if noises.leader is None:
+        return (np.zeros((rows, frames)),) * 3, measured(noises.measurement, smoothing, rows, frames, rng)
+    longer = frames + 4 * MARGIN
+    acceleration = noises.leader.draw(rows, longer, rng)
+    speed = np.cumsum(acceleration, axis=1) * FRAME_STEP
+    position = np.cumsum(speed, axis=1) * FRAME_STEP
+    shown = derivatives(position + noises.measurement.draw(rows, longer, rng), smoothing)
+    one, two, three = (true - part for true, part in zip((position, speed, acceleration), shown, strict=True))
+    truth = _inner((one, two, three))
+    again = derivatives(truth[0] + noises.measurement.draw(rows, longer - 2 * MARGIN, rng), smoothing)
+    return _inner(truth), _inner(again)
+
+
+Shift = tuple[Singles, Singles, Singles]  # of position, speed and acceleration
+
+
+@dataclass(frozen=True)
+class Luck:
+    """All that chance adds to the windows of one twin.
+
+    Attributes
+    ----------
+    leaders : tuple of two pairs of Shift
+        Of the first and of the second leader: what it really did beside what is shown of it, and what is shown of that.
+    pushed : float64, shape (windows, frames - 1)
+        Drivers' noise, m/s².
+    error : Shift
+        Smoothed measurement error of the followers.
+    drivers : float64, shape (drivers, 5)
+        Standard normal numbers: who the drivers are if they are drawn anew.
+    """
+
+    leaders: tuple[tuple[Shift, Shift], tuple[Shift, Shift]]
+    pushed: Floats
+    error: Shift
+    drivers: Floats
+
+    def of_leaders(self) -> Iterator[tuple[int, Singles, Singles]]:
+        """Yield each of the columns ``LEADERS``, what it really was beside what is shown, and what is shown of that."""
+        for columns, (truth, shown) in zip((LEADERS[:3], LEADERS[3:]), self.leaders, strict=True):
+            yield from zip(columns, truth, shown, strict=False)
+
+
+def draw(windows: Windows, noises: Noises, rng: np.random.Generator) -> Luck:
+    """Return the luck of one twin."""
+    rows, frames = windows.seen.shape[:2]
+
+    def leader() -> tuple[Shift, Shift]:
+        truth, shown = hidden(noises, windows.smoothing, rows, frames, rng)
+        return _single(truth), _single(shown)
+
+    return Luck(
+        (leader(), leader()),
+        noises.driver.draw(rows, frames - 1, rng),
+        _single(measured(noises.measurement, windows.smoothing, rows, frames, rng)),
+        rng.standard_normal((windows.drivers, PARAMETERS)),
+    )
+
+
+def draws(windows: Windows, noises: Noises, number: int, rng: np.random.Generator) -> list[Luck]:
+    """Return the luck of several twins."""
+    with ThreadPoolExecutor(get_num_threads()) as pool:
+        return list(pool.map(lambda one: draw(windows, noises, one), rng.spawn(number)))
+
+
+def _single(path: Path) -> Shift:
+    one, two, three = (np.asarray(part, dtype=np.float32) for part in path)
+    return one, two, three
