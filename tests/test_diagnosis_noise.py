@@ -9,7 +9,8 @@ from scipy.signal import savgol_filter
 
 from idm_sumo import columns as c
 from idm_sumo.diagnosis import noise as no
-from idm_sumo.diagnosis.luck import MARGIN, Noises, hidden, measured
+from idm_sumo.diagnosis.luck import Noises, hidden, measured
+from idm_sumo.diagnosis.smoother import FARTHEST, local_cubic, posterior_mean
 from idm_sumo.recording import Recording
 from idm_sumo.smoothing import WINDOW
 
@@ -29,7 +30,7 @@ def recording(noise: no.Noise, *, is_smooth: bool = False) -> Recording:
 
 
 def variance_after_smoothing(noise: no.Noise) -> np.ndarray:
-    drawn = measured(noise, WINDOW, 400, 260, np.random.default_rng(1))
+    drawn = measured(noise, local_cubic(WINDOW), 400, 260, np.random.default_rng(1))
     return np.array([part.std() for part in drawn])
 
 
@@ -70,13 +71,13 @@ def test_own_motion_is_told_from_measurement_noise():
     given = recording(ERRORS)
     x = 10.0 * given.table[c.TIME].to_numpy() + (moved(MOTION, 60, 512, rng) + ERRORS.draw(60, 512, rng)).ravel()
     found = no.motion_noise(given.with_table(given.table.assign(**{c.X: x})), ERRORS)
-    for smoothing in (21, 41):
-        assert hidden_position(found, smoothing) == pytest.approx(hidden_position(MOTION, smoothing), rel=0.3)
+    for window in (21, 41):
+        assert hidden_position(found, window) == pytest.approx(hidden_position(MOTION, window), rel=0.3)
 
 
-def hidden_position(motion: no.Noise, smoothing: int) -> float:
+def hidden_position(motion: no.Noise, window: int) -> float:
     quiet = no.Noise(0.0, np.zeros(1), np.ones(1))
-    truth, _ = hidden(Noises(quiet, quiet, motion), smoothing, 400, 150, np.random.default_rng(7))
+    truth, _ = hidden(Noises(quiet, quiet, motion), local_cubic(window), 400, 150, np.random.default_rng(7))
     return float(truth[0].std())
 
 
@@ -84,12 +85,30 @@ def test_hidden_motion_is_what_smoothing_hides():
     rng = np.random.default_rng(5)
     path = moved(MOTION, 400, 300, rng)
     off = path - savgol_filter(path + ERRORS.draw(400, 300, rng), 21, 3, axis=1)
-    truth, shown = hidden(Noises(ERRORS, ERRORS, MOTION), 21, 400, 150, rng)
-    assert truth[0].std() == pytest.approx(off[:, MARGIN:-MARGIN].std(), rel=0.05)
+    truth, shown = hidden(Noises(ERRORS, ERRORS, MOTION), local_cubic(21), 400, 150, rng)
+    assert truth[0].std() == pytest.approx(off[:, 10:-10].std(), rel=0.05)
     assert truth[0].shape == shown[0].shape == (400, 150)
 
 
+def test_a_smoothed_leader_with_what_is_hidden_moves_as_leaders_do():
+    rng = np.random.default_rng(8)
+    smoother = posterior_mean(ERRORS, MOTION)
+    path = moved(MOTION, 1500, 300, rng)
+    _, _, shown = smoother.rows(path + ERRORS.draw(1500, 300, rng))
+    truth, _ = hidden(Noises(ERRORS, ERRORS, MOTION), smoother, 1500, 300 - 2 * FARTHEST, rng)
+    whole = shown[:, FARTHEST:-FARTHEST] + truth[2]
+    assert whole.var() == pytest.approx(0.4, rel=0.05)
+    assert shown[:, FARTHEST:-FARTHEST].var() < 0.96 * 0.4
+    lagged = (whole[:, 3:] * whole[:, :-3]).mean()
+    assert lagged == pytest.approx(0.4 * np.exp(-0.3 / 5.0), rel=0.06)
+
+
 def test_of_leaders_that_were_not_smoothed_nothing_is_hidden():
-    truth, shown = hidden(Noises(ERRORS, ERRORS), 21, 50, 100, np.random.default_rng(6))
+    truth, shown = hidden(Noises(ERRORS, ERRORS), local_cubic(21), 50, 100, np.random.default_rng(6))
     assert not truth[0].any()
     assert shown[0].std() > 0.0
+
+
+def test_covariance_is_that_of_what_is_drawn():
+    drawn = ERRORS.draw(40_000, 5, np.random.default_rng(2))
+    np.testing.assert_allclose(np.cov(drawn.T), ERRORS.covariance(5), atol=0.002)

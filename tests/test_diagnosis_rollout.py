@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-from dataclasses import replace
-
 import numpy as np
 import pytest
 
@@ -13,6 +11,7 @@ from idm_sumo.diagnosis import windows as w
 from idm_sumo.diagnosis.fit import fit_drivers, for_rollouts
 from idm_sumo.diagnosis.luck import Noises, draw
 from idm_sumo.diagnosis.noise import DRIVER_MEMORIES, Noise
+from idm_sumo.diagnosis.smoother import local_cubic
 from idm_sumo.diagnosis.twins import make_twin, refit
 from idm_sumo.effects import slots
 
@@ -41,7 +40,7 @@ def followers(by_lane: np.ndarray, rng: np.random.Generator) -> tuple[w.Windows,
     seen[:, :, w.X], seen[:, :, w.V] = x, v
     windows = w.Windows(
         seen, seen[:, :, w.LEADERS], driver, np.arange(1, DRIVERS + 1), np.full(DRIVERS, "p"),
-        np.arange(DRIVERS) // 5, 21, {},
+        np.arange(DRIVERS) // 5, local_cubic(21), local_cubic(21), {},
     )  # fmt: skip
     return windows, theta
 
@@ -141,4 +140,3 @@ def test_drivers_can_be_taken_apart(plain):
     assert part.vehicle.tolist() == [8, 4]
     np.testing.assert_array_equal(part.seen[:EACH], windows.seen[7 * EACH : 8 * EACH])
     assert part.driver.tolist() == [0] * EACH + [1] * EACH
-    assert replace(part, smoothing=21).drivers == 2

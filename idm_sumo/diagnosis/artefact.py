@@ -13,10 +13,10 @@ import numpy.typing as npt
 from scipy.stats import norm
 
 from idm_sumo import columns as c
-from idm_sumo.diagnosis.smoother import LONGEST
 from idm_sumo.recording import Recording
 from idm_sumo.smoothing import ORDER, runs
 
+FRAMES = 41  # of which a step at the middle is told from a cubic
 BIN = 2.0  # m
 CLEAR = 8.0  # standard errors: no chance maximum over all bins
 LEAST = 0.15  # m
@@ -34,7 +34,7 @@ class Seam(NamedTuple):
     p_value: float
 
 
-def step_filter(frames: int = LONGEST) -> Floats:
+def step_filter(frames: int = FRAMES) -> Floats:
     """Return weights whose product with ``frames`` positions is the step at their middle, beside a cubic."""
     t = np.linspace(-1.0, 1.0, frames)
     design = np.column_stack([t**k for k in range(ORDER + 1)] + [np.where(t > 0, 0.5, np.where(t < 0, -0.5, 0.0))])
@@ -46,12 +46,12 @@ def find_seam(recording: Recording) -> Seam | None:
     if recording.is_smooth or not recording.has_leader_rows:
         return None
     x = recording.table[c.X].to_numpy(np.float64)
-    weights, half = step_filter(), LONGEST // 2
+    weights, half = step_filter(), FRAMES // 2
     step = np.convolve(x, weights[::-1], mode="same")
     inside = np.zeros(len(x), dtype=bool)
     number = np.zeros(len(x), dtype=np.int64)
     for run, (start, length) in enumerate(zip(*runs(recording.table), strict=True)):
-        if length >= LONGEST:
+        if length >= FRAMES:
             inside[start + half : start + length - half] = True
         number[start : start + length] = run
     smooth = np.convolve(x, np.ones(5) / 5.0, mode="same")

@@ -22,7 +22,7 @@ from idm_sumo.diagnosis.result import NAMED, NONE, UNKNOWN, Diagnosis, Gain
 from idm_sumo.diagnosis.rollout import PLAIN
 from idm_sumo.diagnosis.search import BEYOND_DOUBT, Found, search
 from idm_sumo.diagnosis.sizes import ROUNDS
-from idm_sumo.diagnosis.smoother import window_for
+from idm_sumo.diagnosis.smoother import Smoother, local_cubic, posterior_mean, window_for
 from idm_sumo.diagnosis.windows import Windows, cut_windows
 from idm_sumo.progress import Progress, silent
 from idm_sumo.recording import Recording
@@ -70,16 +70,18 @@ def _diagnose(recording: Recording, rng: np.random.Generator, progress: Progress
     seam = find_seam(recording)
     recording = recording if seam is None else repaired(recording, seam)
     measurement = no.measurement_noise(recording)
-    windows = cut_windows(recording, window_for(float(luck.measured(measurement, WINDOW, 400, 160, rng)[1].std())))
+    motion = no.motion_noise(recording, measurement)
+    own = _follower_filter(measurement, rng)
+    windows = cut_windows(recording, own, posterior_mean(measurement, motion) if recording.has_leader_rows else own)
     train, held = _split(windows, rng)
     clock.append(("windows", time.perf_counter()))
     if train.drivers < LEAST_DRIVERS or len(train.seen) < LEAST_WINDOWS:
         return _too_little(windows, train, clock)
     progress("fitting drivers", 0, 1)
-    start = luck.measured(measurement, windows.smoothing, 400, 160, rng)
+    start = luck.measured(measurement, own, 400, 160, rng)
     base = fit_drivers(train, PLAIN.copy(), np.array([start[0].var() + 1e-4, start[1].var() + 1e-4]), rounds=ROUNDS)
     clock.append(("fit", time.perf_counter()))
-    leader = no.motion_noise(recording, measurement) if recording.has_leader_rows and not recording.is_smooth else None
+    leader = motion if recording.has_leader_rows and not recording.is_smooth else None
     noises = luck.Noises(measurement, measurement, leader)
     noises = replace(noises, driver=twins.driver_noise(train, base, noises, rng, is_smooth=recording.is_smooth))
     subject = ev.Subject(train, noises, at.grid_of(windows), recording.is_smooth)
@@ -92,6 +94,12 @@ def _diagnose(recording: Recording, rng: np.random.Generator, progress: Progress
         if seam is None
         else replace(told, verdict=NAMED, causes=(statements.seam_cause(seam), *told.causes), unexplained=())
     )
+
+
+def _follower_filter(measurement: no.Noise, rng: np.random.Generator) -> Smoother:
+    """Return the filter of followers: the noisier the measurement, the longer."""
+    _, speed, _ = luck.measured(measurement, local_cubic(WINDOW), 400, 160, rng)
+    return local_cubic(window_for(float(speed.std())))
 
 
 def _confirmed(found: Found, held: Windows, rng: np.random.Generator) -> tuple[Found, Errors, Errors, tuple[Gain, ...]]:

@@ -18,7 +18,7 @@ from idm_sumo.diagnosis.fit import Fit
 from idm_sumo.diagnosis.left_over import Heard, LeftOver, hear, left_over
 from idm_sumo.diagnosis.luck import Luck, Noises
 from idm_sumo.diagnosis.rollout import PARAMETERS
-from idm_sumo.diagnosis.twins import drawn_anew, make_twin, placed_for, refit
+from idm_sumo.diagnosis.twins import drawn_anew, make_twin, refit, start_behind
 from idm_sumo.effects.leader_class import TRUCK
 from idm_sumo.progress import Progress
 
@@ -222,8 +222,8 @@ def _each_twin(
 
     def one(luck: Luck) -> tuple[Floats, Heard | None]:
         drivers = drawn_anew(fit, luck) if drawn else fit
-        windows = placed_for(subject.windows, fit, drivers) if drawn else subject.windows
-        twin = make_twin(windows, drivers, luck, is_smooth=subject.is_smooth)
+        behind = start_behind(subject.windows, fit, drivers) if drawn else 0.0
+        twin = make_twin(subject.windows, drivers, luck, is_smooth=subject.is_smooth, behind=behind)
         fitted = refit(twin, drivers)
         answer = at.answer_of(twin, fitted)
         total = np.asarray(score(subject, twin, fitted, build, answer)[1].u.sum(axis=0))

@@ -15,14 +15,12 @@ from numba import get_num_threads
 
 from idm_sumo.diagnosis.noise import Noise
 from idm_sumo.diagnosis.rollout import PARAMETERS
-from idm_sumo.diagnosis.smoother import LONGEST, derivatives
+from idm_sumo.diagnosis.smoother import Path, Smoother
 from idm_sumo.diagnosis.windows import LEADERS, Windows
 from idm_sumo.road import FRAME_STEP
 
 Floats = npt.NDArray[np.float64]
 Singles = npt.NDArray[np.float32]  # enough for what is added to a path, and half the memory
-
-MARGIN = LONGEST // 2  # frames on each side of what is drawn: the smoother sees less at the ends
 
 
 @dataclass(frozen=True)
@@ -37,40 +35,34 @@ class Noises:
     leader: Noise | None = None
 
 
-Path = tuple[Floats, Floats, Floats]  # position (m), speed (m/s) and acceleration (m/s²), shapes (rows, frames)
-
-
-def measured(noise: Noise, smoothing: int, rows: int, frames: int, rng: np.random.Generator) -> Path:
+def measured(noise: Noise, smoother: Smoother, rows: int, frames: int, rng: np.random.Generator) -> Path:
     """Return what measurement errors are smoothed to."""
-    return _inner(derivatives(noise.draw(rows, frames + 2 * MARGIN, rng), smoothing))
+    return _inner(smoother.rows(noise.draw(rows, frames + 2 * smoother.half, rng)), smoother)
 
 
-def _inner(path: Path) -> Path:
-    one, two, three = (part[:, MARGIN:-MARGIN] for part in path)
+def _inner(path: Path, smoother: Smoother) -> Path:
+    """Return a path without its ends, of which the smoother sees less."""
+    one, two, three = (part[:, smoother.half : part.shape[1] - smoother.half] for part in path)
     return one, two, three
 
 
-def hidden(noises: Noises, smoothing: int, rows: int, frames: int, rng: np.random.Generator) -> tuple[Path, Path]:
+def hidden(noises: Noises, smoother: Smoother, rows: int, frames: int, rng: np.random.Generator) -> tuple[Path, Path]:
     """Return what a smoothed leader really did beside what is shown of it, and what is shown of that.
 
-    The first is a motion of the leaders' own spectrum less what the smoother makes of its measurement: on top of a smoothed path
-    it is one of the paths that the recording allows. The second is that, measured anew and smoothed.
-
-    References
-    ----------
-    Durbin and Koopman (2002), A simple and efficient simulation smoother for state space time series analysis.
+    The first is a motion of the leaders' own spectrum less what the smoother makes of its measurement; the second is that,
+    measured anew and smoothed.
     """
     if noises.leader is None:
-        return (np.zeros((rows, frames)),) * 3, measured(noises.measurement, smoothing, rows, frames, rng)
-    longer = frames + 4 * MARGIN
+        return (np.zeros((rows, frames)),) * 3, measured(noises.measurement, smoother, rows, frames, rng)
+    longer = frames + 4 * smoother.half
     acceleration = noises.leader.draw(rows, longer, rng)
     speed = np.cumsum(acceleration, axis=1) * FRAME_STEP
     position = np.cumsum(speed, axis=1) * FRAME_STEP
-    shown = derivatives(position + noises.measurement.draw(rows, longer, rng), smoothing)
+    shown = smoother.rows(position + noises.measurement.draw(rows, longer, rng))
     one, two, three = (true - part for true, part in zip((position, speed, acceleration), shown, strict=True))
-    truth = _inner((one, two, three))
-    again = derivatives(truth[0] + noises.measurement.draw(rows, longer - 2 * MARGIN, rng), smoothing)
-    return _inner(truth), _inner(again)
+    truth = _inner((one, two, three), smoother)
+    again = smoother.rows(truth[0] + noises.measurement.draw(rows, longer - 2 * smoother.half, rng))
+    return _inner(truth, smoother), _inner(again, smoother)
 
 
 Shift = tuple[Singles, Singles, Singles]  # of position, speed and acceleration
@@ -108,13 +100,13 @@ def draw(windows: Windows, noises: Noises, rng: np.random.Generator) -> Luck:
     rows, frames = windows.seen.shape[:2]
 
     def leader() -> tuple[Shift, Shift]:
-        truth, shown = hidden(noises, windows.smoothing, rows, frames, rng)
+        truth, shown = hidden(noises, windows.leaders, rows, frames, rng)
         return _single(truth), _single(shown)
 
     return Luck(
         (leader(), leader()),
         noises.driver.draw(rows, frames - 1, rng),
-        _single(measured(noises.measurement, windows.smoothing, rows, frames, rng)),
+        _single(measured(noises.measurement, windows.own, rows, frames, rng)),
         rng.standard_normal((windows.drivers, PARAMETERS)),
     )
 

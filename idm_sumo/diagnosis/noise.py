@@ -47,6 +47,14 @@ class Noise:
             total += lfilter([1.0], [1.0, -kept], normal, axis=1)
         return total
 
+    def covariance(self, steps: int) -> Floats:
+        """Return the covariance of ``steps`` frames in a row, shape ``(steps, steps)``."""
+        lag = np.abs(np.subtract.outer(np.arange(steps), np.arange(steps))) * FRAME_STEP
+        parts = zip(self.variance, self.memory, strict=True)
+        return self.white * np.eye(steps) + sum(
+            (one * np.exp(-lag / memory) for one, memory in parts), np.zeros(lag.shape)
+        )
+
     def scaled(self, factor: float) -> Noise:
         """Return noise of ``factor`` times the variance."""
         return Noise(self.white * factor, self.variance * factor, self.memory)

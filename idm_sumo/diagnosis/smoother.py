@@ -1,27 +1,106 @@
-"""Smoothing for the diagnosis: the house's filter with a window that suits the noise.
+r"""Smoothing for the diagnosis: followers by a local cubic, leaders by the mean of what they may have done.
 
-Speeds of leaders are what drivers answer to, and noise in them looks like anticipation. The window grows with the noise; the
-null twins are smoothed alike, so that what the filter blurs is blurred in them, too.
+What a follower did is compared with a simulation, so its smoothing must leave it nearly as it was. What its leader did is what it
+answers to: there the errors must not look like motion, and what is hidden must be known. With a position
+:math:`x = \beta_0 + \beta_1 t + \iint a` of accelerations :math:`a` with the vehicles' spectrum and measurement errors :math:`e`
+with theirs, the mean of :math:`x`, its speed and its acceleration given :math:`y = x + e` is linear in :math:`y`, and what is left
+is independent of :math:`y`. So a path drawn from the two spectra, less what the filter makes of its measurement, on top of a
+smoothed path is one of the paths that the recording allows.
+
+References
+----------
+Durbin and Koopman (2002), A simple and efficient simulation smoother for state space time series analysis.
+Carroll, Ruppert, Stefanski and Crainiceanu (2006), Measurement Error in Nonlinear Models, chapter 4: such a mean as a
+covariate does not weaken what is estimated from it.
 """
 
 from __future__ import annotations
 
-from functools import lru_cache
+from collections.abc import Callable
+from dataclasses import dataclass, field
 
 import numpy as np
 import numpy.typing as npt
+from scipy.ndimage import correlate1d
 from scipy.signal import savgol_filter
 
 from idm_sumo import columns as c
+from idm_sumo.diagnosis.noise import Noise
 from idm_sumo.recording import Recording
 from idm_sumo.road import FRAME_STEP
-from idm_sumo.smoothing import ORDER, WINDOW, filter_runs, runs
+from idm_sumo.smoothing import ORDER, WINDOW, runs
 
-LONGEST = 41  # frames
+FARTHEST = 40  # frames to each side that a posterior mean looks at
+LONGEST = 41  # frames of a local cubic
 QUIET = 0.06  # m/s: speed noise behind the shortest window that needs no longer one
 GROWTH = 0.4  # power of the noise with which the window grows
 
 Floats = npt.NDArray[np.float64]
+Integers = npt.NDArray[np.int64]
+Path = tuple[Floats, Floats, Floats]  # position (m), speed (m/s) and acceleration (m/s²)
+
+
+@dataclass(frozen=True)
+class Smoother:
+    """A linear filter of positions.
+
+    Attributes
+    ----------
+    half : int
+        Frames to each side that it looks at.
+    made : callable
+        From a number of frames to the matrices that make position, speed and acceleration of that many measured positions.
+    """
+
+    half: int
+    made: Callable[[int], Path]
+    _known: dict[int, Path] = field(default_factory=dict, compare=False, repr=False)
+
+    def rows(self, position: Floats) -> Path:
+        """Return smoothed position, speed and acceleration along the last axis."""
+        one, two, three = (position @ part.T for part in self._matrices(position.shape[-1]))
+        return one, two, three
+
+    def along(self, position: Floats, starts: Integers, lengths: Integers) -> Path:
+        """Return the same of runs one after the other, each of shape ``(rows,)``.
+
+        All rows are filtered at once, as if they were one run, which is right except near the ends; these are redone.
+        """
+        whole = 2 * self.half + 1
+        middle = [part[self.half] for part in self._matrices(whole)]
+        first, second, third = (correlate1d(position, kernel, mode="nearest") for kernel in middle)
+        out = (first, second, third)
+        long = lengths >= whole
+        self._fill(out, position, starts[long], whole, slice(None, self.half))
+        self._fill(out, position, starts[long] + lengths[long] - whole, whole, slice(self.half + 1, None))
+        for length in np.unique(lengths[~long]):
+            self._fill(out, position, starts[lengths == length], int(length), slice(None))
+        return out
+
+    def _fill(self, out: Path, position: Floats, starts: Integers, length: int, part: slice) -> None:
+        """Filter equally long stretches together and put the chosen part of each in place."""
+        rows = starts[:, None] + np.arange(length)
+        for values, filtered in zip(out, self.rows(position[rows]), strict=True):
+            values[rows[:, part]] = filtered[:, part]
+
+    def _matrices(self, frames: int) -> Path:
+        if frames not in self._known:
+            self._known[frames] = self.made(frames)
+        return self._known[frames]
+
+
+def local_cubic(window: int) -> Smoother:
+    """Return the house's filter (Savitzky and Golay) over an odd number of frames."""
+
+    def made(frames: int) -> Path:
+        odd = min(window, frames - 1 + frames % 2)
+        order = min(ORDER, odd - 1)
+        one, two, three = (
+            savgol_filter(np.eye(frames), odd, order, deriv=which, delta=FRAME_STEP, axis=0) for which in range(3)
+        )
+        return one, two, three
+
+    return Smoother(window // 2, made)
 
 
 def window_for(speed_noise: float) -> int:
@@ -30,20 +109,27 @@ def window_for(speed_noise: float) -> int:
     return min(int(wanted) // 2 * 2 + 1, LONGEST)
 
 
-def smooth_along(recording: Recording, window: int) -> Recording:
+def posterior_mean(measurement: Noise, motion: Noise) -> Smoother:
+    """Return the filter for one measurement noise (m²) and one spectrum of the vehicles' accelerations (m²/s⁴)."""
+    return Smoother(FARTHEST, lambda frames: _posterior_mean(measurement, motion, frames))
+
+
+def _posterior_mean(measurement: Noise, motion: Noise, frames: int) -> Path:
+    to_speed = np.tril(np.full((frames, frames), FRAME_STEP))
+    to_position = to_speed @ to_speed
+    with_position = motion.covariance(frames) @ to_position.T
+    inverse = np.linalg.inv(to_position @ with_position + measurement.covariance(frames) + 1e-9 * np.eye(frames))
+    time = np.arange(frames) * FRAME_STEP
+    line = np.stack([np.ones(frames), time], axis=1)[:, : min(frames, 2)]
+    # Where a vehicle began, and how fast, is not known beforehand.
+    begin = np.linalg.solve(line.T @ inverse @ line, line.T @ inverse)
+    acceleration = with_position @ inverse @ (np.eye(frames) - line @ begin)
+    speed = to_speed @ acceleration + (begin[1] if frames > 1 else 0.0)
+    return line @ begin + to_position @ acceleration, speed, acceleration
+
+
+def smooth_along(recording: Recording, smoother: Smoother) -> Recording:
     """Return the recording with positions along the road, speeds and accelerations smoothed; run by run."""
     table = recording.table
-    x, v, a = filter_runs(table[c.X].to_numpy(np.float64), *runs(table), window)
+    x, v, a = smoother.along(table[c.X].to_numpy(np.float64), *runs(table))
     return recording.with_table(table.assign(**{c.X: x, c.SPEED: np.maximum(v, 0.0), c.ACCELERATION: a}))
-
-
-def derivatives(position: Floats, window: int) -> tuple[Floats, Floats, Floats]:
-    """Return smoothed position, speed and acceleration along the last axis."""
-    one, two, three = (position @ _filter(position.shape[-1], window, which) for which in range(3))
-    return one, two, three
-
-
-@lru_cache(maxsize=64)
-def _filter(frames: int, window: int, which: int) -> Floats:
-    """Return the filter, ends included, as a matrix: rows of thousands of windows are filtered faster so than one by one."""
-    return np.ascontiguousarray(savgol_filter(np.eye(frames), window, ORDER, deriv=which, delta=FRAME_STEP, axis=0).T)

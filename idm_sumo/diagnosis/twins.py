@@ -17,20 +17,23 @@ from idm_sumo.diagnosis.fit import LOWER, UPPER, Fit, improve
 from idm_sumo.diagnosis.luck import Luck, Noises, draw
 from idm_sumo.diagnosis.noise import Noise
 from idm_sumo.diagnosis.rollout import drive, positions
-from idm_sumo.diagnosis.smoother import derivatives
 
 Floats = npt.NDArray[np.float64]
 
 
-def make_twin(windows: w.Windows, fit: Fit, luck: Luck, *, is_smooth: bool = False) -> w.Windows:
+def make_twin(
+    windows: w.Windows, fit: Fit, luck: Luck, *, is_smooth: bool = False, behind: Floats | float = 0.0
+) -> w.Windows:
     """Return the windows of a recording in which every follower drives by the model of ``fit``.
 
-    ``is_smooth`` says that the recording was smooth as it came, so that nothing is smoothed.
+    ``is_smooth`` says that the recording was smooth as it came, so that nothing is smoothed; ``behind`` (m) is by how much each
+    window's follower starts behind the recorded one.
     """
     truth, seen = _leaders(windows, luck)
+    truth[:, 0, w.X] -= behind
     x, v = drive(truth, windows.driver, fit.theta, fit.by_lane, np.zeros(2), luck.pushed, 0)
     if not is_smooth:
-        x, v, _ = derivatives(x, windows.smoothing)
+        x, v, _ = windows.own.rows(x)
     seen[:, :, w.X], seen[:, :, w.V] = x + luck.error[0], np.maximum(v + luck.error[1], 0.0)
     return replace(windows, seen=seen)
 
@@ -61,13 +64,11 @@ def drawn_anew(fit: Fit, luck: Luck) -> Fit:
     return replace(fit, own=np.clip(own, LOWER, UPPER))
 
 
-def placed_for(windows: w.Windows, fitted: Fit, drawn: Fit) -> w.Windows:
-    """Return the windows, their starts moved by as much as the drawn drivers keep other gaps than the fitted ones."""
-    seen = windows.seen.copy()
-    speed, gap = seen[:, 0, w.V], seen[:, 0, w.REAR] - seen[:, 0, w.X]
+def start_behind(windows: w.Windows, fitted: Fit, drawn: Fit) -> Floats:
+    """Return by how much (m) drawn drivers start behind where the recorded ones did: as much as they keep larger gaps."""
+    speed, gap = windows.seen[:, 0, w.V], windows.seen[:, 0, w.REAR] - windows.seen[:, 0, w.X]
     more = _steady_gap(drawn.theta[windows.driver], speed) - _steady_gap(fitted.theta[windows.driver], speed)
-    seen[:, 0, w.X] -= np.clip(more, -CLOSER * gap, FARTHER * gap)
-    return replace(windows, seen=seen)
+    return np.asarray(np.clip(more, -CLOSER * gap, FARTHER * gap))
 
 
 def _steady_gap(theta: Floats, speed: Floats) -> Floats:

@@ -9,7 +9,7 @@ import numpy as np
 import numpy.typing as npt
 
 from idm_sumo import columns as c
-from idm_sumo.diagnosis.smoother import smooth_along
+from idm_sumo.diagnosis.smoother import Smoother, smooth_along
 from idm_sumo.diagnosis.traffic_context import (
     Ahead,
     adjacent_speed,
@@ -20,7 +20,7 @@ from idm_sumo.diagnosis.traffic_context import (
 )
 from idm_sumo.recording import Recording
 from idm_sumo.road import CAR_LENGTH, FRAME_STEP
-from idm_sumo.smoothing import WINDOW, same_run
+from idm_sumo.smoothing import same_run
 
 LEAD = 25  # frames before the start: the past that a delay reaches into, and a twin's run-up
 HORIZON = 120  # frames, 12 s
@@ -60,8 +60,8 @@ class Windows:
     vehicle, period : shape (drivers,)
     platoon : int64, shape (drivers,)
         Block of neighbours (same lane, entering one after the other).
-    smoothing : int
-        Frames of the smoothing filter.
+    own, leaders : Smoother
+        Of followers and of leaders.
     excluded : mapping of str to int
         Vehicles without a window, by reason.
     """
@@ -72,7 +72,8 @@ class Windows:
     vehicle: Integers
     period: npt.NDArray[np.str_]
     platoon: Integers
-    smoothing: int
+    own: Smoother
+    leaders: Smoother
     excluded: Mapping[str, int]
 
     @property
@@ -97,17 +98,18 @@ class Windows:
         )  # fmt: skip
 
 
-def cut_windows(recording: Recording, smoothing: int = WINDOW) -> Windows:
-    """Smooth a recording (unless it is smooth), with a filter of ``smoothing`` frames, and cut it into windows.
+def cut_windows(recording: Recording, own: Smoother, leaders: Smoother) -> Windows:
+    """Smooth a recording (unless it is smooth), followers and leaders each by their filter, and cut it into windows.
 
     Notes
     -----
     Windows of a driver do not overlap. The horizon is 12 s, or what the median driver has, not below 5 s; it is empty of windows
     if nobody follows a leader that long.
     """
-    smoothed = recording if recording.is_smooth else smooth_along(recording, smoothing)
+    smoothed = recording if recording.is_smooth else smooth_along(recording, own)
+    shown = smooth_along(recording, leaders) if recording.has_leader_rows and not recording.is_smooth else smoothed
     table = smoothed.table
-    ahead = look_around(smoothed)
+    ahead = look_around(shown)
     gap = ahead.rear - table[c.X].to_numpy(np.float64)
     good = np.isfinite(gap) & (gap > NEAREST)
     starts, lengths = _stretches(good, same_run(table))
@@ -119,7 +121,7 @@ def cut_windows(recording: Recording, smoothing: int = WINDOW) -> Windows:
     rows = first[:, None] + np.arange(-LEAD, horizon + 1)
     moving = table[c.SPEED].to_numpy()[rows].max(axis=1, initial=0.0) > MOVING
     rows = rows[moving]
-    blurred = _blurred(smoothed, ahead, smoothing)
+    blurred = _blurred(shown, ahead, leaders)
     blurred = np.where(np.isfinite(blurred), blurred, seen[:, LEADERS])
     keys, driver = np.unique(key[rows[:, LEAD]] if len(rows) else np.empty(0, np.int64), return_inverse=True)
     entry = np.array([np.searchsorted(key, one) for one in keys], dtype=np.int64)
@@ -132,7 +134,7 @@ def cut_windows(recording: Recording, smoothing: int = WINDOW) -> Windows:
         seen=seen[rows], blurred=blurred[rows], driver=driver.astype(np.int64),
         vehicle=table[c.VEHICLE].to_numpy(np.int64)[entry], period=periods[entry],
         platoon=_platoons(code[entry], table[c.LANE].to_numpy()[entry], table[c.FRAME].to_numpy()[entry]),
-        smoothing=smoothing,
+        own=own, leaders=leaders,
         excluded={reason: number for reason, number in excluded.items() if number},
     )  # fmt: skip
 
@@ -201,12 +203,12 @@ def _clock(recording: Recording) -> Floats:
     return np.asarray((table[c.FRAME] - first).to_numpy() * FRAME_STEP, dtype=np.float64)
 
 
-def _blurred(recording: Recording, ahead: Ahead, smoothing: int) -> Floats:
+def _blurred(shown: Recording, ahead: Ahead, leaders: Smoother) -> Floats:
     """Return what a second smoothing sees of the leaders."""
     once = _of_leaders(ahead)
-    if not recording.has_leader_rows or recording.is_smooth:
+    if not shown.has_leader_rows or shown.is_smooth:
         return once
-    again = look_around(smooth_along(recording, smoothing))
+    again = look_around(smooth_along(shown, leaders))
     return np.where((again.identity == ahead.identity)[:, None], _of_leaders(again), once)
 
 

@@ -1,0 +1,74 @@
+"""Smoothing: lines stay lines, no other filter is nearer to the truth, ends are as good as they can be."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+from scipy.signal import savgol_filter
+
+from idm_sumo.diagnosis.noise import Noise
+from idm_sumo.diagnosis.smoother import LONGEST, Smoother, local_cubic, posterior_mean, window_for
+from idm_sumo.smoothing import WINDOW
+
+MOTION = Noise(0.0, np.array([0.4]), np.array([5.0]))
+ERRORS = Noise(0.04, np.array([0.02]), np.array([0.4]))
+FILTERS = [local_cubic(21), posterior_mean(ERRORS, MOTION)]
+
+
+def measured_paths(rows: int, frames: int, rng: np.random.Generator) -> tuple[tuple[np.ndarray, ...], np.ndarray]:
+    """Return positions, speeds and accelerations of vehicles, and the positions as measured."""
+    acceleration = MOTION.draw(rows, frames, rng)
+    speed = 12.0 + np.cumsum(acceleration, axis=1) * 0.1
+    path = np.cumsum(speed, axis=1) * 0.1
+    return (path, speed, acceleration), path + ERRORS.draw(rows, frames, rng)
+
+
+@pytest.mark.parametrize("smoother", FILTERS)
+@given(st.floats(-50.0, 900.0), st.floats(0.0, 30.0), st.integers(4, 200))
+def test_a_steady_speed_stays_what_it_is(smoother: Smoother, begin: float, speed: float, frames: int):
+    path = begin + speed * 0.1 * np.arange(frames)
+    x, v, a = smoother.rows(path)
+    np.testing.assert_allclose(x, path, atol=1e-5)
+    np.testing.assert_allclose(v, speed, atol=1e-5)
+    np.testing.assert_allclose(a, 0.0, atol=1e-4)
+
+
+@pytest.mark.parametrize("smoother", FILTERS)
+def test_runs_in_a_row_are_smoothed_as_each_alone(smoother: Smoother):
+    rng = np.random.default_rng(1)
+    lengths = np.array([5, 300, 81, 40, 120])
+    starts = np.concatenate([[0], np.cumsum(lengths)[:-1]])
+    position = np.concatenate([measured_paths(1, length, rng)[1][0] for length in lengths])
+    along = smoother.along(position, starts, lengths)
+    for start, length in zip(starts, lengths, strict=True):
+        alone = smoother.rows(position[start : start + length])
+        middle = slice(smoother.half, max(length - smoother.half, 0)) if length > 2 * smoother.half else slice(None)
+        for one, other in zip(along, alone, strict=True):
+            # Longer runs are told from what is near; what is far says next to nothing.
+            np.testing.assert_allclose(one[start : start + length][middle], other[middle], atol=0.05)
+
+
+def test_the_local_cubic_is_the_house_s_filter():
+    path = np.random.default_rng(2).standard_normal((3, 90)).cumsum(axis=1)
+    for which, part in enumerate(local_cubic(21).rows(path)):
+        np.testing.assert_allclose(part, savgol_filter(path, 21, 3, deriv=which, delta=0.1, axis=1), atol=1e-9)
+
+
+def test_no_other_filter_is_nearer_to_what_vehicles_did():
+    truth, measured = measured_paths(800, 200, np.random.default_rng(3))
+    off = {}
+    for name, smoother in [("mean", posterior_mean(ERRORS, MOTION)), *((n, local_cubic(n)) for n in (11, 21, 31, 41))]:
+        found = zip(smoother.rows(measured), truth, strict=True)
+        off[name] = [np.sqrt(((one - true) ** 2).mean()) for one, true in found]
+    best = np.array(off.pop("mean"))
+    assert all((best < 1.01 * np.array(other)).all() for other in off.values())
+
+
+def test_more_noise_asks_for_a_longer_cubic():
+    assert window_for(0.0) == WINDOW
+    windows = [window_for(noise) for noise in (0.05, 0.1, 0.2, 0.5, 5.0)]
+    assert windows == sorted(windows)
+    assert windows[-1] == LONGEST
+    assert all(window % 2 for window in windows)
