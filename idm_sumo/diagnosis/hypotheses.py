@@ -32,6 +32,7 @@ EITHER_SIGN = (
 SCANNED = ("location", "time_of_day")
 WIDEST = 0.6  # of the road or the recording: a wider interval is the rest, with the other sign
 NARROWEST = {"location": 40.0, "time_of_day": 30.0}  # m, s
+RESEMBLING = 0.4  # of the best interval's squared z, from which on one of the other sign may be it as well
 UNDERRATED = 1.6  # times its linear estimate, a magnitude may be
 CONSISTENT = 0.85  # of the strongest secant's z: among these the size that agrees with its own estimate
 
@@ -94,10 +95,16 @@ def local(evidence: Evidence, name: str) -> Candidate | None:
 
 
 def forms(evidence: Evidence, candidate: Candidate) -> list[Candidate]:
-    """Return the candidate in each form between which its score alone does not decide: those with another companion parameter."""
+    """Return the candidate in each form between which its score alone does not decide.
+
+    Those with another companion parameter; and where less is done somewhere, more is done beside it: an interval of each sign.
+    """
+    rows = [n for n, atom in enumerate(evidence.atoms) if atom.name == candidate.name and evidence.gram[n, n] > 1e-6]
+    if candidate.name in SCANNED:
+        other = _scan(evidence, candidate.name, rows, -np.sign(candidate.value))
+        return [candidate] if other is None or other.z**2 < RESEMBLING * candidate.z**2 else [candidate, other]
     if len(candidate.atom.fixed) < 2:
         return [candidate]
-    rows = [n for n, atom in enumerate(evidence.atoms) if atom.name == candidate.name and evidence.gram[n, n] > 1e-6]
     unit = np.eye(len(evidence.atoms))
     return [_candidate(evidence, candidate.name, unit[n], evidence.atoms[n], 40) for n in rows]
 
@@ -143,8 +150,8 @@ def _candidate(evidence: Evidence, name: str, mix: Floats, atom: Atom, looks: in
     )
 
 
-def _scan(evidence: Evidence, name: str, rows: list[int]) -> Candidate | None:
-    """Return the interval of place or time with the largest score over its standard error."""
+def _scan(evidence: Evidence, name: str, rows: list[int], sign: float = 0.0) -> Candidate | None:
+    """Return the interval of place or time with the largest score over its standard error; of one sign if that is not zero."""
     total = np.concatenate([[0.0], np.cumsum(evidence.total()[rows])])
     gram = np.zeros((len(rows) + 1, len(rows) + 1))
     gram[1:, 1:] = evidence.gram[np.ix_(rows, rows)].cumsum(axis=0).cumsum(axis=1)
@@ -157,10 +164,12 @@ def _scan(evidence: Evidence, name: str, rows: list[int]) -> Candidate | None:
     information = gram[k, k] - gram[i, k] - gram[k, i] + gram[i, i]
     if not len(i) or information.max() <= 1e-6:
         return None
-    squared = np.where(
-        information > 1e-3 * information.max(), (total[k] - total[i]) ** 2 / np.maximum(information, 1e-9), 0.0
-    )
+    score = total[k] - total[i]
+    counts = (information > 1e-3 * information.max()) & (sign * score >= 0.0)
+    squared = np.where(counts, score**2 / np.maximum(information, 1e-9), 0.0)
     best = int(np.argmax(squared))
+    if squared[best] <= 0.0:
+        return None
     mix = np.zeros(len(evidence.atoms))
     mix[np.array(rows)[i[best] : k[best]]] = 1.0
     atom = Atom(name, low=float(low[i[best]]), high=float(high[k[best] - 1]))
