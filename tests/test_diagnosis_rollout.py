@@ -13,7 +13,8 @@ from idm_sumo.diagnosis.luck import Noises, draw
 from idm_sumo.diagnosis.noise import DRIVER_MEMORIES, Noise
 from idm_sumo.diagnosis.smoother import local_cubic
 from idm_sumo.diagnosis.twins import make_twin, refit
-from idm_sumo.effects import slots
+from idm_sumo.effects import Sight, extended_acceleration, slots
+from idm_sumo.effects.reaction_delay import recall
 
 QUIET = Noise(0.0, np.zeros(len(DRIVER_MEMORIES)), DRIVER_MEMORIES)
 DRIVERS, EACH = 30, 3
@@ -53,6 +54,46 @@ def make_plain():
 def test_true_drivers_end_where_they_were_recorded(plain):
     windows, theta = plain
     np.testing.assert_allclose(ro.positions(windows, theta, ro.PLAIN), windows.target, atol=1e-6)
+
+
+def by_hand(windows: w.Windows, theta: np.ndarray, m: np.ndarray) -> np.ndarray:
+    """Return the compared positions of rollouts one step at a time, by the acceleration that replay uses."""
+    out = np.empty((len(windows.seen), windows.seen.shape[1] - w.LEAD))
+    for i, seen in enumerate(windows.seen):
+        x, v = seen[w.LEAD, w.X], seen[w.LEAD, w.V]
+        past = np.stack([seen[:, w.REAR] - seen[:, w.X], seen[:, w.V], seen[:, w.V] - seen[:, w.SPEED]], axis=1)
+        out[i, 0] = x
+        for k in range(w.LEAD, len(seen) - 1):
+            row = seen[k]
+            past[k] = row[w.REAR] - x, v, v - row[w.SPEED]
+            gap, speed, rate = (recall(past, column, k, m[slots.DELAY], 0.1) for column in range(3))
+            see = Sight(
+                x, row[w.TIME], row[w.ACCELERATION], row[w.KIND], row[w.OWN_KIND], row[w.LANE], row[w.SECOND] - x,
+                row[w.SECOND_SPEED], row[w.ADJACENT], x - row[w.BEHIND], row[w.JUMP], row[w.SINCE], row[w.UNTIL_CUT_IN],
+                row[w.UNTIL_OWN], row[w.MEAN_SPEED],
+            )  # fmt: skip
+            own = theta[windows.driver[i]]
+            a = extended_acceleration(speed, rate, gap, see, *own[:4], 0.0, own[4], m)
+            x, v = x + 0.05 * (v + max(v + 0.1 * a, 0.0)), max(v + 0.1 * a, 0.0)
+            out[i, k + 1 - w.LEAD] = x
+    return out[:, w.EVERY :: w.EVERY]
+
+
+@pytest.mark.parametrize("delay", [0.0, 0.37])
+def test_rollouts_side_by_side_are_those_of_replay(delay):
+    m = np.zeros(slots.COUNT)
+    m[[slots.DELAY, slots.BAND, slots.HYSTERESIS, slots.ASYMMETRY]] = delay, 0.3, 0.2, 0.1
+    m[[slots.PLACE, slots.PLACE_BEGIN, slots.PLACE_END, slots.SPEED_HEADWAY, slots.PIVOT_SPEED]] = -0.2, 50, 90, 0.1, 9
+    windows, theta = followers(ro.PLAIN, np.random.default_rng(9))
+    windows = windows.of_drivers(np.arange(4))
+    theta = theta[:4]
+    beside = np.stack([theta, 1.1 * theta, theta], axis=2)
+    start = np.array([[0.0, 0.0, 0.4], [0.0, 0.0, -0.3]])
+    found = ro.positions_beside(windows, beside, np.tile(m, (9, 1)), start)
+    np.testing.assert_allclose(found[:, :, 0], by_hand(windows, theta, m), atol=1e-9)
+    np.testing.assert_allclose(found[:, :, 1], by_hand(windows, 1.1 * theta, m), atol=1e-9)
+    assert (np.abs(found[:, :, 2] - found[:, :, 0])[:, 0] > 0.05).all()
+    np.testing.assert_array_equal(ro.positions(windows, theta, np.tile(m, (9, 1))), found[:, :, 0])
 
 
 def change_by_a_pulse(windows: w.Windows, theta: np.ndarray, m: np.ndarray, small: float) -> np.ndarray:

@@ -6,10 +6,15 @@
 import time
 from pathlib import Path
 
+import numpy as np
 import pytest
 
 from idm_sumo.cleaning import clean
+from idm_sumo.diagnosis import rollout as ro
 from idm_sumo.diagnosis.diagnose import diagnose
+from idm_sumo.diagnosis.fit import TEXTBOOK
+from idm_sumo.diagnosis.smoother import local_cubic
+from idm_sumo.diagnosis.windows import cut_windows
 from idm_sumo.reading import read_recording
 from idm_sumo.recording import Recording
 from tests.planting import plan, simulate, write
@@ -50,6 +55,29 @@ def test_stages_of_a_diagnosis(benchmark, recording: Recording) -> None:
     benchmark.extra_info["verdict"] = found.verdict
     benchmark.extra_info["share"] = {name: round(seconds / whole, 3) for name, seconds in found.seconds.items()}
     assert whole > 0
+
+
+@pytest.mark.benchmark(group="diagnosis")
+def test_rollouts_side_by_side(benchmark, recording: Recording) -> None:
+    """Eight rollouts of every window in one pass, against one after the other."""
+    own = local_cubic(21)
+    windows = cut_windows(recording, own, own)
+    theta = np.repeat(np.tile(np.exp(TEXTBOOK), (windows.drivers, 1))[:, :, None], 8, axis=2)
+    start = np.zeros((2, 8))
+    one = np.ascontiguousarray(theta[:, :, 0])
+
+    def in_turn() -> list[np.ndarray]:
+        return [ro.positions(windows, one, ro.PLAIN) for _ in range(8)]
+
+    in_turn()
+    begin = time.perf_counter()
+    for _ in range(5):
+        in_turn()
+    apart = (time.perf_counter() - begin) / 5
+    benchmark.pedantic(ro.positions_beside, args=(windows, theta, ro.PLAIN, start), rounds=5, warmup_rounds=1)
+    ratio = apart / benchmark.stats.stats.median
+    benchmark.extra_info["times faster than in turn"] = round(ratio, 1)
+    assert ratio > 1.0
 
 
 @pytest.mark.benchmark(group="diagnosis")
