@@ -15,6 +15,7 @@ from idm_sumo.diagnosis import evidence as ev
 from idm_sumo.diagnosis import rollout as ro
 from idm_sumo.diagnosis.bins import numbered, pulses_by_bin
 from idm_sumo.diagnosis.fit import fit_drivers
+from idm_sumo.diagnosis.look import Subject, guard
 from idm_sumo.diagnosis.luck import Noises, draw
 from idm_sumo.diagnosis.twins import drawn_anew, start_behind
 from idm_sumo.effects import slots
@@ -70,7 +71,7 @@ def test_the_form_is_taken_out_of_all_but_laws_of_the_moment():
     atoms = [at.Atom(name) for name in names]
     root = np.random.default_rng(3).standard_normal((5, 12))
     gram = root @ root.T
-    free = ev.guard(atoms, gram)
+    free = guard(atoms, gram)
     form, others = [0, 1, 2], [3, 4]
     np.testing.assert_allclose((free.T @ gram)[np.ix_(others, form)], 0.0, atol=1e-9)
     np.testing.assert_array_equal(free[:, form], np.eye(5)[:, form])
@@ -97,12 +98,12 @@ def test_the_score_vanishes_at_the_planted_size_and_points_to_it_from_below(slot
     planted = ro.PLAIN.copy()
     planted[:, slot] = size
     windows, _ = followers(planted, np.random.default_rng(5))
-    subject = ev.Subject(windows, Noises(QUIET, QUIET), at.grid_of(windows), True)
+    subject = Subject(windows, Noises(QUIET, QUIET), at.grid_of(windows), True)
     name = {slots.HYSTERESIS: "hysteresis", slots.BAND: "perception_threshold"}[slot]
     half = planted.copy()
     half[:, slot] = 0.5 * size
     steps = [
-        ev.local_scores(subject, fit_drivers(windows, by_lane, START, rounds=8)).scores[name]
+        ev.local_scores(ev.look_here(subject, fit_drivers(windows, by_lane, START, rounds=8)))[name]
         for by_lane in (half, planted)
     ]
     below, there = (step.score / step.information for step in steps)

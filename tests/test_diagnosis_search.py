@@ -6,11 +6,11 @@ import numpy as np
 import pytest
 
 from idm_sumo.diagnosis import atoms as at
-from idm_sumo.diagnosis import evidence as ev
 from idm_sumo.diagnosis import rollout as ro
 from idm_sumo.diagnosis.atoms import Atom
 from idm_sumo.diagnosis.fit import fit_drivers
 from idm_sumo.diagnosis.hypotheses import Candidate
+from idm_sumo.diagnosis.look import Subject
 from idm_sumo.diagnosis.luck import Noises
 from idm_sumo.diagnosis.result import Gain
 from idm_sumo.diagnosis.search import _strongest, _worth_it
@@ -50,7 +50,7 @@ def test_the_cause_that_drives_clearly_nearer_is_chosen():
     m[:, slots.BAND] = 1.0
     windows, _ = followers(m, np.random.default_rng(5))
     base = fit_drivers(windows, ro.PLAIN.copy(), np.array([1e-4, 1e-4]), rounds=8)
-    subject = ev.Subject(windows, Noises(QUIET, QUIET), at.grid_of(windows), True)
+    subject = Subject(windows, Noises(QUIET, QUIET), at.grid_of(windows), True)
     right = candidate(9.0, "perception_threshold", 0.8, ((slots.BAND, 0.6),))
     wrong = candidate(9.0, "acceleration_asymmetry", 0.3)
     rng = np.random.default_rng(0)

@@ -13,6 +13,7 @@ from idm_sumo.diagnosis import rollout as ro
 from idm_sumo.diagnosis.atoms import Atom
 from idm_sumo.diagnosis.fit import fit_drivers
 from idm_sumo.diagnosis.hypotheses import Candidate
+from idm_sumo.diagnosis.look import Subject
 from idm_sumo.diagnosis.luck import Noises, draws
 from idm_sumo.diagnosis.sizes import STEEPEST, Stride, TwinScore, climbed, magnitude_of, refined
 from idm_sumo.effects import slots
@@ -57,7 +58,7 @@ def test_a_candidate_far_below_its_size_climbs_towards_it(size):
     planted = ro.PLAIN.copy()
     planted[:, slots.BAND] = size
     windows, _ = followers(planted, np.random.default_rng(6))
-    subject = ev.Subject(windows, Noises(QUIET, QUIET), at.grid_of(windows), True)
+    subject = Subject(windows, Noises(QUIET, QUIET), at.grid_of(windows), True)
     fit = fit_drivers(windows, ro.PLAIN.copy(), np.array([1e-4, 1e-4]), rounds=8)
     atom = Atom(NAME, 0.3, ((slots.BAND, 0.3),))
     tried = climbed(subject, fit, Candidate(NAME, 0.5 * size, 0.05, 8.0, 1e-9, atom, score=200.0 * size))
@@ -83,7 +84,7 @@ def test_a_size_is_refined_to_what_was_planted():
     planted = ro.PLAIN.copy()
     planted[:, slots.HYSTERESIS] = 0.2
     windows, _ = followers(planted, np.random.default_rng(7))
-    subject = ev.Subject(windows, Noises(QUIET, QUIET), at.grid_of(windows), True)
+    subject = Subject(windows, Noises(QUIET, QUIET), at.grid_of(windows), True)
     there = ro.PLAIN.copy()
     there[:, slots.HYSTERESIS] = 0.1
     rng = np.random.default_rng(0)

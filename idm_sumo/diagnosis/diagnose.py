@@ -12,12 +12,12 @@ from numba import get_num_threads, set_num_threads
 from threadpoolctl import threadpool_limits
 
 from idm_sumo.diagnosis import atoms as at
-from idm_sumo.diagnosis import evidence as ev
 from idm_sumo.diagnosis import luck, statements, tables, twins
 from idm_sumo.diagnosis import noise as no
 from idm_sumo.diagnosis.artefact import find_seam, repaired
 from idm_sumo.diagnosis.fit import Fit, first_guess, fit_drivers
 from idm_sumo.diagnosis.gain import Errors, all_gains, driven
+from idm_sumo.diagnosis.look import Subject
 from idm_sumo.diagnosis.result import NAMED, NONE, UNKNOWN, Diagnosis, Gain
 from idm_sumo.diagnosis.rollout import PLAIN
 from idm_sumo.diagnosis.search import BEYOND_DOUBT, Found, search
@@ -84,7 +84,7 @@ def _diagnose(recording: Recording, rng: np.random.Generator, progress: Progress
     leader = motion if recording.has_leader_rows and not recording.is_smooth else None
     noises = luck.Noises(measurement, measurement, leader)
     noises = replace(noises, driver=twins.driver_noise(train, base, noises, rng, is_smooth=recording.is_smooth))
-    subject = ev.Subject(train, noises, at.grid_of(windows), recording.is_smooth)
+    subject = Subject(train, noises, at.grid_of(windows), recording.is_smooth)
     found = search(subject, base, rng, progress)
     clock.append(("search", time.perf_counter()))
     progress("measuring the gain", 0, 1)

@@ -13,6 +13,7 @@ from idm_sumo.diagnosis.fit import Fit
 from idm_sumo.diagnosis.free_fields import CHANGES, DOUBTFUL, HELD
 from idm_sumo.diagnosis.hypotheses import Candidate
 from idm_sumo.diagnosis.left_over import LeftOver, told
+from idm_sumo.diagnosis.look import Subject
 from idm_sumo.diagnosis.luck import Luck, draws
 from idm_sumo.diagnosis.result import Gain
 from idm_sumo.diagnosis.sizes import Tried, anew, climbed, gain_of, magnitude_of, refined
@@ -64,7 +65,7 @@ class Found:
     unexplained: tuple[LeftOver, ...]
 
 
-def search(subject: ev.Subject, base: Fit, rng: np.random.Generator, progress: Progress) -> Found:
+def search(subject: Subject, base: Fit, rng: np.random.Generator, progress: Progress) -> Found:
     """Find the causes, strongest first."""
     fit = base
     accepted: list[Accepted] = []
@@ -118,7 +119,7 @@ def _outside(evidence: ev.Evidence) -> tuple[LeftOver, ...]:
 
 
 def _next(
-    subject: ev.Subject, fit: Fit, evidence: ev.Evidence, accepted: list[Accepted], without: list[Candidate],
+    subject: Subject, fit: Fit, evidence: ev.Evidence, accepted: list[Accepted], without: list[Candidate],
     rng: np.random.Generator,
 ) -> tuple[Candidate, Fit, float, tuple[str, ...]] | None:  # fmt: skip
     """Return the next cause that passes every gate, with the refitted model."""
@@ -155,7 +156,7 @@ def _worth_it(gain: Gain, candidate: Candidate, *, further: bool) -> bool:
 
 
 def _strongest(
-    subject: ev.Subject, fit: Fit, close: list[Candidate], rng: np.random.Generator
+    subject: Subject, fit: Fit, close: list[Candidate], rng: np.random.Generator
 ) -> tuple[Tried, tuple[str, ...]]:
     """Bring each candidate to its size and return the best, and those of other names with nearly as much support.
 

@@ -11,6 +11,7 @@ from idm_sumo.diagnosis import hypotheses as hy
 from idm_sumo.diagnosis.fit import Fit, fit_drivers, improve
 from idm_sumo.diagnosis.gain import compare, driven
 from idm_sumo.diagnosis.hypotheses import Candidate
+from idm_sumo.diagnosis.look import Look, Subject
 from idm_sumo.diagnosis.luck import Luck
 from idm_sumo.diagnosis.result import Gain
 from idm_sumo.effects import BY_NAME, Parameter
@@ -33,14 +34,14 @@ def with_cause(fit: Fit, candidate: Candidate, value: float | None = None) -> Fi
     return replace(fit, by_lane=by_lane)
 
 
-def refitted(subject: ev.Subject, fit: Fit, *, rounds: int) -> Fit:
+def refitted(subject: Subject, fit: Fit, *, rounds: int) -> Fit:
     """Return the fit with drivers, population and noise adapted to its magnitudes."""
     for _ in range(rounds):
         fit = improve(subject.windows, fit)
     return fit
 
 
-def anew(subject: ev.Subject, fit: Fit) -> Fit:
+def anew(subject: Subject, fit: Fit) -> Fit:
     """Return drivers, population and noise fitted from scratch to the same magnitudes: fits on the way to rest do not compare."""
     return fit_drivers(subject.windows, fit.by_lane, fit.start_variance, rounds=ROUNDS)
 
@@ -54,7 +55,7 @@ class Tried:
     support: float
 
 
-def climbed(subject: ev.Subject, fit: Fit, candidate: Candidate) -> Tried:
+def climbed(subject: Subject, fit: Fit, candidate: Candidate) -> Tried:
     """Move a candidate's magnitude to where its score vanishes.
 
     The score near zero underrates what is not linear (a dead band, a long delay) or what the fitted drivers have absorbed. The
@@ -70,7 +71,7 @@ def climbed(subject: ev.Subject, fit: Fit, candidate: Candidate) -> Tried:
     value, before, score, support = float(now.by_lane[0, slot]), 0.0, candidate.score, 0.0
     error, stride = candidate.error, Stride()
     for _ in range(CLIMBS):
-        step = ev.local_scores(subject, now).scores[candidate.name]
+        step = ev.local_scores(ev.look_here(subject, now))[candidate.name]
         free = step.score - candidate.bias
         support += (score + free) * (value - before)
         before, score = value, free
@@ -86,11 +87,11 @@ def climbed(subject: ev.Subject, fit: Fit, candidate: Candidate) -> Tried:
     return Tried(replace(candidate, value=value, error=error), now, support)
 
 
-def _ade(subject: ev.Subject, fit: Fit) -> float:
+def _ade(subject: Subject, fit: Fit) -> float:
     return float(driven(subject.windows, fit, known=True).ade_m.mean())
 
 
-def _delayed(subject: ev.Subject, fit: Fit, candidate: Candidate) -> tuple[Fit, float]:
+def _delayed(subject: Subject, fit: Fit, candidate: Candidate) -> tuple[Fit, float]:
     """Return the fit with the delay that leaves least, and its error (m).
 
     It is from scratch: drivers fitted without a delay are far from those with one.
@@ -102,7 +103,7 @@ def _delayed(subject: ev.Subject, fit: Fit, candidate: Candidate) -> tuple[Fit, 
     return min(((model, _ade(subject, model)) for model in models), key=lambda one: one[1])
 
 
-def refined(subject: ev.Subject, fit: Fit, names: list[str], lucks: list[Luck], rng: np.random.Generator) -> Fit:
+def refined(subject: Subject, fit: Fit, names: list[str], lucks: list[Luck], rng: np.random.Generator) -> Fit:
     """Move the magnitudes in the model to where recording and twins agree.
 
     What twins show depends on the model that drives them, and they begin where the recorded vehicles were, which the true
@@ -112,7 +113,7 @@ def refined(subject: ev.Subject, fit: Fit, names: list[str], lucks: list[Luck], 
     begin = fit
     heard: dict[str, TwinScore] = {}
     for _ in range(ROUNDS_OF_TWINS):
-        here = ev.local_scores(subject, fit)
+        here = ev.look_here(subject, fit)
         biases = ev.local_biases(subject, fit, here, lucks)
         heard = {name: TwinScore.at(_value(fit, name), biases[name], heard.get(name)) for name in names}
         fit, was_there = _settle(subject, fit, here, heard)
@@ -122,11 +123,11 @@ def refined(subject: ev.Subject, fit: Fit, names: list[str], lucks: list[Luck], 
     return begin if gain_of(subject, begin, fit, rng).ci95[1] < 0.0 else fit
 
 
-def _settle(subject: ev.Subject, fit: Fit, here: ev.Here, heard: dict[str, TwinScore]) -> tuple[Fit, bool]:
+def _settle(subject: Subject, fit: Fit, here: Look, heard: dict[str, TwinScore]) -> tuple[Fit, bool]:
     """Step towards where the recording says what twins are expected to say; return whether it was there from the start, too."""
     strides = {name: Stride() for name in heard}
     for number in range(REFINEMENTS):
-        by_lane, found = fit.by_lane.copy(), (ev.local_scores(subject, fit) if number else here).scores
+        by_lane, found = fit.by_lane.copy(), ev.local_scores(ev.look_here(subject, fit) if number else here)
         for name, stride in strides.items():
             value = _value(fit, name)
             free = found[name].score - heard[name].expected(value)
@@ -163,7 +164,7 @@ class TwinScore:
         return self.score + self.slope * (value - self.value)
 
 
-def gain_of(subject: ev.Subject, before: Fit, after: Fit, rng: np.random.Generator) -> Gain:
+def gain_of(subject: Subject, before: Fit, after: Fit, rng: np.random.Generator) -> Gain:
     """Return what one model is better by than another on the drivers that fit."""
     one, two = (driven(subject.windows, fit, known=True).ade_m for fit in (before, after))
     return compare("ade_m", one, two, subject.windows.platoon, rng, held_out=False)
