@@ -66,6 +66,16 @@ def test_a_candidate_far_below_its_size_climbs_towards_it(size):
     assert tried.support > 0.0
 
 
+def test_a_form_that_the_data_want_the_other_way_climbs_nowhere():
+    windows, _ = followers(ro.PLAIN, np.random.default_rng(6))
+    subject = Subject(windows, Noises(QUIET, QUIET), at.grid_of(windows), True)
+    fit = fit_drivers(windows, ro.PLAIN.copy(), np.array([1e-4, 1e-4]), rounds=4)
+    fixed = ((slots.RELAXATION, 0.5), (slots.RELAXATION_TIME, 5.0))
+    wrong = Candidate("lane_change_relaxation", -0.2, 0.1, -2.0, 0.5, Atom("lane_change_relaxation", 0.5, fixed), -20.0)
+    tried = climbed(subject, fit, wrong)
+    assert 0.0 < tried.candidate.value < 0.1
+
+
 def test_twins_are_expected_on_the_line_through_two_magnitudes():
     first = TwinScore.at(0.4, ev.Local(3.0, 100.0), None)
     assert first.expected(0.7) == 3.0

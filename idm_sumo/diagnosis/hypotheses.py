@@ -33,6 +33,7 @@ SCANNED = ("location", "time_of_day")
 WIDEST = 0.6  # of the road or the recording: a wider interval is the rest, with the other sign
 NARROWEST = {"location": 40.0, "time_of_day": 30.0}  # m, s
 RESEMBLING = 0.4  # of the best interval's squared z, from which on one of the other sign may be it as well
+NEXT_TO_NOTHING = 1e-3  # of the typical magnitude
 UNDERRATED = 1.6  # times its linear estimate, a magnitude may be
 CONSISTENT = 0.85  # of the strongest secant's z: among these the size that agrees with its own estimate
 
@@ -177,9 +178,10 @@ def _scan(evidence: Evidence, name: str, rows: list[int], sign: float = 0.0) -> 
 
 
 def slots_of(candidate: Candidate) -> list[tuple[int, float]]:
-    """Return the slots and values that put the candidate into a model, its first parameter first."""
+    """Return the slots and values that put the candidate into a model, its first parameter first and never zero: it is there."""
     first = BY_NAME[candidate.name].parameters[0]
-    values = [(first.slot, float(np.clip(candidate.value, first.lower, first.upper)))]
+    value = float(np.clip(candidate.value, first.lower, first.upper))
+    values = [(first.slot, value or NEXT_TO_NOTHING * first.typical)]
     if candidate.name == "location":
         values += [(slots.PLACE_BEGIN, candidate.atom.low), (slots.PLACE_END, candidate.atom.high)]
     if candidate.name == "time_of_day":

@@ -191,7 +191,7 @@ class Stride:
         first = magnitude_of(name)
         longest = LONGEST_MOVE * abs(value)
         moved = value + float(np.clip(self._factor * step, -longest, longest))
-        return float(np.clip(moved, first.lower, first.upper)) or 1e-3 * first.typical
+        return float(np.clip(moved, first.lower, first.upper)) or hy.NEXT_TO_NOTHING * first.typical
 
 
 def magnitude_of(name: str) -> Parameter:
