@@ -1,7 +1,8 @@
 """A seam in the measurement: a place at which every vehicle jumps. Tested before any behaviour.
 
 In 4 s of a trajectory a cubic and a step at the middle are fitted together. Nobody drives a step, so its mean over all vehicles at one
-place is the measurement's (two cameras that disagree), whatever the drivers do there.
+place is the measurement's (two cameras that disagree). What many drivers do at one place may look like a step in four seconds, but not
+in one.
 """
 
 from __future__ import annotations
@@ -16,7 +17,8 @@ from idm_sumo import columns as c
 from idm_sumo.recording import Recording
 from idm_sumo.smoothing import ORDER, runs
 
-FRAMES = 41  # of which a step at the middle is told from a cubic
+FRAMES, FEW = 41, 13  # of which a step at the middle is told from a cubic: finds it; makes sure
+KEPT = 0.5  # of a step, that has to be there in few frames, too
 BIN = 2.0  # m
 CLEAR = 8.0  # standard errors: no chance maximum over all bins
 LEAST = 0.15  # m
@@ -41,41 +43,49 @@ def step_filter(frames: int = FRAMES) -> Floats:
     return np.asarray(np.linalg.pinv(design)[-1])
 
 
+class Steps(NamedTuple):
+    """Mean step (m) at each place, its standard error, and how many vehicles passed it; shapes ``(places,)``."""
+
+    mean: Floats
+    error: Floats
+    passed: npt.NDArray[np.int64]
+
+
 def find_seam(recording: Recording) -> Seam | None:
     """Return the clearest seam of a recording, if there is one."""
-    if recording.is_smooth or not recording.has_leader_rows:
+    if recording.is_smooth or not recording.has_leader_rows or not len(recording.table):
         return None
     x = recording.table[c.X].to_numpy(np.float64)
-    weights, half = step_filter(), FRAMES // 2
-    step = np.convolve(x, weights[::-1], mode="same")
-    inside = np.zeros(len(x), dtype=bool)
-    number = np.zeros(len(x), dtype=np.int64)
-    for run, (start, length) in enumerate(zip(*runs(recording.table), strict=True)):
-        if length >= FRAMES:
-            inside[start + half : start + length - half] = True
-        number[start : start + length] = run
     smooth = np.convolve(x, np.ones(5) / 5.0, mode="same")
-    place = np.floor((smooth - smooth[inside].min(initial=0.0)) / BIN).astype(np.int64)
-    return _clearest(step[inside], place[inside], number[inside], float(smooth[inside].min(initial=0.0)))
-
-
-def _clearest(step: Floats, place: npt.NDArray[np.int64], run: npt.NDArray[np.int64], begin: float) -> Seam | None:
-    """Return the place with the largest mean step over its standard error, vehicles counted once."""
-    if not len(step):
-        return None
-    key, where = np.unique(place * (run.max() + 1) + run, return_inverse=True)
-    each = np.bincount(where, step) / np.bincount(where)
-    bins = key // (run.max() + 1)
-    count = np.bincount(bins)
-    mean = np.bincount(bins, each) / np.maximum(count, 1)
-    spread = np.bincount(bins, each**2) / np.maximum(count, 1) - mean**2
-    error = np.sqrt(np.maximum(spread, 1e-12) / np.maximum(count - 1, 1))
-    z = np.where(count >= FEWEST, mean / error, 0.0)
-    best = int(np.argmax(np.abs(mean) * (np.abs(z) > CLEAR)))
-    if abs(z[best]) <= CLEAR or abs(mean[best]) < LEAST:
+    begin = float(smooth.min())
+    place = np.floor((smooth - begin) / BIN).astype(np.int64)
+    steps, near = (_steps(recording, x, place, frames) for frames in (FRAMES, FEW))
+    z = np.where(steps.passed >= FEWEST, steps.mean / steps.error, 0.0)
+    best = int(np.argmax(np.abs(steps.mean) * (np.abs(z) > CLEAR)))
+    shift = float(steps.mean[best])
+    # What drivers do at one place, all of them, is a step in a long look only.
+    around = np.sign(shift) * near.mean[max(best - 1, 0) : best + 2]
+    if abs(z[best]) <= CLEAR or abs(shift) < LEAST or around.max() < KEPT * abs(shift):
         return None
     p = float(min(1.0, len(z) * 2.0 * norm.sf(abs(z[best]))))
-    return Seam(begin + (best + 0.5) * BIN, float(mean[best]), float(error[best]), p)
+    return Seam(begin + (best + 0.5) * BIN, shift, float(steps.error[best]), p)
+
+
+def _steps(recording: Recording, x: Floats, place: npt.NDArray[np.int64], frames: int) -> Steps:
+    """Return the mean step at each place, every vehicle counted once."""
+    step = np.convolve(x, step_filter(frames)[::-1], mode="same")
+    inside, half = np.zeros(len(x), dtype=bool), frames // 2
+    starts, lengths = runs(recording.table)
+    for start, length in zip(starts[lengths >= frames], lengths[lengths >= frames], strict=True):
+        inside[start + half : start + length - half] = True
+    run = np.repeat(np.arange(len(starts)), lengths)
+    key, where = np.unique(place[inside] * len(starts) + run[inside], return_inverse=True)
+    each = np.bincount(where, step[inside]) / np.bincount(where)
+    places, bins = int(place.max()) + 1, key // len(starts)
+    count = np.bincount(bins, minlength=places)
+    mean = np.bincount(bins, each, places) / np.maximum(count, 1)
+    spread = np.bincount(bins, each**2, places) / np.maximum(count, 1) - mean**2
+    return Steps(mean, np.sqrt(np.maximum(spread, 1e-12) / np.maximum(count - 1, 1)), count)
 
 
 def repaired(recording: Recording, seam: Seam) -> Recording:

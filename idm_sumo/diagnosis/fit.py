@@ -115,15 +115,16 @@ def improve(windows: Windows, fit: Fit, *, hyper: bool = True, new_mean: bool = 
     grade = (pull - np.einsum("ipq,iqr,ir->ip", information, inner, pull, optimize=True)).sum(axis=0)
     step = np.linalg.solve(shrunk.sum(axis=0) + belief, grade + belief @ (TEXTBOOK - fit.mean))
     step = step if new_mean else np.zeros(PARAMETERS)
-    mean = fit.mean + np.clip(step, -LONGEST_STEP, LONGEST_STEP)
-    deviation = np.einsum("ipq,iq->ip", inner, pull - information @ (mean - fit.mean), optimize=True)
+    mean = np.clip(fit.mean + np.clip(step, -LONGEST_STEP, LONGEST_STEP), LOWER, UPPER)  # as each driver's own
+    shift = mean - fit.mean
+    deviation = np.einsum("ipq,iq->ip", inner, pull - information @ shift, optimize=True)
     own = np.clip(mean + deviation, fit.own - LONGEST_STEP, fit.own + LONGEST_STEP)
     own = _no_worse(windows, fit, line, mean, np.clip(own, LOWER, UPPER))
     fit = replace(fit, mean=mean, own=own)
     if not hyper:
         return fit
     spread = (deviation.T @ deviation + inner.sum(axis=0)) / drivers + 1e-4 * np.eye(PARAMETERS)
-    return replace(fit, spread=spread, **_residuals(windows, fit, line, deviation, inner, mean - line_mean(fit, step)))
+    return replace(fit, spread=spread, **_residuals(windows, fit, line, deviation, inner, shift))
 
 
 def _no_worse(windows: Windows, fit: Fit, line: Linear, mean: Floats, proposed: Floats) -> Floats:
@@ -138,11 +139,6 @@ def _no_worse(windows: Windows, fit: Fit, line: Linear, mean: Floats, proposed: 
     moved = positions(windows, np.exp(proposed), fit.by_lane)
     worse = misfit(proposed, moved) > misfit(fit.own, line.simulated)
     return np.where(worse[:, None], fit.own + SHORTENED * (proposed - fit.own), proposed)
-
-
-def line_mean(fit: Fit, step: Floats) -> Floats:
-    """Return the mean around which the linear model was made."""
-    return fit.mean - np.clip(step, -LONGEST_STEP, LONGEST_STEP)
 
 
 def _residuals(

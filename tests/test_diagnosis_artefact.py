@@ -1,0 +1,56 @@
+"""A seam is a jump of every vehicle in a moment, not something that all of them do at one place."""
+
+from __future__ import annotations
+
+import numpy as np
+import pandas as pd
+import pytest
+
+from idm_sumo import columns as c
+from idm_sumo.diagnosis import artefact
+from idm_sumo.recording import Recording
+
+PLACE = 150.0
+
+
+def recording(x: np.ndarray) -> Recording:
+    """Return vehicles that take these paths, shape ``(vehicles, frames)``, measured to 10 cm."""
+    vehicles, frames = x.shape
+    x = x + 0.1 * np.random.default_rng(2).standard_normal(x.shape)
+    table = pd.DataFrame({
+        c.PERIOD: "p", c.VEHICLE: np.repeat(np.arange(1, vehicles + 1), frames), c.FRAME: np.tile(np.arange(frames), vehicles),
+        c.TIME: np.tile(0.1 * np.arange(frames), vehicles), c.X: x.ravel(), c.Y: -2.0, c.SPEED: 10.0, c.ACCELERATION: 0.0,
+        c.HEADING: 0.0, c.LENGTH: 4.5, c.WIDTH: 2.0, c.CLASS: 2, c.LANE: 1, c.LEADER: 0, c.HEADWAY: np.nan,
+    })  # fmt: skip
+    return Recording(Recording.from_table(table).table)
+
+
+def paths(jerk: float = 0.0) -> np.ndarray:
+    """Return the paths of vehicles that begin, at one place, to brake ever harder for 3 s, and then no more."""
+    start = np.random.default_rng(1).uniform(0.0, 20.0, (120, 1))
+    steady = start + 12.0 * 0.1 * np.arange(300)
+    since = np.maximum((steady - PLACE) / 12.0, 0.0)
+    after = np.maximum(since - 3.0, 0.0)
+    return steady - jerk * (since**3 - after**3 - 9.0 * after**2) / 6.0
+
+
+@pytest.mark.parametrize("shift", [0.3, -0.8])
+def test_a_seam_is_found_where_it_is(shift):
+    x = paths()
+    seam = artefact.find_seam(recording(x + shift * (x > PLACE)))
+    assert seam is not None
+    assert seam.position == pytest.approx(PLACE, abs=2.0)
+    assert seam.shift == pytest.approx(shift, rel=0.15)
+    moved = artefact.repaired(recording(x + shift * (x > PLACE)), seam)
+    beyond = x > PLACE + 3.0
+    assert abs((moved.table[c.X].to_numpy().reshape(x.shape) - x)[beyond].mean()) < 0.15 * abs(shift)
+
+
+def test_what_all_drivers_do_at_one_place_is_none():
+    given = recording(paths(jerk=1.5))
+    x = given.table[c.X].to_numpy(np.float64)
+    place = np.floor((x - x.min()) / artefact.BIN).astype(np.int64)
+    long = artefact._steps(given, x, place, artefact.FRAMES)
+    assert (np.abs(long.mean) > artefact.LEAST)[long.passed > artefact.FEWEST].any()
+    assert artefact.find_seam(given) is None
+    assert artefact.find_seam(recording(paths())) is None
