@@ -26,7 +26,7 @@ def measured_paths(rows: int, frames: int, rng: np.random.Generator) -> tuple[tu
 
 
 @pytest.mark.parametrize("smoother", FILTERS)
-@given(st.floats(-50.0, 900.0), st.floats(0.0, 30.0), st.integers(4, 200))
+@given(st.floats(-50.0, 900.0), st.floats(0.0, 30.0), st.integers(2, 200))
 def test_a_steady_speed_stays_what_it_is(smoother: Smoother, begin: float, speed: float, frames: int):
     path = begin + speed * 0.1 * np.arange(frames)
     x, v, a = smoother.rows(path)
@@ -54,6 +54,19 @@ def test_the_local_cubic_is_the_house_s_filter():
     path = np.random.default_rng(2).standard_normal((3, 90)).cumsum(axis=1)
     for which, part in enumerate(local_cubic(21).rows(path)):
         np.testing.assert_allclose(part, savgol_filter(path, 21, 3, deriv=which, delta=0.1, axis=1), atol=1e-9)
+
+
+@pytest.mark.parametrize("smoother", FILTERS)
+def test_a_single_frame_stays_where_it_is(smoother: Smoother):
+    x, v, a = smoother.rows(np.array([7.0]))
+    assert (float(x[0]), float(v[0]), float(a[0])) == pytest.approx((7.0, 0.0, 0.0))
+
+
+def test_paths_that_are_known_exactly_stay_what_they_are():
+    truth, _ = measured_paths(20, 200, np.random.default_rng(4))
+    x, v, _ = posterior_mean(Noise(0.0, np.zeros(1), np.ones(1)), MOTION).rows(truth[0])
+    np.testing.assert_allclose(x, truth[0], atol=0.02)
+    assert np.abs(v - truth[1]).mean() < 0.01
 
 
 def test_no_other_filter_is_nearer_to_what_vehicles_did():

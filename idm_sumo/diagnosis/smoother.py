@@ -31,7 +31,8 @@ from idm_sumo.road import FRAME_STEP
 from idm_sumo.smoothing import ORDER, WINDOW, runs
 
 FARTHEST = 40  # frames to each side that a posterior mean looks at
-LONGEST = 41  # frames of a local cubic
+LEAST_ERROR = 1e-3  # m, of a measurement
+SHORTEST, LONGEST = 3, 41  # frames of a local cubic
 QUIET = 0.06  # m/s: speed noise behind the shortest window that needs no longer one
 GROWTH = 0.4  # power of the noise with which the window grows
 
@@ -93,6 +94,10 @@ def local_cubic(window: int) -> Smoother:
     """Return the house's filter (Savitzky and Golay) over an odd number of frames."""
 
     def made(frames: int) -> Path:
+        if frames < SHORTEST:
+            none = np.zeros((frames, frames))
+            slope = np.diff(np.eye(frames), axis=0) / FRAME_STEP
+            return np.eye(frames), none + (slope if frames > 1 else 0.0), none
         odd = min(window, frames - 1 + frames % 2)
         order = min(ORDER, odd - 1)
         one, two, three = (
@@ -118,7 +123,9 @@ def _posterior_mean(measurement: Noise, motion: Noise, frames: int) -> Path:
     to_speed = np.tril(np.full((frames, frames), FRAME_STEP))
     to_position = to_speed @ to_speed
     with_position = motion.covariance(frames) @ to_position.T
-    inverse = np.linalg.inv(to_position @ with_position + measurement.covariance(frames) + 1e-9 * np.eye(frames))
+    inverse = np.linalg.inv(
+        to_position @ with_position + measurement.covariance(frames) + LEAST_ERROR**2 * np.eye(frames)
+    )
     time = np.arange(frames) * FRAME_STEP
     line = np.stack([np.ones(frames), time], axis=1)[:, : min(frames, 2)]
     # Where a vehicle began, and how fast, is not known beforehand.
