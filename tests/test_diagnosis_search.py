@@ -45,6 +45,13 @@ def test_what_is_sure_needs_less_gain_and_what_comes_further_more(difference, ma
     assert _worth_it(gain(difference, margin), one, further=True) is further
 
 
+@pytest.mark.parametrize(("difference", "accepted"), [(0.01, False), (0.03, True)])
+def test_what_has_no_null_twin_must_gain_more(difference, accepted):
+    pressed = candidate(9.0, "follower_pressure")
+    assert _worth_it(gain(difference, 0.005), pressed, further=False) is accepted
+    assert _worth_it(gain(0.01, 0.005), candidate(9.0), further=False)
+
+
 def test_the_cause_that_drives_clearly_nearer_is_chosen():
     m = ro.PLAIN.copy()
     m[:, slots.BAND] = 1.0

@@ -28,6 +28,7 @@ SURER = {"multi_leader_anticipation": 6.0}
 CLEAR = 5.0  # standard errors that a further cause needs, beside its share of the first one's evidence
 FURTHER_SHARE = 0.06  # of the first cause's squared z, for a further one: less is what its shape leaves over
 LEAST_GAIN = 0.004  # of the ADE, on the drivers that fit
+UNTWINNED_GAIN = 0.02  # of the ADE, for what has no null twin: a follower answers its leader, so its place tells of the leader's noise
 SURE, BEYOND_DOUBT = 4.8, 7.0  # standard errors, from which on any gain will do, and no loss beyond chance
 CHANCE = 0.01  # of the ADE
 CLOSE = 0.3  # of the best's squared z: from there on causes are brought to their sizes and compared
@@ -147,8 +148,10 @@ def _worth_it(gain: Gain, candidate: Candidate, *, further: bool) -> bool:
     """
     enough = gain.difference >= LEAST_GAIN * gain.base
     clearly = enough and gain.ci95[0] > 0.0
-    if clearly or candidate.name in ev.ENDOGENOUS:
-        return clearly
+    if candidate.name in ev.ENDOGENOUS:
+        return clearly and gain.difference >= UNTWINNED_GAIN * gain.base
+    if clearly:
+        return True
     if further:
         return enough and gain.is_likely
     z, share = abs(candidate.z), gain.difference / gain.base
