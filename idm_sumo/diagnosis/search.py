@@ -23,8 +23,9 @@ Floats = npt.NDArray[np.float64]
 
 MOST_CAUSES = 3
 SIGNIFICANT = 1e-3  # corrected p of a cause
-# Standard errors: what smoothing hides of a leader is in part its answer to the second one, and the twins' leaders do not follow.
-SURER = {"multi_leader_anticipation": 6.0}
+# Standard errors. What smoothing hides of a leader is in part its answer to the second one, and the twins' leaders do not follow; what
+# drivers of another law do after a cut-in looks a little like relaxation.
+SURER = {"multi_leader_anticipation": 6.0, "lane_change_relaxation": 5.0}
 CLEAR = 5.0  # standard errors that a further cause needs, beside its share of the first one's evidence
 FURTHER_SHARE = 0.06  # of the first cause's squared z, for a further one: less is what its shape leaves over
 LEAST_GAIN = 0.004  # of the ADE, on the drivers that fit
