@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
+
 import numpy as np
 import numpy.typing as npt
 import pandas as pd
@@ -18,6 +20,7 @@ STEERING_SPEED = 5.0  # m/s; a slower car is turned less: at a crawl the lateral
 
 Floats = npt.NDArray[np.float64]
 Integers = npt.NDArray[np.int64]
+Path = tuple[Floats, Floats, Floats]  # positions (m), their rate (m/s) and second rate (m/s²)
 
 
 def smooth(recording: Recording, *, already_smooth: bool = False) -> Recording:
@@ -86,40 +89,58 @@ def same_run(table: pd.DataFrame) -> npt.NDArray[np.bool_]:
     return same
 
 
-def filter_runs(
-    position: Floats, starts: Integers, lengths: Integers, window: int = WINDOW
-) -> tuple[Floats, Floats, Floats]:
-    """Return position, its rate and its second rate, each of shape ``(rows,)``, run by run; see :func:`smooth`.
+def filter_runs(position: Floats, starts: Integers, lengths: Integers) -> Path:
+    """Return position, its rate and its second rate, each of shape ``(rows,)``, run by run; see :func:`smooth`."""
+    value, rate, second = (_savgol(position, WINDOW, deriv) for deriv in range(3))
+    return with_ends((value, rate, second), _filtered, position, starts, lengths, WINDOW)
 
-    All rows are filtered at once, as if they were one run, which is right except within half
-    a window of the ends; these are then redone from the first and last windows of the runs.
+
+def with_ends(
+    out: Path, filtered: Callable[[Floats], Path], position: Floats, starts: Integers, lengths: Integers, window: int
+) -> Path:
+    """Return what was filtered as if all rows were one run, redone where that is wrong: near the ends of the runs.
+
+    Parameters
+    ----------
+    out : tuple of three arrays, shape (rows,)
+        Changed in place.
+    filtered : callable
+        From positions, shape (stretches, frames), to the same three, filtered along the last axis.
+    position : array, shape (rows,)
+    starts, lengths : arrays, shape (runs,)
+    window : int
+        Frames of the filter; half a window at each end is redone from the first and last windows of the runs.
     """
-    value, rate, second = (_savgol(position, window, deriv, window) for deriv in range(3))
-    out = (value, rate, second)
-    long = lengths >= window
-    half = window // 2
-    _fill(out, position, starts[long], window, slice(None, half), window)
-    _fill(out, position, starts[long] + lengths[long] - window, window, slice(half + 1, None), window)
+    long, half = lengths >= window, window // 2
+    _fill(out, filtered, position, starts[long], window, slice(None, half))
+    _fill(out, filtered, position, starts[long] + lengths[long] - window, window, slice(half + 1, None))
     for length in np.unique(lengths[~long]):
-        _fill(out, position, starts[lengths == length], int(length), slice(None), window)
+        _fill(out, filtered, position, starts[lengths == length], int(length), slice(None))
     return out
 
 
 def _fill(
-    out: tuple[Floats, Floats, Floats], position: Floats, starts: Integers, length: int, part: slice, window: int
+    out: Path, filtered: Callable[[Floats], Path], position: Floats, starts: Integers, length: int, part: slice
 ) -> None:
     """Filter equally long stretches together and put the chosen part of each in place."""
     if not len(starts):
         return
     rows = starts[:, None] + np.arange(length)
-    stretches = position[rows]
-    for deriv, values in enumerate(out):
-        filtered = _savgol(stretches, length, deriv, window) if length >= SHORTEST else _differences(stretches, deriv)
-        values[rows[:, part]] = filtered[:, part]
+    for values, stretches in zip(out, filtered(position[rows]), strict=True):
+        values[rows[:, part]] = stretches[:, part]
 
 
-def _savgol(values: Floats, length: int, deriv: int, window: int) -> Floats:
-    window = min(window, length - 1 + length % 2, values.shape[-1] - 1 + values.shape[-1] % 2)
+def _filtered(stretches: Floats) -> Path:
+    length = stretches.shape[-1]
+    one, two, three = (
+        _savgol(stretches, length, deriv) if length >= SHORTEST else _differences(stretches, deriv)
+        for deriv in range(3)
+    )
+    return one, two, three
+
+
+def _savgol(values: Floats, length: int, deriv: int) -> Floats:
+    window = min(WINDOW, length - 1 + length % 2, values.shape[-1] - 1 + values.shape[-1] % 2)
     if window < SHORTEST:
         return np.zeros_like(values)  # redone by differences
     filtered: Floats = savgol_filter(values, window, ORDER, deriv=deriv, delta=FRAME_STEP, mode="interp")

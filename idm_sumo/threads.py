@@ -2,11 +2,14 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Iterable
 from concurrent.futures import ThreadPoolExecutor
-from typing import Any
+from typing import Any, TypeVar
 
 import numba
+
+T = TypeVar("T")
+U = TypeVar("U")
 
 PIECES = 8  # a thread: some vehicles take longer than others
 
@@ -27,3 +30,9 @@ def in_threads(kernel: Callable[..., Any], count: int, *arguments: Any) -> None:
         pieces = [pool.submit(kernel, first, min(first + size, count), *arguments) for first in range(0, count, size)]
         for piece in pieces:
             piece.result()
+
+
+def each_in_threads(work: Callable[[T], U], items: Iterable[T]) -> list[U]:
+    """Return ``work`` of each item, in their order, as many at once as numba has threads."""
+    with ThreadPoolExecutor(numba.get_num_threads()) as pool:
+        return list(pool.map(work, items))

@@ -3,26 +3,20 @@
 from __future__ import annotations
 
 import numpy as np
-import pandas as pd
 import pytest
 
 from idm_sumo import columns as c
 from idm_sumo.diagnosis import artefact
 from idm_sumo.recording import Recording
+from idm_sumo.smoothing import runs
+from tests.test_diagnosis_noise import recorded
 
 PLACE = 150.0
 
 
 def recording(x: np.ndarray) -> Recording:
     """Return vehicles that take these paths, shape ``(vehicles, frames)``, measured to 10 cm."""
-    vehicles, frames = x.shape
-    x = x + 0.1 * np.random.default_rng(2).standard_normal(x.shape)
-    table = pd.DataFrame({
-        c.PERIOD: "p", c.VEHICLE: np.repeat(np.arange(1, vehicles + 1), frames), c.FRAME: np.tile(np.arange(frames), vehicles),
-        c.TIME: np.tile(0.1 * np.arange(frames), vehicles), c.X: x.ravel(), c.Y: -2.0, c.SPEED: 10.0, c.ACCELERATION: 0.0,
-        c.HEADING: 0.0, c.LENGTH: 4.5, c.WIDTH: 2.0, c.CLASS: 2, c.LANE: 1, c.LEADER: 0, c.HEADWAY: np.nan,
-    })  # fmt: skip
-    return Recording(Recording.from_table(table).table)
+    return recorded(x + 0.1 * np.random.default_rng(2).standard_normal(x.shape))
 
 
 def paths(jerk: float = 0.0) -> np.ndarray:
@@ -50,7 +44,7 @@ def test_what_all_drivers_do_at_one_place_is_none():
     given = recording(paths(jerk=1.5))
     x = given.table[c.X].to_numpy(np.float64)
     place = np.floor((x - x.min()) / artefact.BIN).astype(np.int64)
-    long = artefact._steps(given, x, place, artefact.FRAMES)
+    long = artefact._steps(x, place, *runs(given.table), artefact.FRAMES)
     assert (np.abs(long.mean) > artefact.LEAST)[long.passed > artefact.FEWEST].any()
     assert artefact.find_seam(given) is None
     assert artefact.find_seam(recording(paths())) is None

@@ -21,6 +21,13 @@ def recording(noise: no.Noise, *, is_smooth: bool = False) -> Recording:
     time = 0.1 * np.arange(frames)
     phase = rng.uniform(0, 6, (vehicles, 1))
     x = 10.0 * time + 12.0 * np.sin(0.25 * time + phase) + noise.draw(vehicles, frames, rng)
+    return recorded(x, is_smooth=is_smooth)
+
+
+def recorded(x: np.ndarray, *, is_smooth: bool = False) -> Recording:
+    """Return vehicles with these positions, shape ``(vehicles, frames)``."""
+    vehicles, frames = x.shape
+    time = 0.1 * np.arange(frames)
     table = pd.DataFrame({
         c.PERIOD: "p", c.VEHICLE: np.repeat(np.arange(1, vehicles + 1), frames), c.FRAME: np.tile(np.arange(frames), vehicles),
         c.TIME: np.tile(time, vehicles), c.X: x.ravel(), c.Y: -2.0, c.SPEED: 10.0, c.ACCELERATION: 0.0, c.HEADING: 0.0,

@@ -11,9 +11,8 @@ from scipy.signal import savgol_filter
 from idm_sumo.diagnosis.noise import Noise
 from idm_sumo.diagnosis.smoother import LONGEST, Smoother, local_cubic, posterior_mean, window_for
 from idm_sumo.smoothing import WINDOW
+from tests.test_diagnosis_noise import ERRORS, MOTION
 
-MOTION = Noise(0.0, np.array([0.4]), np.array([5.0]))
-ERRORS = Noise(0.04, np.array([0.02]), np.array([0.4]))
 FILTERS = [local_cubic(21), posterior_mean(ERRORS, MOTION)]
 
 

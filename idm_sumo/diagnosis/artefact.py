@@ -25,6 +25,7 @@ LEAST = 0.15  # m
 FEWEST = 30  # vehicles that must pass
 
 Floats = npt.NDArray[np.float64]
+Integers = npt.NDArray[np.int64]
 
 
 class Seam(NamedTuple):
@@ -36,7 +37,7 @@ class Seam(NamedTuple):
     p_value: float
 
 
-def step_filter(frames: int = FRAMES) -> Floats:
+def step_filter(frames: int) -> Floats:
     """Return weights whose product with ``frames`` positions is the step at their middle, beside a cubic."""
     t = np.linspace(-1.0, 1.0, frames)
     design = np.column_stack([t**k for k in range(ORDER + 1)] + [np.where(t > 0, 0.5, np.where(t < 0, -0.5, 0.0))])
@@ -48,7 +49,7 @@ class Steps(NamedTuple):
 
     mean: Floats
     error: Floats
-    passed: npt.NDArray[np.int64]
+    passed: Integers
 
 
 def find_seam(recording: Recording) -> Seam | None:
@@ -59,7 +60,8 @@ def find_seam(recording: Recording) -> Seam | None:
     smooth = np.convolve(x, np.ones(5) / 5.0, mode="same")
     begin = float(smooth.min())
     place = np.floor((smooth - begin) / BIN).astype(np.int64)
-    steps, near = (_steps(recording, x, place, frames) for frames in (FRAMES, FEW))
+    starts, lengths = runs(recording.table)
+    steps, near = (_steps(x, place, starts, lengths, frames) for frames in (FRAMES, FEW))
     z = np.where(steps.passed >= FEWEST, steps.mean / steps.error, 0.0)
     best = int(np.argmax(np.abs(steps.mean) * (np.abs(z) > CLEAR)))
     shift = float(steps.mean[best])
@@ -71,11 +73,10 @@ def find_seam(recording: Recording) -> Seam | None:
     return Seam(begin + (best + 0.5) * BIN, shift, float(steps.error[best]), p)
 
 
-def _steps(recording: Recording, x: Floats, place: npt.NDArray[np.int64], frames: int) -> Steps:
+def _steps(x: Floats, place: Integers, starts: Integers, lengths: Integers, frames: int) -> Steps:
     """Return the mean step at each place, every vehicle counted once."""
     step = np.convolve(x, step_filter(frames)[::-1], mode="same")
     inside, half = np.zeros(len(x), dtype=bool), frames // 2
-    starts, lengths = runs(recording.table)
     for start, length in zip(starts[lengths >= frames], lengths[lengths >= frames], strict=True):
         inside[start + half : start + length - half] = True
     run = np.repeat(np.arange(len(starts)), lengths)

@@ -2,13 +2,11 @@
 
 from __future__ import annotations
 
-from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass, replace
 from typing import NamedTuple
 
 import numpy as np
 import numpy.typing as npt
-from numba import get_num_threads
 
 from idm_sumo.diagnosis import atoms as at
 from idm_sumo.diagnosis.fit import Fit
@@ -17,6 +15,7 @@ from idm_sumo.diagnosis.look import Build, Look, Subject, look, score
 from idm_sumo.diagnosis.luck import Luck
 from idm_sumo.diagnosis.twins import drawn_anew, make_twin, refit, start_behind
 from idm_sumo.progress import Progress
+from idm_sumo.threads import each_in_threads
 
 Floats = npt.NDArray[np.float64]
 
@@ -146,8 +145,7 @@ def _each_twin(
         total = np.asarray(score(subject, twin, fitted, build, answer)[1].u.sum(axis=0))
         return total, hear(twin, fitted, subject.grid, answer) if listen else None
 
-    with ThreadPoolExecutor(get_num_threads()) as pool:
-        return list(pool.map(one, lucks))
+    return each_in_threads(one, lucks)
 
 
 class Local(NamedTuple):

@@ -70,7 +70,6 @@ class Linear:
 
     error: Floats  # recorded minus simulated, plus what the drivers' deviation from the mean explains
     jacobian: Floats
-    covariance: Floats
     simulated: Floats
     whitener: Floats  # whatever is multiplied by it is white where it had the covariance
 
@@ -85,7 +84,7 @@ def linearise(windows: Windows, fit: Fit) -> Linear:
     deviation = (fit.own - fit.mean)[windows.driver]
     error = windows.target - base + (jacobian @ deviation[:, :, None])[:, :, 0]
     covariance = fit.residual / fit.weight[:, None, None] + (start * fit.start_variance) @ start.transpose(0, 2, 1)
-    return Linear(error, jacobian, covariance, base, gls.whitener(covariance))
+    return Linear(error, jacobian, base, gls.whitener(covariance))
 
 
 def first_guess(windows: Windows, by_lane: Floats, start_variance: Floats) -> Fit:

@@ -100,7 +100,7 @@ def forms(evidence: Evidence, candidate: Candidate) -> list[Candidate]:
 
     Those with another companion parameter; and where less is done somewhere, more is done beside it: an interval of each sign.
     """
-    rows = [n for n, atom in enumerate(evidence.atoms) if atom.name == candidate.name and evidence.gram[n, n] > 1e-6]
+    rows = _informative(evidence, candidate.name)
     if candidate.name in SCANNED:
         other = _scan(evidence, candidate.name, rows, -np.sign(candidate.value))
         return [candidate] if other is None or other.z**2 < RESEMBLING * candidate.z**2 else [candidate, other]
@@ -110,8 +110,13 @@ def forms(evidence: Evidence, candidate: Candidate) -> list[Candidate]:
     return [_candidate(evidence, candidate.name, unit[n], evidence.atoms[n], 40) for n in rows]
 
 
+def _informative(evidence: Evidence, name: str) -> list[int]:
+    """Return the numbers of an effect's atoms of which the recording says anything."""
+    return [n for n, atom in enumerate(evidence.atoms) if atom.name == name and evidence.gram[n, n] > 1e-6]
+
+
 def _best(evidence: Evidence, name: str) -> Candidate | None:
-    rows = [n for n, atom in enumerate(evidence.atoms) if atom.name == name and evidence.gram[n, n] > 1e-6]
+    rows = _informative(evidence, name)
     if not rows:
         return None
     if name in SCANNED:

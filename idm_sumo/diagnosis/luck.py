@@ -6,18 +6,18 @@ Drawn once, it serves twins of one model after the other: what differs between t
 from __future__ import annotations
 
 from collections.abc import Iterator
-from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass
 
 import numpy as np
 import numpy.typing as npt
-from numba import get_num_threads
 
 from idm_sumo.diagnosis.noise import Noise
 from idm_sumo.diagnosis.rollout import PARAMETERS
-from idm_sumo.diagnosis.smoother import Path, Smoother
+from idm_sumo.diagnosis.smoother import Smoother
 from idm_sumo.diagnosis.windows import LEADERS, Windows
 from idm_sumo.road import FRAME_STEP
+from idm_sumo.smoothing import Path
+from idm_sumo.threads import each_in_threads
 
 Floats = npt.NDArray[np.float64]
 Singles = npt.NDArray[np.float32]  # enough for what is added to a path, and half the memory
@@ -113,8 +113,7 @@ def draw(windows: Windows, noises: Noises, rng: np.random.Generator) -> Luck:
 
 def draws(windows: Windows, noises: Noises, number: int, rng: np.random.Generator) -> list[Luck]:
     """Return the luck of several twins."""
-    with ThreadPoolExecutor(get_num_threads()) as pool:
-        return list(pool.map(lambda one: draw(windows, noises, one), rng.spawn(number)))
+    return each_in_threads(lambda one: draw(windows, noises, one), rng.spawn(number))
 
 
 def _single(path: Path) -> Shift:

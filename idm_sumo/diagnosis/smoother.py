@@ -28,7 +28,7 @@ from idm_sumo import columns as c
 from idm_sumo.diagnosis.noise import Noise
 from idm_sumo.recording import Recording
 from idm_sumo.road import FRAME_STEP
-from idm_sumo.smoothing import ORDER, WINDOW, runs
+from idm_sumo.smoothing import ORDER, WINDOW, Path, runs, with_ends
 
 FARTHEST = 40  # frames to each side that a posterior mean looks at
 LEAST_ERROR = 1e-3  # m, of a measurement
@@ -38,7 +38,6 @@ GROWTH = 0.4  # power of the noise with which the window grows
 
 Floats = npt.NDArray[np.float64]
 Integers = npt.NDArray[np.int64]
-Path = tuple[Floats, Floats, Floats]  # position (m), speed (m/s) and acceleration (m/s²)
 
 
 @dataclass(frozen=True)
@@ -63,26 +62,11 @@ class Smoother:
         return one, two, three
 
     def along(self, position: Floats, starts: Integers, lengths: Integers) -> Path:
-        """Return the same of runs one after the other, each of shape ``(rows,)``.
-
-        All rows are filtered at once, as if they were one run, which is right except near the ends; these are redone.
-        """
+        """Return the same of runs one after the other, each of shape ``(rows,)``."""
         whole = 2 * self.half + 1
         middle = [part[self.half] for part in self._matrices(whole)]
         first, second, third = (correlate1d(position, kernel, mode="nearest") for kernel in middle)
-        out = (first, second, third)
-        long = lengths >= whole
-        self._fill(out, position, starts[long], whole, slice(None, self.half))
-        self._fill(out, position, starts[long] + lengths[long] - whole, whole, slice(self.half + 1, None))
-        for length in np.unique(lengths[~long]):
-            self._fill(out, position, starts[lengths == length], int(length), slice(None))
-        return out
-
-    def _fill(self, out: Path, position: Floats, starts: Integers, length: int, part: slice) -> None:
-        """Filter equally long stretches together and put the chosen part of each in place."""
-        rows = starts[:, None] + np.arange(length)
-        for values, filtered in zip(out, self.rows(position[rows]), strict=True):
-            values[rows[:, part]] = filtered[:, part]
+        return with_ends((first, second, third), self.rows, position, starts, lengths, whole)
 
     def _matrices(self, frames: int) -> Path:
         if frames not in self._known:
