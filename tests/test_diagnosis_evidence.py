@@ -13,7 +13,7 @@ from hypothesis.extra.numpy import arrays
 from idm_sumo.diagnosis import atoms as at
 from idm_sumo.diagnosis import evidence as ev
 from idm_sumo.diagnosis import rollout as ro
-from idm_sumo.diagnosis.bins import numbered, pulses_by_bin
+from idm_sumo.diagnosis.bins import numbered, pulse_means, response_by_bin
 from idm_sumo.diagnosis.fit import fit_drivers
 from idm_sumo.diagnosis.look import Subject, guard
 from idm_sumo.diagnosis.luck import Noises, draw
@@ -25,12 +25,25 @@ START = np.array([1e-4, 1e-4])
 
 
 @given(arrays(np.int64, (3, 20), elements=st.integers(-1, 4)), st.integers(0, 2**31))
-def test_pulses_by_bin_are_the_means_of_the_indicator(number, seed):
-    value = np.random.default_rng(seed).standard_normal(number.shape)
-    found = pulses_by_bin(number, 5, value)
+def test_responses_by_bin_are_those_to_the_field_there(number, seed):
+    rng = np.random.default_rng(seed)
+    value, response = rng.standard_normal(number.shape), rng.standard_normal((3, 2, 20 // ro.BIN))
+    found = np.zeros((3, 2, 6))
+    response_by_bin(response, number, value, found)
     for k in range(5):
-        field = np.where(number == k, value, 0.0).reshape(3, -1, ro.BIN).mean(axis=2)
-        np.testing.assert_allclose(found[:, :, k], field, atol=1e-12)
+        field = pulse_means(np.where(number == k, value, 0.0))
+        np.testing.assert_allclose(found[:, :, k], (response @ field[:, :, None])[:, :, 0], atol=1e-12)
+    assert not found[:, :, 5].any()
+
+
+@given(
+    arrays(np.float64, 30, elements=st.floats(-2.0, 12.0)),
+    st.lists(st.integers(0, 1000), min_size=2, max_size=8, unique=True),
+)
+def test_bins_are_those_of_a_sorted_search(values, edges):
+    edges = np.sort(np.array(edges)) / 100.0
+    place = np.searchsorted(edges, values, side="right") - 1
+    np.testing.assert_array_equal(numbered(values, edges), np.where(place < len(edges) - 1, place, -1))
 
 
 def test_bins_hold_their_lower_edge_and_nothing_outside():

@@ -13,8 +13,9 @@ from idm_sumo.diagnosis import gls, oscillation, variance
 from idm_sumo.diagnosis import left_over as lo
 from idm_sumo.diagnosis import rollout as ro
 from idm_sumo.diagnosis import windows as w
-from idm_sumo.diagnosis.bins import pulses_by_bin
+from idm_sumo.diagnosis.bins import pulse_means
 from idm_sumo.diagnosis.fit import Fit, fit_drivers
+from idm_sumo.diagnosis.linear_pulses import GUARD, LINEAR
 from idm_sumo.diagnosis.pulses import Pulses, pulses_of
 from tests.test_diagnosis_rollout import followers
 
@@ -25,22 +26,20 @@ START = np.array([1e-4, 1e-4])
 def driven() -> tuple[w.Windows, Fit, at.Grid, at.Answer]:
     windows, _ = followers(ro.PLAIN, np.random.default_rng(4))
     fit = fit_drivers(windows, ro.PLAIN.copy(), START, rounds=6)
-    return windows, fit, at.grid_of(windows), at.answer_of(windows, fit)
+    return windows, fit, at.grid_of(windows), at.answer_of(windows, fit, at.grid_of(windows).pivot)
 
 
 def test_pulses_add_up_to_the_score_and_the_gram_matrix_of_a_field(driven):
-    windows, fit, grid, answer = driven
-    pulses = pulses_of(windows, fit, answer, grid.pivot)
+    windows, fit, _, answer = driven
+    pulses = pulses_of(windows, fit, answer)
     number = np.random.default_rng(0).integers(-1, 3, (len(windows.seen), w.HORIZON))
     value = np.random.default_rng(1).standard_normal(number.shape)
     u, gram = pulses.along(number, value, 3)
     line = answer.line
-    columns = at.tamed(answer.response) @ np.concatenate(
-        [pulses_by_bin(number, 3, value), at.pulse_means(value)[:, :, None]], axis=2
-    )
-    form = [at.linear_fields(windows, answer.state, grid.pivot)[name] for name in at.INSTANT[:2]]
-    form += at.form_fields(windows, answer.state, grid.pivot)
-    nuisance = at.tamed(answer.response) @ np.stack([at.pulse_means(field) for field in form], axis=2)
+    fields = [np.where(number == k, value, 0.0) for k in range(3)] + [value]
+    columns = at.tamed(answer.response) @ np.stack([pulse_means(field) for field in fields], axis=2)
+    form = [n for n, name in enumerate(LINEAR) if name.startswith((*at.INSTANT, GUARD))]
+    nuisance = at.tamed(answer.response) @ answer.pulses[:, :, form]
     every = np.concatenate([line.jacobian, at.tamed(nuisance), columns], axis=2)
     error, own, atoms = (line.whitener @ part for part in (line.error[:, :, None], line.jacobian, every))
     direct = gls.scores(error, own, atoms, np.linalg.inv(fit.spread), windows.driver, windows.drivers)
@@ -53,7 +52,7 @@ def test_pulses_add_up_to_the_score_and_the_gram_matrix_of_a_field(driven):
 def test_twins_and_recording_count_the_same_fields_in_the_same_order(driven):
     windows, fit, grid, answer = driven
     heard = lo.hear(windows, fit, grid, answer)
-    pulses = pulses_of(windows, fit, answer, grid.pivot)
+    pulses = pulses_of(windows, fit, answer)
     totals = [
         pulses.along(number, value, family.count)[0].sum(axis=0)
         for family, number, value in ff.families(windows, pulses.state, grid)
@@ -71,8 +70,8 @@ def pushed(windows: w.Windows, fit: Fit, more: np.ndarray) -> w.Windows:
 
 def strongest(windows: w.Windows, fit: Fit, grid: at.Grid, quiet: w.Windows) -> lo.LeftOver:
     """Return what says most, against a twin in which nothing is."""
-    twin = lo.hear(quiet, fit, grid, at.answer_of(quiet, fit))
-    found = lo.left_over(windows, fit, grid, at.answer_of(windows, fit), [twin], [twin], 1.0)
+    twin = lo.hear(quiet, fit, grid, at.answer_of(quiet, fit, grid.pivot))
+    found = lo.left_over(windows, fit, grid, at.answer_of(windows, fit, grid.pivot), [twin], [twin], 1.0)
     return next(one for one in found if one.large_enough)
 
 
@@ -126,8 +125,8 @@ def test_a_place_where_drivers_are_unsteady_is_found_by_its_variance_alone():
 
 
 def test_squares_are_counted_by_block_and_bin(driven):
-    windows, fit, grid, answer = driven
-    pulses = pulses_of(windows, fit, answer, grid.pivot)
+    windows, fit, _, answer = driven
+    pulses = pulses_of(windows, fit, answer)
     number = np.zeros((len(windows.seen), w.HORIZON), dtype=np.int64)
     number[:, : w.HORIZON // 2] = -1
     found = variance.spread(pulses, number, 2)

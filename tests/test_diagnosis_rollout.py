@@ -5,10 +5,10 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from idm_sumo.diagnosis import atoms as at
 from idm_sumo.diagnosis import rollout as ro
 from idm_sumo.diagnosis import windows as w
 from idm_sumo.diagnosis.fit import fit_drivers, for_rollouts
+from idm_sumo.diagnosis.linear_pulses import LINEAR, linear_pulses
 from idm_sumo.diagnosis.luck import Noises, draw
 from idm_sumo.diagnosis.noise import DRIVER_MEMORIES, Noise
 from idm_sumo.diagnosis.smoother import local_cubic
@@ -127,15 +127,29 @@ def test_the_edge_of_a_dead_band_is_no_wall(plain):
     assert np.abs(response[:, -1, 4]).max() < 3.0 * np.abs(change[:, -1]).max()
 
 
-def test_linear_fields_are_the_derivatives_by_the_magnitudes(plain):
+@pytest.mark.parametrize("delay", [0.0, 0.4])
+def test_models_side_by_side_are_each_alone(plain, delay):
+    windows, theta = plain
+    base = ro.PLAIN.copy()
+    base[:, slots.DELAY] = delay
+    models = [base.copy() for _ in range(4)]
+    models[1][:, slots.DELAY], models[2][:, slots.BAND] = 0.73, 0.5
+    models[3][:, [slots.HYSTERESIS, slots.PLACE, slots.PLACE_END]] = 0.2, -0.3, 1e3
+    found = ro.positions_otherwise(windows, theta, models)
+    for n, model in enumerate(models):
+        np.testing.assert_allclose(found[:, :, n], ro.positions(windows, theta, model), atol=1e-9)
+    assert ro.positions_otherwise(windows, theta, []).shape[2] == 0
+
+
+def test_linear_pulses_are_the_derivatives_by_the_magnitudes(plain):
     windows, theta = plain
     response, state = ro.respond(windows.seen, windows.driver, theta, ro.PLAIN)
-    fields = at.linear_fields(windows, state, pivot=9.0)
+    pulses = linear_pulses(windows.seen, state, pivot=9.0)
     for name, slot in (("hysteresis", slots.HYSTERESIS), ("speed_dependent_headway", slots.SPEED_HEADWAY)):
         m = ro.PLAIN.copy()
         m[:, slot], m[:, slots.PIVOT_SPEED] = 1e-4, 9.0
         change = (ro.positions(windows, theta, m) - ro.positions(windows, theta, ro.PLAIN)) / 1e-4
-        predicted = np.einsum("wkp,wp->wk", response, at.pulse_means(fields[name]))
+        predicted = np.einsum("wkp,wp->wk", response, pulses[:, :, LINEAR.index(name)])
         assert np.abs(predicted - change).max() < 0.06 * np.abs(change).max()
 
 

@@ -7,7 +7,7 @@ what is not linear near zero (delay, second leader, relaxation, dead band) is a 
 from __future__ import annotations
 
 import itertools
-from collections.abc import Iterable
+from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import NamedTuple
 
@@ -16,16 +16,13 @@ import numpy.typing as npt
 
 from idm_sumo.diagnosis import rollout as ro
 from idm_sumo.diagnosis import windows as w
-from idm_sumo.diagnosis.bins import edges_of, numbered, pulses_by_bin
+from idm_sumo.diagnosis.bins import edges_of, numbered, response_by_bin
 from idm_sumo.diagnosis.fit import Fit, Linear, linearise
+from idm_sumo.diagnosis.linear_pulses import GUARD, LINEAR, linear_pulses
 from idm_sumo.effects import CATALOGUE, slots
-from idm_sumo.effects.courtesy_yielding import NOTICE
-from idm_sumo.effects.follower_pressure import REACH
-from idm_sumo.effects.hysteresis import SATURATION
-from idm_sumo.effects.leader_class import TRUCK
-from idm_sumo.effects.speed_dependent_headway import SPEED_UNIT
 
 Floats = npt.NDArray[np.float64]
+Integers = npt.NDArray[np.int64]
 
 PLACE_BIN, TIME_BIN = 16.0, 12.0  # m, s
 SECANTS: tuple[tuple[str, int, tuple[float, ...]], ...] = (
@@ -52,31 +49,6 @@ class Atom:
     high: float = np.nan
 
 
-def pulse_means(field: Floats) -> Floats:
-    """Return the means over pulses of a field by frame; shape ``(windows, horizon)`` to ``(windows, pulses)``."""
-    return np.ascontiguousarray(field.reshape(len(field), -1, ro.BIN).mean(axis=2))
-
-
-def linear_fields(windows: w.Windows, state: Floats, pivot: float) -> dict[str, Floats]:
-    """Return for each linear effect the acceleration (m/s²) per unit of its magnitude, shape ``(windows, horizon)``."""
-    seen = windows.seen[:, w.LEAD : -1]
-    by_t, v, x, a = (state[:, :, n] for n in (ro.BY_T, ro.BASE_V, ro.BASE_X, ro.BASE_A))
-    adjacent = np.where(np.isfinite(seen[:, :, w.ADJACENT]), seen[:, :, w.ADJACENT], np.inf)
-    rear = np.where(np.isfinite(seen[:, :, w.BEHIND]), x - seen[:, :, w.BEHIND], np.inf)
-    pressure = np.where(rear < REACH, np.minimum(1.0 - rear / REACH, 1.0), 0.0)
-    return {
-        "acceleration_asymmetry": -np.maximum(a, 0.0),
-        "leader_class": by_t * (seen[:, :, w.KIND] == TRUCK),
-        "speed_dependent_headway": by_t * (v - pivot) / SPEED_UNIT,
-        "hysteresis": by_t * np.tanh(np.nan_to_num(seen[:, :, w.ACCELERATION]) / SATURATION),
-        "adjacent_lane_friction": -np.maximum(v - adjacent, 0.0),
-        "vehicle_class": by_t * (seen[:, :, w.OWN_KIND] == TRUCK),
-        "follower_pressure": pressure,
-        "courtesy_yielding": by_t * (seen[:, :, w.UNTIL_CUT_IN] < NOTICE),
-        "pre_insertion": by_t * (seen[:, :, w.UNTIL_OWN] < NOTICE),
-    }
-
-
 NOTHING = 1e-9  # m per unit of a magnitude
 LONGEST_COLUMN = 3.0  # times the ninetieth percentile over the windows
 
@@ -93,17 +65,7 @@ def tamed(columns: Floats) -> Floats:
     return np.asarray(columns * np.minimum(1.0, limit / np.maximum(size, NOTHING))[:, None, :])
 
 
-GUARD = "form:"  # begins the names of what another car-following model underneath would look like
 INSTANT = ("acceleration_asymmetry", "speed_dependent_headway", "perception_threshold")
-
-
-def form_fields(windows: w.Windows, state: Floats, pivot: float) -> list[Floats]:
-    """Return smooth accelerations of speed, gap and approach rate, second order: the form of the car-following itself."""
-    seen = windows.seen[:, w.LEAD : -1]
-    v = state[:, :, ro.BASE_V]
-    speed, closing = (v - pivot) / SPEED_UNIT, (v - seen[:, :, w.SPEED]) / 3.0
-    gap = np.log(np.maximum(seen[:, :, w.REAR] - state[:, :, ro.BASE_X], 1.0) / (2.0 + 1.2 * v))
-    return [speed * speed, closing * closing, speed * closing, gap * gap, gap * speed, gap * closing]
 
 
 @dataclass(frozen=True)
@@ -126,74 +88,75 @@ def grid_of(windows: w.Windows) -> Grid:
 
 
 class Answer(NamedTuple):
-    """Rollouts at a fit: their linear model, their response to pulses of acceleration, their state by frame."""
+    """Rollouts at a fit.
+
+    Their linear model, their response to pulses of acceleration, their state by frame, and the linear effects' pulses in it.
+    """
 
     line: Linear
     response: Floats
     state: Floats
+    pulses: Floats
 
 
-def answer_of(windows: w.Windows, fit: Fit) -> Answer:
-    """Return what the rollouts of windows do at a fit."""
-    return Answer(linearise(windows, fit), *ro.respond(windows.seen, windows.driver, fit.theta, fit.by_lane))
+def answer_of(windows: w.Windows, fit: Fit, pivot: float) -> Answer:
+    """Return what the rollouts of windows do at a fit; ``pivot`` (m/s) of :class:`Grid`."""
+    response, state = ro.respond(windows.seen, windows.driver, fit.theta, fit.by_lane)
+    return Answer(linearise(windows, fit), response, state, linear_pulses(windows.seen, state, pivot))
 
 
 def build(windows: w.Windows, fit: Fit, answer: Answer, grid: Grid) -> tuple[list[Atom], Floats]:
     """Return the atoms and their columns ``(windows, moments, atoms)``."""
-    blocks = [*_linear(windows, answer.state, grid), *_scanned(windows, answer.state, grid)]
-    return _with_secants(windows, fit, answer, (*SECANT_ATOMS, *local_atoms(fit.by_lane)), blocks)
+    secants = [*SECANT_ATOMS, *local_atoms(fit.by_lane)]
+    return _columns(windows, fit, answer, range(len(LINEAR)), grid, _scans(windows, answer.state, grid), secants)
 
 
 def build_local(windows: w.Windows, fit: Fit, answer: Answer, grid: Grid) -> tuple[list[Atom], Floats]:
     """Return, as :func:`build`, the accepted magnitudes' own atoms only, and the car-following's form."""
-    every = _linear(windows, answer.state, grid)
-    blocks = [block for block in every if block[0][0].name.startswith((*INSTANT, GUARD))]
-    return _with_secants(windows, fit, answer, local_atoms(fit.by_lane), blocks)
+    which = [n for n, name in enumerate(LINEAR) if name.startswith((*INSTANT, GUARD))]
+    return _columns(windows, fit, answer, which, grid, [], local_atoms(fit.by_lane))
 
 
-Block = tuple[list[Atom], Floats]  # atoms, and their accelerations as means over pulses (windows, pulses, atoms)
+class Scan(NamedTuple):
+    """Atoms of bins, each frame's bin (-1 for none), and the acceleration there (m/s² per unit; None for one)."""
+
+    atoms: list[Atom]
+    number: Integers
+    value: Floats | None
 
 
-def _linear(windows: w.Windows, state: Floats, grid: Grid) -> list[Block]:
-    """Return the effects that add to the acceleration, and the car-following's form."""
-    fields = linear_fields(windows, state, grid.pivot)
-    form = {f"{GUARD}{n}": field for n, field in enumerate(form_fields(windows, state, grid.pivot))}
-    pivot = ((slots.SPEED_HEADWAY, 1.0), (slots.PIVOT_SPEED, grid.pivot))
-    fixed = {"speed_dependent_headway": pivot}
-    return [
-        ([Atom(name, fixed=fixed.get(name, ()))], pulse_means(field)[:, :, None])
-        for name, field in {**fields, **form}.items()
-    ]
-
-
-def _scanned(windows: w.Windows, state: Floats, grid: Grid) -> list[Block]:
+def _scans(windows: w.Windows, state: Floats, grid: Grid) -> list[Scan]:
     """Return lanes, places and times, bin by bin."""
     seen = windows.seen[:, w.LEAD : -1]
     place = numbered(np.clip(state[:, :, ro.BASE_X], grid.place[0], grid.place[-1] - 1e-6), grid.place)
     time = numbered(seen[:, :, w.TIME], grid.time)
     lanes = grid.lanes if len(grid.lanes) > 1 else grid.lanes[:0]
     lane = np.searchsorted(grid.lanes, seen[:, :, w.LANE]) if len(lanes) else np.full(time.shape, -1)
-    by_lane = [Atom("desired_speed", lane=int(number)) for number in lanes]
     by_place = [Atom("location", low=low, high=high) for low, high in itertools.pairwise(grid.place)]
     by_time = [Atom("time_of_day", low=low, high=high) for low, high in itertools.pairwise(grid.time)]
     return [
-        (by_lane, pulses_by_bin(lane, len(by_lane), state[:, :, ro.BY_V0])),
-        (by_place, pulses_by_bin(place, len(by_place))),
-        (by_time, pulses_by_bin(time, len(by_time), state[:, :, ro.BY_T])),
+        Scan([Atom("desired_speed", lane=int(number)) for number in lanes], lane, state[:, :, ro.BY_V0]),
+        Scan(by_place, place, None),
+        Scan(by_time, time, state[:, :, ro.BY_T]),
     ]
 
 
-def _with_secants(
-    windows: w.Windows, fit: Fit, answer: Answer, secants: Iterable[Atom], blocks: list[Block]
-) -> tuple[list[Atom], Floats]:
-    """Return linear atoms and secants, and the columns of both."""
-    atoms = [atom for block in blocks for atom in block[0]]
-    columns = [answer.response @ np.concatenate([block[1] for block in blocks], axis=2)]
-    for atom in secants:
-        moved = ro.positions(windows, fit.theta, with_atom(fit.by_lane, atom))
-        atoms.append(atom)
-        columns.append(((moved - answer.line.simulated) / atom.size)[:, :, None])
-    return atoms, np.concatenate(columns, axis=2)
+def _columns(
+    windows: w.Windows, fit: Fit, answer: Answer, linear: Sequence[int], grid: Grid, scans: list[Scan], secants: list[Atom]
+) -> tuple[list[Atom], Floats]:  # fmt: skip
+    """Return linear atoms, scans and secants, and the columns of all."""
+    pivot = ((slots.SPEED_HEADWAY, 1.0), (slots.PIVOT_SPEED, grid.pivot))
+    atoms = [Atom(LINEAR[n], fixed=pivot if LINEAR[n] == "speed_dependent_headway" else ()) for n in linear]
+    count = len(atoms) + sum(len(scan.atoms) for scan in scans) + len(secants)
+    columns = np.zeros((*answer.response.shape[:2], count))
+    columns[:, :, : len(atoms)] = answer.response @ answer.pulses[:, :, list(linear)]
+    for scan in scans:
+        response_by_bin(answer.response, scan.number, scan.value, columns[:, :, len(atoms) :])
+        atoms += scan.atoms
+    moved = ro.positions_otherwise(windows, fit.theta, [with_atom(fit.by_lane, atom) for atom in secants])
+    moved -= answer.line.simulated[:, :, None]
+    np.divide(moved, [atom.size for atom in secants], out=columns[:, :, len(atoms) :])
+    return [*atoms, *secants], columns
 
 
 def _secant_atoms() -> tuple[Atom, ...]:

@@ -88,7 +88,7 @@ def examine(
 
     If ``free``, everything that is no effect of the catalogue, too.
     """
-    answer = at.answer_of(subject.windows, fit)
+    answer = at.answer_of(subject.windows, fit, subject.grid.pivot)
     looked = look(subject, fit, at.build, answer)
     progress(stage, 0, 1)
     heard = Twins([], []) if free else None
@@ -141,7 +141,7 @@ def _each_twin(
         behind = start_behind(subject.windows, fit, drivers) if drawn else 0.0
         twin = make_twin(subject.windows, drivers, luck, is_smooth=subject.is_smooth, behind=behind)
         fitted = refit(twin, drivers)
-        answer = at.answer_of(twin, fitted)
+        answer = at.answer_of(twin, fitted, subject.grid.pivot)
         total = np.asarray(score(subject, twin, fitted, build, answer)[1].u.sum(axis=0))
         return total, hear(twin, fitted, subject.grid, answer) if listen else None
 

@@ -62,7 +62,7 @@ def whitener(covariance: Floats) -> Floats:
 
 def by_driver(values: Floats, driver: Integers, drivers: int) -> Floats:
     """Sum over the windows of each driver; windows are sorted by driver. Drivers without one get zero."""
-    out = np.zeros((drivers, *values.shape[1:]))
+    out = np.zeros((drivers, *values.shape[1:]), dtype=values.dtype)
     if len(driver):
         first = np.flatnonzero(np.concatenate([[True], np.diff(driver) > 0]))
         out[driver[first]] = np.add.reduceat(values, first, axis=0)

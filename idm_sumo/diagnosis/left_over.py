@@ -10,7 +10,8 @@ from scipy.stats import norm
 
 from idm_sumo.diagnosis import free_fields as ff
 from idm_sumo.diagnosis import oscillation, variance
-from idm_sumo.diagnosis.atoms import Answer, Grid, pulse_means
+from idm_sumo.diagnosis.atoms import Answer, Grid
+from idm_sumo.diagnosis.bins import pulse_means, sums_by_bin
 from idm_sumo.diagnosis.fit import Fit
 from idm_sumo.diagnosis.pulses import Pulses, pulses_of
 from idm_sumo.diagnosis.rollout import BIN
@@ -71,13 +72,14 @@ class Heard:
 
 def hear(windows: Windows, fit: Fit, grid: Grid, answer: Answer) -> Heard:
     """Return what a twin says."""
-    pulses = pulses_of(windows, fit, answer, grid.pivot)
+    pulses = pulses_of(windows, fit, answer)
     by_frame = np.repeat(pulses.score, BIN, axis=1) / BIN
-    totals, squares = [], {}
-    for family, number, value in ff.families(windows, pulses.state, grid):
-        each = value * by_frame
-        totals.append(np.bincount(1 + number.ravel(), each.ravel(), 1 + family.count)[1:])
-        totals.append(np.array([each.sum()]))
+    scored = {content: value * by_frame for content, value in ff.contents(pulses.state).items()}
+    whole = {content: each.sum() for content, each in scored.items()}
+    totals: list[Floats] = []
+    squares = {}
+    for family, number, _ in ff.families(windows, pulses.state, grid):
+        totals += [sums_by_bin(number, scored[family.content], family.count), np.array([whole[family.content]])]
         if variance.concerns(family):
             squares[family.covariate] = variance.spread(pulses, number, family.count).squares.sum(axis=0)
     return Heard(np.concatenate(totals), oscillation.spectrum(pulses).mean(axis=0), squares)
@@ -97,7 +99,7 @@ def left_over(
     inflation : float
         Of variances beyond the model's.
     """
-    pulses = pulses_of(windows, fit, answer, grid.pivot)
+    pulses = pulses_of(windows, fit, answer)
     found, unsteady, begin = [], [], 0
     for family, number, value in ff.families(windows, pulses.state, grid):
         end = begin + family.count + 1

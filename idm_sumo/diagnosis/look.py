@@ -12,6 +12,7 @@ from idm_sumo.diagnosis import atoms as at
 from idm_sumo.diagnosis import gls
 from idm_sumo.diagnosis import windows as w
 from idm_sumo.diagnosis.fit import Fit
+from idm_sumo.diagnosis.linear_pulses import GUARD
 from idm_sumo.diagnosis.luck import Noises
 from idm_sumo.diagnosis.rollout import PARAMETERS
 from idm_sumo.effects.leader_class import TRUCK
@@ -88,18 +89,18 @@ def score(
 
     Not yet to the car-following's own form: that is for :func:`guard`, after the twins.
     """
-    answer = at.answer_of(windows, fit) if answer is None else answer
+    answer = at.answer_of(windows, fit, subject.grid.pivot) if answer is None else answer
     line = answer.line
     atoms, columns = build(windows, fit, answer, subject.grid)
     columns = at.tamed(columns)
     truck = (windows.seen[:, -1, w.OWN_KIND] == TRUCK)[:, None, None]
-    parts = [line.jacobian * truck, columns] if truck.any() else [columns]
-    error, own, *rest = (line.whitener @ part for part in (line.error[:, :, None], line.jacobian, *parts))
+    parts = [line.jacobian, line.jacobian * truck, columns] if truck.any() else [line.jacobian, columns]
+    white = line.whitener @ np.concatenate(parts, axis=2)
     known = PARAMETERS * (2 if truck.any() else 1)
     whole = gls.scores(
-        error,
-        own,
-        np.concatenate([own, *rest], axis=2),
+        line.whitener @ line.error[:, :, None],
+        white[:, :, :PARAMETERS],
+        white,
         np.asarray(np.linalg.inv(fit.spread), dtype=np.float64),
         windows.driver,
         windows.drivers,
@@ -115,9 +116,7 @@ def guard(atoms: list[at.Atom], gram: Floats) -> Floats:
     time, wherever speeds differ.
     """
     instant = _are_instant(atoms)
-    form = np.array(
-        [n for n, atom in enumerate(atoms) if atom.name.startswith(at.GUARD) or atom.name in at.INSTANT[:2]]
-    )
+    form = np.array([n for n, atom in enumerate(atoms) if atom.name.startswith(GUARD) or atom.name in at.INSTANT[:2]])
     out = np.eye(len(atoms))
     out[np.ix_(form, np.flatnonzero(~instant))] -= (
         gls.scaled_inverse(gram[np.ix_(form, form)]) @ gram[form][:, ~instant]
@@ -128,4 +127,4 @@ def guard(atoms: list[at.Atom], gram: Floats) -> Floats:
 def _are_instant(atoms: list[at.Atom]) -> npt.NDArray[np.bool_]:
     """Return which atoms are themselves laws of the moment, or the form of one."""
     names = [atom.name.removeprefix(at.LOCAL) for atom in atoms]
-    return np.array([name in at.INSTANT or name.startswith(at.GUARD) for name in names])
+    return np.array([name in at.INSTANT or name.startswith(GUARD) for name in names])

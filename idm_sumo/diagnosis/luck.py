@@ -5,7 +5,6 @@ Drawn once, it serves twins of one model after the other: what differs between t
 
 from __future__ import annotations
 
-from collections.abc import Iterator
 from dataclasses import dataclass
 
 import numpy as np
@@ -65,57 +64,43 @@ def hidden(noises: Noises, smoother: Smoother, rows: int, frames: int, rng: np.r
     return _inner(truth, smoother), _inner(again, smoother)
 
 
-Shift = tuple[Singles, Singles, Singles]  # of position, speed and acceleration
-
-
 @dataclass(frozen=True)
 class Luck:
     """All that chance adds to the windows of one twin.
 
     Attributes
     ----------
-    leaders : tuple of two pairs of Shift
-        Of the first and of the second leader: what it really did beside what is shown of it, and what is shown of that.
+    hidden, shown : float32, shape (windows, frames, 5)
+        In the columns ``LEADERS``: what leaders really did beside what is shown of them, and what is shown of that.
     pushed : float64, shape (windows, frames - 1)
         Drivers' noise, m/s².
-    error : Shift
-        Smoothed measurement error of the followers.
+    error : tuple of float32 arrays, shape (windows, frames)
+        Smoothed measurement error of the followers: m, m/s.
     drivers : float64, shape (drivers, 5)
         Standard normal numbers: who the drivers are if they are drawn anew.
     """
 
-    leaders: tuple[tuple[Shift, Shift], tuple[Shift, Shift]]
+    hidden: Singles
+    shown: Singles
     pushed: Floats
-    error: Shift
+    error: tuple[Singles, Singles]
     drivers: Floats
-
-    def of_leaders(self) -> Iterator[tuple[int, Singles, Singles]]:
-        """Yield each of the columns ``LEADERS``, what it really was beside what is shown, and what is shown of that."""
-        for columns, (truth, shown) in zip((LEADERS[:3], LEADERS[3:]), self.leaders, strict=True):
-            yield from zip(columns, truth, shown, strict=False)
 
 
 def draw(windows: Windows, noises: Noises, rng: np.random.Generator) -> Luck:
     """Return the luck of one twin."""
     rows, frames = windows.seen.shape[:2]
-
-    def leader() -> tuple[Shift, Shift]:
-        truth, shown = hidden(noises, windows.leaders, rows, frames, rng)
-        return _single(truth), _single(shown)
-
-    return Luck(
-        (leader(), leader()),
-        noises.driver.draw(rows, frames - 1, rng),
-        _single(measured(noises.measurement, windows.own, rows, frames, rng)),
-        rng.standard_normal((windows.drivers, PARAMETERS)),
-    )
+    truth, shown = np.empty((2, rows, frames, len(LEADERS)), dtype=np.float32)
+    for begin, parts in ((0, 3), (3, 2)):  # of the first and of the second leader, whose acceleration nobody sees
+        one, other = hidden(noises, windows.leaders, rows, frames, rng)
+        for number in range(parts):
+            truth[:, :, begin + number], shown[:, :, begin + number] = one[number], other[number]
+    pushed = noises.driver.draw(rows, frames - 1, rng)
+    x, v, _ = measured(noises.measurement, windows.own, rows, frames, rng)
+    error = np.asarray(x, dtype=np.float32), np.asarray(v, dtype=np.float32)
+    return Luck(truth, shown, pushed, error, rng.standard_normal((windows.drivers, PARAMETERS)))
 
 
 def draws(windows: Windows, noises: Noises, number: int, rng: np.random.Generator) -> list[Luck]:
     """Return the luck of several twins."""
     return each_in_threads(lambda one: draw(windows, noises, one), rng.spawn(number))
-
-
-def _single(path: Path) -> Shift:
-    one, two, three = (np.asarray(part, dtype=np.float32) for part in path)
-    return one, two, three

@@ -12,9 +12,10 @@ import numpy as np
 import numpy.typing as npt
 
 from idm_sumo.diagnosis import gls
-from idm_sumo.diagnosis import rollout as ro
 from idm_sumo.diagnosis import windows as w
 from idm_sumo.diagnosis.pulses import Pulses
+from idm_sumo.diagnosis.rollout import BIN
+from idm_sumo.road import FRAME_STEP
 
 Floats = npt.NDArray[np.float64]
 
@@ -26,13 +27,12 @@ LEAST_RATIO = 1.45  # of a line to what is around it
 def spectrum(pulses: Pulses) -> Floats:
     """Return each driver's power at ``PERIODS``, as shares of its whole; shape ``(drivers, periods)``."""
     windows = pulses.windows
-    seen = windows.seen[:, w.LEAD : -1, w.TIME]
-    time = seen.reshape(len(seen), -1, ro.BIN).mean(axis=2)
-    power = np.empty((windows.drivers, len(PERIODS)))
-    for n, period in enumerate(PERIODS):
-        phase = 2.0 * np.pi * time / period
-        parts = np.stack([(pulses.score * np.cos(phase)).sum(1), (pulses.score * np.sin(phase)).sum(1)], axis=1)
-        power[:, n] = (gls.by_driver(parts, windows.driver, windows.drivers) ** 2).sum(axis=1)
+    middle = np.arange(BIN).mean() + BIN * np.arange(
+        pulses.score.shape[1]
+    )  # frames from the start to each pulse's middle
+    turned = np.exp(2j * np.pi * FRAME_STEP * middle[:, None] / PERIODS)
+    begin = np.exp(2j * np.pi * windows.seen[:, w.LEAD, w.TIME][:, None] / PERIODS)
+    power = np.abs(gls.by_driver(begin * (pulses.score @ turned), windows.driver, windows.drivers)) ** 2
     return np.asarray(power / np.maximum(power.sum(axis=1, keepdims=True), 1e-300))
 
 

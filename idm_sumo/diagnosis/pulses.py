@@ -14,8 +14,9 @@ from numba import njit
 
 from idm_sumo.diagnosis import gls
 from idm_sumo.diagnosis import windows as w
-from idm_sumo.diagnosis.atoms import INSTANT, Answer, form_fields, linear_fields, pulse_means, tamed
+from idm_sumo.diagnosis.atoms import INSTANT, Answer, tamed
 from idm_sumo.diagnosis.fit import Fit
+from idm_sumo.diagnosis.linear_pulses import FORM, LINEAR
 from idm_sumo.diagnosis.rollout import BIN
 from idm_sumo.effects.leader_class import TRUCK
 
@@ -83,12 +84,10 @@ class Pulses:
         return np.asarray(direct - np.einsum("ia,iab,ib->i", own, self._free, own, optimize=True))
 
 
-def pulses_of(windows: w.Windows, fit: Fit, answer: Answer, pivot: float) -> Pulses:
-    """Return the scores of all pulses of the windows at a fit; ``pivot`` (m/s) as in :class:`atoms.Grid`."""
+def pulses_of(windows: w.Windows, fit: Fit, answer: Answer) -> Pulses:
+    """Return the scores of all pulses of the windows at a fit."""
     line, response, state = answer.line, tamed(answer.response), answer.state
-    linear = linear_fields(windows, state, pivot)
-    fields = [*(linear[name] for name in INSTANT[:2]), *form_fields(windows, state, pivot)]
-    form = np.stack([pulse_means(field) for field in fields], axis=2)
+    form = answer.pulses[:, :, [*(LINEAR.index(name) for name in INSTANT[:2]), *FORM]]
     truck = (windows.seen[:, -1, w.OWN_KIND] == TRUCK)[:, None, None]
     common = [line.jacobian * truck] if truck.any() else []
     parts = (line.error[:, :, None], line.jacobian, response, *common, tamed(response @ form))

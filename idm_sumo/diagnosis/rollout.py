@@ -2,14 +2,16 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
+
 import numpy as np
 import numpy.typing as npt
-from numba import njit
+from numba import literal_unroll, njit
 
 from idm_sumo import idm
 from idm_sumo.diagnosis import windows as w
 from idm_sumo.effects import slots
-from idm_sumo.effects.acceleration import Sight, behaved, moment_of
+from idm_sumo.effects.acceleration import Moment, Sight, behaved, moment_of
 from idm_sumo.effects.reaction_delay import between, moment_ago
 from idm_sumo.road import FRAME_STEP
 from idm_sumo.threads import in_threads
@@ -34,6 +36,25 @@ def _moment(row, m):  # type: ignore[no-untyped-def]
     return moment_of(see, m)
 
 
+BLANK = Moment(*[0.0] * len(Moment._fields))
+
+
+@njit(cache=True, error_model="numpy", forceinline=True)
+def _note(moment, of, n):  # type: ignore[no-untyped-def]
+    """Note one of several moments side by side, a row for each of its quantities."""
+    for number, value in enumerate(literal_unroll(moment)):
+        of[number, n] = value
+
+
+@njit(cache=True, error_model="numpy", forceinline=True)
+def _noted(of, n):  # type: ignore[no-untyped-def]
+    """Return the moment that was noted."""
+    return Moment(
+        of[0, n], of[1, n], of[2, n], of[3, n], of[4, n], of[5, n], of[6, n], of[7, n], of[8, n], of[9, n], of[10, n],
+        of[11, n], of[12, n], of[13, n], of[14, n], of[15, n], of[16, n],
+    )  # fmt: skip
+
+
 @njit(cache=True, error_model="numpy")
 def _remember(seen, gap, speed, rate, begin):  # type: ignore[no-untyped-def]
     """Fill the past with what the recorded twin did before the start."""
@@ -44,42 +65,59 @@ def _remember(seen, gap, speed, rate, begin):  # type: ignore[no-untyped-def]
 
 
 @njit(cache=True, nogil=True, error_model="numpy")
-def _drive(first, last, seen, driver, theta, by_lane, start, pushed, begin, every, x, v):  # type: ignore[no-untyped-def]
+def _drive(first, last, seen, driver, theta, models, start, pushed, begin, every, x, v):  # type: ignore[no-untyped-def]
     """Fill ``x`` and ``v``; the last axis of ``theta``, ``start``, ``x`` and ``v`` is of rollouts side by side.
 
     An array for each quantity, so that the compiler sees loops over rollouts that it can turn into vector instructions.
     """
-    frames, beside = seen.shape[1], theta.shape[2]
+    frames, beside = seen.shape[1], x.shape[2]
+    same_driver, same_model = theta.shape[2] == 1, len(models) == 1
     gap, speed, rate = np.empty((frames, beside)), np.empty((frames, beside)), np.empty((frames, beside))
     a, weight, headway, jam, limit = (
         np.empty(beside), np.empty(beside), np.empty(beside), np.empty(beside), np.empty(beside),
     )  # fmt: skip
     here, fast, more = np.empty(beside), np.empty(beside), np.empty(beside)
+    then_gap, then_speed, then_rate = np.empty(beside), np.empty(beside), np.empty(beside)
+    of = np.empty((len(BLANK), beside))
     for i in range(first, last):
         one, own = seen[i], theta[driver[i]]
         _remember(one, gap, speed, rate, begin)
         for n in range(beside):
-            a[n], headway[n], jam[n], limit[n] = own[0, n], own[2, n], own[3, n], own[4, n]
-            weight[n] = idm.closing_weight(own[0, n], own[1, n])
+            who = 0 if same_driver else n
+            a[n], headway[n], jam[n], limit[n] = own[0, who], own[2, who], own[3, who], own[4, who]
+            weight[n] = idm.closing_weight(own[0, who], own[1, who])
             here[n], fast[n] = one[begin, w.X] + start[0, n], max(one[begin, w.V] + start[1, n], 0.0)
             x[i, 0, n], v[i, 0, n] = here[n], fast[n]
         for now in range(begin, frames - 1):
             row = one[now]
-            m = by_lane[int(row[w.LANE])]
-            moment = _moment(row, m)
+            lane = int(row[w.LANE])
             rear, ahead, second, behind = row[w.REAR], row[w.SPEED], row[w.SECOND], row[w.BEHIND]
             push = pushed[i, now - begin] if pushed.shape[0] > 0 else 0.0
             for n in range(beside):
                 gap[now, n] = rear - here[n]
                 speed[now, n] = fast[n]
                 rate[now, n] = fast[n] - ahead
-            ago, after, share = moment_ago(now, m[slots.DELAY], FRAME_STEP)
-            for n in range(beside):
-                more[n] = behaved(
-                    between(speed[ago, n], speed[after, n], share), between(rate[ago, n], rate[after, n], share),
-                    between(gap[ago, n], gap[after, n], share), here[n], second - here[n], here[n] - behind, moment,
-                    a[n], weight[n], headway[n], jam[n], 0.0, limit[n],
-                )  # fmt: skip
+            if same_model:
+                moment = _moment(row, models[0, lane])
+                ago, after, share = moment_ago(now, models[0, lane, slots.DELAY], FRAME_STEP)
+                for n in range(beside):
+                    more[n] = behaved(
+                        between(speed[ago, n], speed[after, n], share), between(rate[ago, n], rate[after, n], share),
+                        between(gap[ago, n], gap[after, n], share), here[n], second - here[n], here[n] - behind,
+                        moment, a[n], weight[n], headway[n], jam[n], 0.0, limit[n],
+                    )  # fmt: skip
+            else:
+                for n in range(beside):
+                    _note(_moment(row, models[n, lane]), of, n)
+                    ago, after, share = moment_ago(now, models[n, lane, slots.DELAY], FRAME_STEP)
+                    then_gap[n] = between(gap[ago, n], gap[after, n], share)
+                    then_speed[n] = between(speed[ago, n], speed[after, n], share)
+                    then_rate[n] = between(rate[ago, n], rate[after, n], share)
+                for n in range(beside):
+                    more[n] = behaved(
+                        then_speed[n], then_rate[n], then_gap[n], here[n], second - here[n], here[n] - behind,
+                        _noted(of, n), a[n], weight[n], headway[n], jam[n], 0.0, limit[n],
+                    )  # fmt: skip
             for n in range(beside):
                 faster = max(fast[n] + (more[n] + push) * FRAME_STEP, 0.0)
                 here[n] += 0.5 * (fast[n] + faster) * FRAME_STEP
@@ -91,15 +129,17 @@ def _drive(first, last, seen, driver, theta, by_lane, start, pushed, begin, ever
 
 
 def side_by_side(
-    seen: Floats, driver: Integers, theta: Floats, by_lane: Floats, start: Floats, pushed: Floats, begin: int, every: int
+    seen: Floats, driver: Integers, theta: Floats, models: Floats, start: Floats, pushed: Floats, begin: int, every: int
 ) -> tuple[Floats, Floats]:  # fmt: skip
-    """Return positions and speeds of several rollouts of every window, of drivers with other parameters or starts.
+    """Return positions and speeds of several rollouts of every window, of other drivers, starts or models.
 
     Parameters
     ----------
-    seen, driver, by_lane, pushed, begin
+    seen, driver, pushed, begin
         As in :func:`drive`.
-    theta : float64, shape (drivers, 5, rollouts)
+    theta : float64, shape (drivers, 5, rollouts) or (drivers, 5, 1)
+    models : float64, shape (rollouts, 9, slots.COUNT) or (1, 9, slots.COUNT)
+        Magnitudes by lane number.
     start : float64, shape (2, rollouts)
     every : int
         Frames between those that are returned.
@@ -108,9 +148,9 @@ def side_by_side(
     -------
     float64, shapes (windows, 1 + horizon // every, rollouts)
     """
-    shape = (len(seen), 1 + (seen.shape[1] - begin - 1) // every, theta.shape[2])
+    shape = (len(seen), 1 + (seen.shape[1] - begin - 1) // every, start.shape[1])
     x, v = np.empty(shape), np.empty(shape)
-    in_threads(_drive, len(seen), seen, driver, np.ascontiguousarray(theta), by_lane, start, pushed, begin, every, x, v)
+    in_threads(_drive, len(seen), seen, driver, np.ascontiguousarray(theta), models, start, pushed, begin, every, x, v)
     return x, v
 
 
@@ -135,7 +175,7 @@ def drive(
     every : int
         Frames between those that are returned.
     """
-    x, v = side_by_side(seen, driver, theta[:, :, None], by_lane, start[:, None], pushed, begin, every)
+    x, v = side_by_side(seen, driver, theta[:, :, None], by_lane[None], start[:, None], pushed, begin, every)
     return x[:, :, 0], v[:, :, 0]
 
 
@@ -228,5 +268,13 @@ def positions(windows: w.Windows, theta: Floats, by_lane: Floats) -> Floats:
 
 def positions_beside(windows: w.Windows, theta: Floats, by_lane: Floats, start: Floats) -> Floats:
     """Return :func:`positions` of several rollouts, shape ``(windows, moments, rollouts)``; see :func:`side_by_side`."""
-    x, _ = side_by_side(windows.seen, windows.driver, theta, by_lane, start, NO_PUSH, w.LEAD, w.EVERY)
+    x, _ = side_by_side(windows.seen, windows.driver, theta, by_lane[None], start, NO_PUSH, w.LEAD, w.EVERY)
+    return x[:, 1:]
+
+
+def positions_otherwise(windows: w.Windows, theta: Floats, models: Sequence[Floats]) -> Floats:
+    """Return :func:`positions` of the same drivers with several models, shape ``(windows, moments, models)``."""
+    start, theta = np.zeros((2, len(models))), theta[:, :, None]
+    every = np.stack(models) if models else np.empty((0, *PLAIN.shape))
+    x, _ = side_by_side(windows.seen, windows.driver, theta, every, start, NO_PUSH, w.LEAD, w.EVERY)
     return x[:, 1:]

@@ -9,6 +9,7 @@ from dataclasses import replace
 
 import numpy as np
 import numpy.typing as npt
+from numba import njit
 from scipy.optimize import nnls
 
 from idm_sumo.diagnosis import noise as no
@@ -17,6 +18,7 @@ from idm_sumo.diagnosis.fit import LOWER, UPPER, Fit, improve
 from idm_sumo.diagnosis.luck import Luck, Noises, draw
 from idm_sumo.diagnosis.noise import Noise
 from idm_sumo.diagnosis.rollout import drive, positions
+from idm_sumo.threads import in_threads
 
 Floats = npt.NDArray[np.float64]
 
@@ -29,29 +31,43 @@ def make_twin(
     ``is_smooth`` says that the recording was smooth as it came, so that nothing is smoothed; ``behind`` (m) is by how much each
     window's follower starts behind the recorded one.
     """
-    truth, seen = _leaders(windows, luck)
-    truth[:, 0, w.X] -= behind
-    x, v = drive(truth, windows.driver, fit.theta, fit.by_lane, np.zeros(2), luck.pushed, 0)
+    seen = windows.seen.copy()  # first with what the twins' drivers see, then with what is recorded of it
+    in_threads(_add_to_leaders, len(seen), luck.hidden, seen)
+    seen[:, 0, w.X] -= behind
+    x, v = drive(seen, windows.driver, fit.theta, fit.by_lane, np.zeros(2), luck.pushed, 0)
     if not is_smooth:
         x, v, _ = windows.own.rows(x)
+    in_threads(_set_leaders, len(seen), windows.blurred, luck.shown, seen)
     seen[:, :, w.X], seen[:, :, w.V] = x + luck.error[0], np.maximum(v + luck.error[1], 0.0)
     return replace(windows, seen=seen)
 
 
-def _leaders(windows: w.Windows, luck: Luck) -> tuple[Floats, Floats]:
-    """Return what the twins' drivers see, and what is recorded of it.
+# The driver of a recording answered the true leader, of which the recording shows a smoothed one. So the twin's driver answers
+# one that may have been smoothed to the recorded one, and the twin's recording shows that, measured and smoothed anew.
+@njit(cache=True, nogil=True)
+def _add_to_leaders(first, last, hidden, seen):  # type: ignore[no-untyped-def]
+    for i in range(first, last):
+        for k in range(seen.shape[1]):
+            for n in range(len(w.LEADERS)):
+                seen[i, k, w.LEADERS[n]] += hidden[i, k, n]
+            _not_backwards(seen[i, k])
 
-    The driver of a recording answered the true leader, of which the recording shows a smoothed one. So the twin's driver answers
-    one that may have been smoothed to the recorded one, and the twin's recording shows that, measured and smoothed anew.
-    """
-    truth, seen = windows.seen.copy(), windows.seen.copy()
-    for number, (column, true, part) in enumerate(luck.of_leaders()):
-        truth[:, :, column] += true
-        seen[:, :, column] = windows.blurred[:, :, number] + part
+
+@njit(cache=True, nogil=True)
+def _set_leaders(first, last, blurred, shown, seen):  # type: ignore[no-untyped-def]
+    for i in range(first, last):
+        for k in range(seen.shape[1]):
+            for n in range(len(w.LEADERS)):
+                seen[i, k, w.LEADERS[n]] = blurred[i, k, n] + shown[i, k, n]
+            _not_backwards(seen[i, k])
+
+
+@njit(cache=True)
+def _not_backwards(row):  # type: ignore[no-untyped-def]
+    """Leave no leader a speed below zero; one that is not there (NaN) stays so."""
     for name in (w.SPEED, w.SECOND_SPEED):
-        np.maximum(truth[:, :, name], 0.0, out=truth[:, :, name])
-        np.maximum(seen[:, :, name], 0.0, out=seen[:, :, name])
-    return truth, seen
+        if row[name] < 0.0:
+            row[name] = 0.0
 
 
 def drawn_anew(fit: Fit, luck: Luck) -> Fit:

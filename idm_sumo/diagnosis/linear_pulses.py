@@ -1,0 +1,81 @@
+"""What a unit of each linear effect adds to the acceleration, and what another car-following model would: means over pulses."""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+import numpy.typing as npt
+from numba import njit
+
+from idm_sumo.diagnosis import windows as w
+from idm_sumo.diagnosis.rollout import BASE_A, BASE_V, BASE_X, BIN, BY_T
+from idm_sumo.effects.acceleration_asymmetry import weakened
+from idm_sumo.effects.adjacent_lane_friction import friction
+from idm_sumo.effects.courtesy_yielding import before_cut_in
+from idm_sumo.effects.follower_pressure import pressed
+from idm_sumo.effects.hysteresis import in_phase
+from idm_sumo.effects.leader_class import behind_truck
+from idm_sumo.effects.pre_insertion import before_own_change
+from idm_sumo.effects.speed_dependent_headway import SPEED_UNIT
+from idm_sumo.effects.vehicle_class import of_truck
+from idm_sumo.threads import in_threads
+
+Floats = npt.NDArray[np.float64]
+
+GUARD = "form:"  # begins the names of what another car-following model underneath would look like
+LINEAR = (
+    "acceleration_asymmetry", "leader_class", "speed_dependent_headway", "hysteresis", "adjacent_lane_friction",
+    "vehicle_class", "follower_pressure", "courtesy_yielding", "pre_insertion", *(f"{GUARD}{n}" for n in range(6)),
+)  # fmt: skip
+FORM = tuple(n for n, name in enumerate(LINEAR) if name.startswith(GUARD))
+
+
+def linear_pulses(seen: Floats, state: Floats, pivot: float) -> Floats:
+    """Return the acceleration (m/s²) per unit of each magnitude of ``LINEAR``, as means over pulses.
+
+    Parameters
+    ----------
+    seen : float64, shape (windows, LEAD + horizon + 1, COLUMNS)
+    state : float64, shape (windows, horizon, 7)
+        Of :func:`idm_sumo.diagnosis.rollout.respond`.
+    pivot : float
+        m/s.
+
+    Returns
+    -------
+    float64, shape (windows, pulses, len(LINEAR))
+        The last are smooth accelerations of speed, gap and approach rate, second order: the form of the car-following itself.
+    """
+    out = np.zeros((len(seen), state.shape[1] // BIN, len(LINEAR)))
+    in_threads(_fill, len(seen), seen, state, pivot, out)
+    return out
+
+
+@njit(cache=True, nogil=True, error_model="numpy")
+def _fill(first, last, seen, state, pivot, out):  # type: ignore[no-untyped-def]
+    for i in range(first, last):
+        for k in range(out.shape[1] * BIN):
+            row, to, base = seen[i, w.LEAD + k], out[i, k // BIN], state[i, k]
+            by_t, a, v, x = base[BY_T], base[BASE_A], base[BASE_V], base[BASE_X]
+            leader = row[w.ACCELERATION] if row[w.ACCELERATION] == row[w.ACCELERATION] else 0.0
+            speed, closing = (v - pivot) / SPEED_UNIT, (v - row[w.SPEED]) / 3.0
+            gap = math.log(max(row[w.REAR] - x, 1.0) / (2.0 + 1.2 * v))
+            to[0] += weakened(a, 1.0) - a
+            to[1] += by_t * (behind_truck(row[w.KIND], 1.0) - 1.0)
+            to[2] += by_t * speed
+            to[3] += by_t * (in_phase(leader, 1.0) - 1.0)
+            to[4] += friction(v, row[w.ADJACENT], 1.0)
+            to[5] += by_t * (of_truck(row[w.OWN_KIND], 1.0) - 1.0)
+            to[6] += pressed(x - row[w.BEHIND], 1.0)
+            to[7] += by_t * (before_cut_in(row[w.UNTIL_CUT_IN], 1.0) - 1.0)
+            to[8] += by_t * (before_own_change(row[w.UNTIL_OWN], 1.0) - 1.0)
+            to[9] += speed * speed
+            to[10] += closing * closing
+            to[11] += speed * closing
+            to[12] += gap * gap
+            to[13] += gap * speed
+            to[14] += gap * closing
+        for p in range(out.shape[1]):
+            for n in range(out.shape[2]):
+                out[i, p, n] /= BIN
