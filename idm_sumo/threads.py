@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import functools
+import os
 from collections.abc import Callable, Iterable
 from concurrent.futures import ThreadPoolExecutor
 from typing import Any, TypeVar
@@ -26,13 +28,22 @@ def in_threads(kernel: Callable[..., Any], count: int, *arguments: Any) -> None:
         kernel(0, count, *arguments)
         return
     size = -(-count // (threads * PIECES))
-    with ThreadPoolExecutor(threads) as pool:
-        pieces = [pool.submit(kernel, first, min(first + size, count), *arguments) for first in range(0, count, size)]
-        for piece in pieces:
-            piece.result()
+    pool = _pool(threads, os.getpid())
+    pieces = [pool.submit(kernel, first, min(first + size, count), *arguments) for first in range(0, count, size)]
+    for piece in pieces:
+        piece.result()
+
+
+@functools.cache
+def _pool(threads: int, process: int) -> ThreadPoolExecutor:
+    """Return threads for kernels, made once in a ``process``: a fit of few vehicles calls kernels ten thousand times.
+
+    Kernels call no Python, so never this: nothing in the pool waits for the pool.
+    """
+    return ThreadPoolExecutor(threads)
 
 
 def each_in_threads(work: Callable[[T], U], items: Iterable[T]) -> list[U]:
     """Return ``work`` of each item, in their order, as many at once as numba has threads."""
-    with ThreadPoolExecutor(numba.get_num_threads()) as pool:
+    with ThreadPoolExecutor(numba.get_num_threads(), initializer=numba.set_num_threads, initargs=(1,)) as pool:
         return list(pool.map(work, items))

@@ -120,32 +120,32 @@ def _twin_totals(subject: Subject, fit: Fit, lucks: list[Luck], looked: Look, he
     """
     is_asked = np.array([looked.build is at.build or atom.name.startswith(at.LOCAL) for atom in looked.atoms])
     between = is_asked & np.array([name.startswith(BETWEEN) for name in looked.names])
-    own = {}
-    for drawn in (False, True) if between.any() else (False,):
-        each = _each_twin(subject, fit, lucks, looked.build, drawn=drawn, listen=heard is not None)
-        own[drawn] = np.array([scores for scores, _ in each])
-        if heard is not None:
-            heard[drawn].extend(free for _, free in each if free is not None)
-    of_form = own[False] @ (looked.free_of_form - np.eye(len(looked.atoms)))
-    totals = np.where(between, own.get(True, own[False]), own[False])
+    kinds = (False, True) if between.any() else (False,)
+    each = each_in_threads(
+        lambda twin: _twin(subject, fit, twin[1], looked.build, drawn=twin[0], listen=heard is not None),
+        [(drawn, luck) for drawn in kinds for luck in lucks],
+    )
+    own = {drawn: each[n * len(lucks) : (n + 1) * len(lucks)] for n, drawn in enumerate(kinds)}
+    if heard is not None:
+        for drawn, twins in own.items():
+            heard[drawn].extend(free for _, free in twins if free is not None)
+    fitted, anew = (np.array([scores for scores, _ in own.get(drawn, own[False])]) for drawn in (False, True))
+    of_form = fitted @ (looked.free_of_form - np.eye(len(looked.atoms)))
+    totals = np.where(between, anew, fitted)
     return np.asarray(totals * [name not in ENDOGENOUS for name in looked.names] + of_form)
 
 
-def _each_twin(
-    subject: Subject, fit: Fit, lucks: list[Luck], build: Build, *, drawn: bool, listen: bool
-) -> list[tuple[Floats, Heard | None]]:
-    """Return the total scores of each twin, with the fitted drivers or with drawn ones, and what is heard of everything free."""
-
-    def one(luck: Luck) -> tuple[Floats, Heard | None]:
-        drivers = drawn_anew(fit, luck) if drawn else fit
-        behind = start_behind(subject.windows, fit, drivers) if drawn else 0.0
-        twin = make_twin(subject.windows, drivers, luck, is_smooth=subject.is_smooth, behind=behind)
-        fitted = refit(twin, drivers)
-        answer = at.answer_of(twin, fitted, subject.grid.pivot)
-        total = np.asarray(score(subject, twin, fitted, build, answer)[1].u.sum(axis=0))
-        return total, hear(twin, fitted, subject.grid, answer) if listen else None
-
-    return each_in_threads(one, lucks)
+def _twin(
+    subject: Subject, fit: Fit, luck: Luck, build: Build, *, drawn: bool, listen: bool
+) -> tuple[Floats, Heard | None]:
+    """Return the total scores of a twin, with the fitted drivers or with drawn ones, and what is heard of everything free."""
+    drivers = drawn_anew(fit, luck) if drawn else fit
+    behind = start_behind(subject.windows, fit, drivers) if drawn else 0.0
+    twin = make_twin(subject.windows, drivers, luck, is_smooth=subject.is_smooth, behind=behind)
+    fitted = refit(twin, drivers)
+    answer = at.answer_of(twin, fitted, subject.grid.pivot)
+    total = np.asarray(score(subject, twin, fitted, build, answer)[1].u.sum(axis=0))
+    return total, hear(twin, fitted, subject.grid, answer) if listen else None
 
 
 class Local(NamedTuple):

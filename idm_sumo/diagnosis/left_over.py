@@ -17,6 +17,7 @@ from idm_sumo.diagnosis.pulses import Pulses, pulses_of
 from idm_sumo.diagnosis.rollout import BIN
 from idm_sumo.diagnosis.scans import Stretch, best_stretch
 from idm_sumo.diagnosis.windows import Windows
+from idm_sumo.threads import each_in_threads
 
 Floats = npt.NDArray[np.float64]
 Integers = npt.NDArray[np.int64]
@@ -100,14 +101,17 @@ def left_over(
         Of variances beyond the model's.
     """
     pulses = pulses_of(windows, fit, answer)
-    found, unsteady, begin = [], [], 0
-    for family, number, value in ff.families(windows, pulses.state, grid):
-        end = begin + family.count + 1
-        twins = np.array([one.totals[begin:end] for one in (drawn if family.is_regional else fitted)])
-        one = _of_family(pulses, family, number, value, twins * (family.covariate != NO_TWIN), inflation)
-        begin = end
-        if one is not None:
-            found.append(one)
+    every = list(ff.families(windows, pulses.state, grid))
+    begins = np.cumsum([0, *(family.count + 1 for family, _, _ in every)])
+
+    def best(which: int) -> tuple[ff.Family, Stretch, float, float] | None:
+        family, number, value = every[which]
+        heard = [one.totals[begins[which] : begins[which + 1]] for one in (drawn if family.is_regional else fitted)]
+        return _of_family(pulses, family, number, value, np.array(heard) * (family.covariate != NO_TWIN), inflation)
+
+    found = [one for one in each_in_threads(best, range(len(every))) if one is not None]
+    unsteady = []
+    for family, number, _ in every:
         if variance.concerns(family):
             twin = np.mean([heard.squares[family.covariate] for heard in fitted], axis=0)
             most = variance.most_unsteady(variance.spread(pulses, number, family.count), twin, len(fitted))

@@ -108,7 +108,7 @@ def pulses_of(windows: w.Windows, fit: Fit, answer: Answer) -> Pulses:
     return Pulses(windows, state, score, inner, along, free, shared, bound)
 
 
-@njit(cache=True)
+@njit(cache=True, nogil=True)
 def _gather(number, value, driver, score, inner, own, common, u, by_own, by_common, gram):  # type: ignore[no-untyped-def]
     """Add up, window by window, what a field in bins has of the pulses: only the few bins that a window is in take part."""
     most, last = number.shape[1] * 2, u.shape[1] - 1
