@@ -20,7 +20,7 @@ from idm_sumo.diagnosis.gain import Errors, all_gains, driven
 from idm_sumo.diagnosis.look import Subject
 from idm_sumo.diagnosis.result import NAMED, NONE, UNKNOWN, Diagnosis, Gain
 from idm_sumo.diagnosis.rollout import PLAIN
-from idm_sumo.diagnosis.search import BEYOND_DOUBT, Found, search
+from idm_sumo.diagnosis.search import BEYOND_DOUBT, Found, left_without_causes, search
 from idm_sumo.diagnosis.sizes import ROUNDS
 from idm_sumo.diagnosis.smoother import Smoother, local_cubic, posterior_mean, window_for
 from idm_sumo.diagnosis.windows import Windows, cut_windows
@@ -116,7 +116,8 @@ def _confirmed(found: Found, held: Windows, rng: np.random.Generator) -> tuple[F
         if gains[0].is_likely or (beyond_doubt and gains[0].ci95[1] > 0.0):
             return found, base, extended, gains
         there = (*found.without_gain, *(cause.candidate for cause in found.accepted))
-        found = replace(found, fit=found.base, accepted=(), without_gain=there)
+        left = left_without_causes(found.first)
+        found = replace(found, fit=found.base, accepted=(), without_gain=there, unexplained=left)
     return found, base, base, all_gains(base, base, held.platoon, rng)
 
 

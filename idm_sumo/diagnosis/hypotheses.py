@@ -107,7 +107,10 @@ def forms(evidence: Evidence, candidate: Candidate) -> list[Candidate]:
     if len(candidate.atom.fixed) < 2:
         return [candidate]
     unit = np.eye(len(evidence.atoms))
-    return [_candidate(evidence, candidate.name, unit[n], evidence.atoms[n], 40) for n in rows]
+    each = [_candidate(evidence, candidate.name, unit[n], evidence.atoms[n], 40) for n in rows]
+    return [
+        replace(form, z=candidate.z, p=candidate.p) for form in each
+    ]  # that it is there at all, the strongest form says
 
 
 def _informative(evidence: Evidence, name: str) -> list[int]:

@@ -89,8 +89,13 @@ def search(subject: Subject, base: Fit, rng: np.random.Generator, progress: Prog
         fit = refined(subject, fit, [cause.candidate.name for cause in accepted], lucks, rng)
         last = ev.examine(subject, fit, lucks, progress=progress, stage="looking for further causes")
         accepted = [_measured(cause, fit, last) for cause in accepted]
-    left = strange if strange or accepted else tuple(one for one in first.free if _stands_out(one))
-    return Found(base, fit, tuple(accepted), tuple(without), first, last, told(left))
+    left = told(strange) if strange else () if accepted else left_without_causes(first)
+    return Found(base, fit, tuple(accepted), tuple(without), first, last, left)
+
+
+def left_without_causes(first: ev.Evidence) -> tuple[LeftOver, ...]:
+    """Return what is worth telling of the first look if no cause is named."""
+    return told(tuple(one for one in first.free if _stands_out(one)))
 
 
 def _measured(cause: Accepted, fit: Fit, evidence: ev.Evidence) -> Accepted:

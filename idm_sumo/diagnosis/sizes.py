@@ -23,6 +23,7 @@ ROUNDS_OF_TWINS = 3
 STEEPEST = 0.6  # of the information: twins follow the model that drives them only in part
 LONGEST_MOVE, SETTLED = 0.6, 0.02  # of a magnitude, in one step; below, it has settled
 LARGEST_FACTOR = 6.0  # by which steps may grow
+LARGEST_LOSS = 0.01  # of the ADE, by a refined size
 DELAYS = (0.2, 0.45, 0.8)  # s
 
 
@@ -108,7 +109,7 @@ def refined(subject: Subject, fit: Fit, names: list[str], lucks: list[Luck], rng
 
     What twins show depends on the model that drives them, and they begin where the recorded vehicles were, which the true
     effect put there: so twins are made anew until nothing moves, with the same luck in every round, or they would never agree
-    with each other. Sizes that drive the vehicles clearly worse are not taken.
+    with each other. Sizes that drive the vehicles worse, and likely so, are not taken.
     """
     begin = fit
     heard: dict[str, TwinScore] = {}
@@ -120,7 +121,8 @@ def refined(subject: Subject, fit: Fit, names: list[str], lucks: list[Luck], rng
         if was_there:
             break
     fit = anew(subject, fit)
-    return begin if gain_of(subject, begin, fit, rng).ci95[1] < 0.0 else fit
+    lost = gain_of(subject, fit, begin, rng)
+    return begin if lost.is_likely and lost.difference > LARGEST_LOSS * lost.base else fit
 
 
 def _settle(subject: Subject, fit: Fit, here: Look, heard: dict[str, TwinScore]) -> tuple[Fit, bool]:
