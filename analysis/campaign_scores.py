@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping
+from collections.abc import Iterator, Mapping
 from typing import Any
 
 import pandas as pd
@@ -36,7 +36,7 @@ def _row(trial: dict[str, Any]) -> dict[str, Any]:
     return {
         "group": trial["group"], "name": trial["name"], "size": trial["size"], "kind": trial.get("kind", ""),
         "outcome": outcome(trial), "verdict": found["verdict"], "named": ", ".join(names),
-        "first": names[0] if names else found["verdict"], **size_of(trial), "best_gain": _share(best),
+        "first": names[0] if names else found["verdict"], "best_gain": _share(best),
         "gain_class": gain_class(_share(best)), "gain": gain["difference"] / gain["base"] if sure else math.nan,
         "realised": gain["difference"] / (best["base"] - best["extended"])
         if best and sure and names and best["base"] > 1.02 * best["extended"] else math.nan,
@@ -84,26 +84,27 @@ def shows(trial: Mapping[str, Any]) -> bool:
     return False
 
 
-def size_of(trial: Mapping[str, Any]) -> dict[str, Any]:
-    """Return the planted and the found size, and whether the 95 % interval holds it; NaN where there is none.
+def sized(trials: pd.DataFrame) -> pd.DataFrame:
+    """Return one row a hidden effect that was named: planted and found size, and whether the 95 % interval holds the planted one.
 
-    Sizes compare only where the planted form is the catalogue's own and every driver has the effect.
+    Effects that some drivers have only are left out: there the size of all drivers is another.
     """
-    nothing = {"planted": math.nan, "estimate": math.nan, "error": math.nan, "covered": math.nan}
-    if trial["group"] != "single" or trial["plan"]["form"] != "usual":
-        return nothing
-    truth = abs(trial["effects"][trial["name"]])
+    rows = [row for trial in trials.to_dict("records") if trial["group"] in ("single", "pair") for row in _sizes(trial)]
+    return pd.DataFrame(rows, columns=["name", "form", "underlying", "planted", "estimate", "error", "covered"])
+
+
+def _sizes(trial: dict[str, Any]) -> Iterator[dict[str, Any]]:
     for cause in trial["found"]["causes"]:
-        if cause["name"] == trial["name"]:
+        if cause["name"] in trial["effects"]:
+            truth = abs(trial["effects"][cause["name"]])
             one = next(iter(cause["parameters"].values()))  # the size comes first
-            value, (low, high) = abs(one["value"]), sorted(abs(bound) for bound in one["ci95"])
-            return {
-                "planted": truth,
-                "estimate": value,
-                "error": abs(value / truth - 1),
+            low, high = sorted(abs(bound) for bound in one["ci95"])
+            low = 0.0 if one["ci95"][0] < 0.0 < one["ci95"][1] else low
+            yield {
+                "name": cause["name"], "form": trial["plan"]["form"], "underlying": trial["plan"]["underlying"],
+                "planted": truth, "estimate": abs(one["value"]), "error": abs(abs(one["value"]) / truth - 1),
                 "covered": low <= truth <= high,
-            }
-    return {**nothing, "planted": truth}
+            }  # fmt: skip
 
 
 def gain_class(share: float) -> str:

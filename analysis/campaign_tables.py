@@ -10,7 +10,7 @@ import pandas as pd
 from matplotlib.figure import Figure
 from scipy import stats
 
-from .campaign_scores import GAIN_CLASSES, SILENT, scored
+from .campaign_scores import GAIN_CLASSES, SILENT, scored, sized
 from .style import save
 
 LEVELS = ["small", "mid", "large"]
@@ -22,11 +22,13 @@ EXPLAINED = {
     "Power by achievable gain": "Single effects by what the true model, refitted, is better by than the base (share of ADE).",
     "Power": "Single effects; the last two columns are medians: what the true model gains, what the extended model gained.",
     "Confusion": "Rows: hidden. Columns: named first, or the verdict.",
+    "Power by car-following": "The same by the car-following underneath, and by the form of the effect.",
     "Pairs": "Two effects at once, both large.",
     "Outside": "Effects that the catalogue does not hold.",
     "Conditions": "Single effects.",
-    "Magnitudes": "Relative error of the size where form and population are the usual ones, and whether its 95 % interval holds it.",
-    "Gain realised": "Gain on held-out drivers over the true model's, recordings whose cause was named and that gains 2 % or more.",
+    "Magnitudes": "Relative error of the sizes that were named, single or in a pair, and how often the 95 % interval holds the planted one.",
+    "Magnitudes by effect": "The same where the effect has the catalogue's form.",
+    "Gain realised": "Gain on held-out drivers over the true model's, where the cause was named and that gains 2 % or more.",
     "Timing": "Wall seconds a recording.",
 }
 
@@ -40,7 +42,7 @@ def summarise(trials: pd.DataFrame, folder: Path) -> None:
         "",
         f"{len(graded)} recordings. Intervals are exact (Clopper-Pearson), 95 %.",
     ]
-    for title, table in tables(graded).items():
+    for title, table in tables(graded, sized(trials)).items():
         if table.empty:
             continue
         table.to_csv(folder / f"{title.lower().replace(' ', '_')}.csv", index=False)
@@ -51,12 +53,10 @@ def summarise(trials: pd.DataFrame, folder: Path) -> None:
     (folder / "README.md").write_text("\n".join(lines) + "\n", encoding="utf-8")
 
 
-def tables(graded: pd.DataFrame) -> dict[str, pd.DataFrame]:
-    """Return the tables by their titles."""
+def tables(graded: pd.DataFrame, sizes: pd.DataFrame) -> dict[str, pd.DataFrame]:
+    """Return the tables by their titles; ``sizes`` of :func:`~analysis.campaign_scores.sized`."""
     single, none = graded[graded["group"] == "single"], graded[graded["group"] == "none"]
-    by_condition = [
-        counts(single.assign(of=key, condition=single[key].astype(str)), ["of", "condition"]) for key in CONDITIONS
-    ]
+    pairs, usual = graded[graded["group"] == "pair"], sizes[sizes["form"] == "usual"]
     power = counts(single, ["name", "size"])
     if len(power):
         medians = single.groupby(["name", "size"], sort=False)[["best_gain", "gain"]].median().round(3).reset_index()
@@ -67,13 +67,17 @@ def tables(graded: pd.DataFrame) -> dict[str, pd.DataFrame]:
         "False alarms": pd.concat([counts(none.assign(kind="all"), ["kind"]), counts(none, ["kind"]),
                                    counts(none, ["underlying"]).rename(columns={"underlying": "kind"})]),
         "Power by achievable gain": counts(single, ["gain_class"], order=GAIN_CLASSES),
+        "Power by car-following": _by(single, ("underlying", "form"), ["gain_class"]),
         "Power": power,
         "Confusion": confusion(graded),
-        "Pairs": counts(graded[graded["group"] == "pair"], ["name"]),
+        "Pairs": pd.concat([counts(pairs, ["name"]), counts(pairs, ["underlying"]).rename(columns={"underlying": "name"})]),
         "Outside": counts(graded[graded["group"] == "outside"], ["name"]),
-        "Conditions": pd.concat(by_condition),
-        "Magnitudes": magnitudes(single),
-        "Gain realised": realised(graded),
+        "Conditions": _by(single, CONDITIONS),
+        "Magnitudes": pd.concat([
+            magnitudes(one, ["form", "underlying"]) for one in (sizes.assign(underlying="all"), sizes)
+        ]),
+        "Magnitudes by effect": magnitudes(usual, ["name"]),
+        "Gain realised": pd.concat([realised(graded.assign(size="all"), "size"), realised(graded, "size"), realised(graded, "underlying")]),
         "Timing": graded["seconds"].describe()[["count", "min", "50%", "max"]].round(1).to_frame().T,
     }  # fmt: skip
 
@@ -104,32 +108,35 @@ def confusion(graded: pd.DataFrame) -> pd.DataFrame:
     return pd.crosstab(some["name"], some["first"]).reset_index().rename(columns={"name": "hidden"})
 
 
-def magnitudes(single: pd.DataFrame) -> pd.DataFrame:
-    """Return relative errors of the estimated sizes and how often the interval holds the planted one, by effect and in all."""
-    known = single.dropna(subset=["error"])
-    if known.empty:
+def _by(graded: pd.DataFrame, conditions: tuple[str, ...], more: list[str] | None = None) -> pd.DataFrame:
+    """Return the counts under each condition in turn, in columns ``of`` and ``condition``."""
+    each = [graded.assign(of=key, condition=graded[key].astype(str)) for key in conditions]
+    return pd.concat([counts(one, ["of", "condition", *(more or [])]) for one in each])
+
+
+def magnitudes(sizes: pd.DataFrame, keys: list[str]) -> pd.DataFrame:
+    """Return relative errors of the estimated sizes and how often the interval holds the planted one."""
+    if sizes.empty:
         return pd.DataFrame()
-    both = pd.concat([known, known.assign(name="all")])
-    grouped = both.groupby("name", sort=False)
-    ratio = (both["estimate"] / both["planted"]).groupby(both["name"], sort=False)
+    sizes = sizes.assign(ratio=sizes["estimate"] / sizes["planted"], covered=sizes["covered"].astype(float))
+    grouped = sizes.groupby(keys)
     out = pd.DataFrame({
         "median error": grouped["error"].median(), "90 % of errors below": grouped["error"].quantile(0.9),
-        "median found / planted": ratio.median(),
-        "interval holds it": grouped["covered"].apply(lambda held: float(np.mean(held.astype(float)))),
+        "median found / planted": grouped["ratio"].median(), "interval holds it": grouped["covered"].mean(),
         "found": grouped.size(),
     })  # fmt: skip
     return out.round(3).reset_index()
 
 
-def realised(graded: pd.DataFrame) -> pd.DataFrame:
-    """Return the gain on held-out drivers over the true model's, by size."""
-    known = graded[graded["outcome"].isin(GOOD)].dropna(subset=["realised"])
+def realised(graded: pd.DataFrame, key: str) -> pd.DataFrame:
+    """Return the gain on held-out drivers over the true model's."""
+    known = graded[graded["outcome"].isin((*GOOD, "one of two"))].dropna(subset=["realised"])
     if known.empty:
         return pd.DataFrame()
-    both = pd.concat([known, known.assign(size="all")])
-    quartiles = both.groupby("size", sort=False)["realised"].quantile([0.25, 0.5, 0.75]).unstack()
+    grouped = known.groupby(known[key].rename("of"), sort=False)["realised"]
+    quartiles = grouped.quantile([0.25, 0.5, 0.75]).unstack()
     quartiles.columns = pd.Index(["lower quartile", "median", "upper quartile"])
-    return quartiles.assign(recordings=both.groupby("size").size()).round(3).reset_index()
+    return quartiles.assign(recordings=grouped.size()).round(3).reset_index()
 
 
 def power_curves(graded: pd.DataFrame) -> Figure:

@@ -9,7 +9,7 @@ import pandas as pd
 import pytest
 
 from analysis import campaign
-from analysis.campaign_scores import outcome, scored
+from analysis.campaign_scores import outcome, scored, sized
 from analysis.campaign_tables import summarise
 
 PLAN = {"underlying": "idm", "noise": "white", "sigma": 0.3, "form": "usual", "density": "congested", "lanes": 4,
@@ -56,15 +56,31 @@ def test_outcomes(one, expected):
 
 
 def test_sizes_and_gains():
-    rows = scored(pd.DataFrame([
+    trials = pd.DataFrame([
         trial("single", {"location": 0.5}, [cause("location")]), trial("single", {"location": 0.5}), trial("none", {}),
-    ]))  # fmt: skip
-    assert rows["error"][0] == pytest.approx(0.2)
-    assert rows["covered"][0]
+        trial("pair", {"location": 0.1, "hysteresis": 0.4}, [cause("hysteresis"), cause("location", -0.2, (-0.3, 0.1))]),
+        trial("some drivers", {"location": 0.5}, [cause("location")]),
+    ])  # fmt: skip
+    rows, sizes = scored(trials), sized(trials)
     assert rows["realised"][0] == pytest.approx(0.5)
-    assert rows["gain_class"].tolist() == ["5 % or more", "5 % or more", ""]
-    assert math.isnan(rows["error"][1])
+    assert rows["gain_class"].tolist()[:3] == ["5 % or more", "5 % or more", ""]
     assert math.isnan(rows["realised"][1])
+    assert sizes["name"].tolist() == ["location", "hysteresis", "location"]
+    assert sizes["error"].tolist() == pytest.approx([0.2, 0.0, 1.0])
+    assert sizes["covered"].tolist() == [True, True, True]  # an interval across zero begins there
+
+
+def test_magnitudes_and_gains_add_up_by_form_and_car_following(tmp_path):
+    trials = [trial("single", {"location": 0.5}, [cause("location", value)]) for value in (0.4, 0.5, 0.6)]
+    trials[2]["plan"] = {**PLAN, "form": "other", "underlying": "fvd"}
+    summarise(pd.DataFrame(trials), tmp_path)
+    sizes = pd.read_csv(tmp_path / "magnitudes.csv")
+    assert sizes[sizes["underlying"] == "all"].set_index("form")["median error"].to_dict() == {
+        "usual": 0.1,
+        "other": 0.2,
+    }
+    gains = pd.read_csv(tmp_path / "gain_realised.csv").set_index("of")
+    assert gains["recordings"].to_dict() == {"all": 3, "mid": 3, "idm": 2, "fvd": 1}
 
 
 def test_tables_count_every_trial(tmp_path):

@@ -8,6 +8,7 @@ import numpy as np
 
 from idm_sumo.diagnosis import evidence as ev
 from idm_sumo.diagnosis import hypotheses as hy
+from idm_sumo.diagnosis.edges import sharpened
 from idm_sumo.diagnosis.fit import Fit, fit_drivers, improve
 from idm_sumo.diagnosis.gain import compare, driven
 from idm_sumo.diagnosis.hypotheses import Candidate
@@ -114,6 +115,7 @@ def refined(subject: Subject, fit: Fit, names: list[str], lucks: list[Luck], rng
     begin = fit
     heard: dict[str, TwinScore] = {}
     for _ in range(ROUNDS_OF_TWINS):
+        fit = refitted(subject, sharpened(subject, fit, names), rounds=1)
         here = ev.look_here(subject, fit)
         biases = ev.local_biases(subject, fit, here, lucks)
         heard = {name: TwinScore.at(_value(fit, name), biases[name], heard.get(name)) for name in names}

@@ -11,6 +11,7 @@ from idm_sumo.diagnosis import atoms as at
 from idm_sumo.diagnosis import evidence as ev
 from idm_sumo.diagnosis import hypotheses as hy
 from idm_sumo.diagnosis.artefact import Seam
+from idm_sumo.diagnosis.edges import EDGED
 from idm_sumo.diagnosis.fit import Fit
 from idm_sumo.diagnosis.hypotheses import Candidate
 from idm_sumo.diagnosis.noise import Noise
@@ -77,20 +78,25 @@ def _cause(fit: Fit, accepted: Accepted, share: float) -> CauseFound:
         value = float(fit.by_lane[0, parameter.slot])
         slack = _slack(parameter.symbol, value)
         parameters[parameter.symbol] = Estimate(value, parameter.unit, (value - slack, value + slack))
-    return CauseFound(
-        candidate.name, parameters, _region(candidate), candidate.p, share, _sentence(accepted), accepted.rivals
-    )
+    region = _region(candidate, _edges(fit, candidate))
+    return CauseFound(candidate.name, parameters, region, candidate.p, share, _sentence(accepted), accepted.rivals)
 
 
 def _slack(symbol: str, value: float) -> float:
-    """Return half of the width within which a companion parameter was not told apart: bins and grids."""
-    return {"x_1": at.PLACE_BIN, "x_2": at.PLACE_BIN, "t_1": at.TIME_BIN, "t_2": at.TIME_BIN, "tau_r": 0.5 * value}.get(
-        symbol, 0.0
-    )
+    """Return half of the width within which a companion parameter was not told apart: half a bin of a scan, or the grid."""
+    place, time = 0.5 * at.PLACE_BIN, 0.5 * at.TIME_BIN
+    return {"x_1": place, "x_2": place, "t_1": time, "t_2": time, "tau_r": 0.5 * value}.get(symbol, 0.0)
 
 
-def _region(candidate: Candidate) -> Region | None:
-    edges = (candidate.atom.low, candidate.atom.high)
+def _edges(fit: Fit, candidate: Candidate) -> tuple[float, float]:
+    """Return where a cause of the model begins and ends."""
+    if candidate.name not in EDGED:
+        return candidate.atom.low, candidate.atom.high
+    edged = EDGED[candidate.name]
+    return float(fit.by_lane[0, edged.begin]), float(fit.by_lane[0, edged.end])
+
+
+def _region(candidate: Candidate, edges: tuple[float, float]) -> Region | None:
     if candidate.name == "location":
         return Region(position_m=edges)
     if candidate.name == "time_of_day":
@@ -123,7 +129,9 @@ def without_gain(found: Found) -> tuple[CauseFound, ...]:
         first = BY_NAME[c.name].parameters[0]
         estimate = Estimate(c.value, first.unit, (c.value - Z95 * c.error, c.value + Z95 * c.error))
         sentence = f"present ({abs(c.z):.1f} standard errors) without making rollouts better"
-        out.append(CauseFound(c.name, {first.symbol: estimate}, _region(c), c.p, 0.0, sentence))
+        out.append(
+            CauseFound(c.name, {first.symbol: estimate}, _region(c, (c.atom.low, c.atom.high)), c.p, 0.0, sentence)
+        )
     return tuple(out)
 
 
