@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from idm_sumo.diagnosis import hypotheses as hy
-from idm_sumo.diagnosis.atoms import Atom
+from idm_sumo.diagnosis.atoms import SECANT_ATOMS, Atom
 from idm_sumo.diagnosis.evidence import Evidence
 from idm_sumo.effects import slots
 
@@ -52,3 +52,17 @@ def test_where_less_is_done_at_a_place_more_is_done_beside_it():
 def test_a_place_that_stands_alone_has_one_form():
     seen = evidence(place(10, 20, -1.0), 0.0)
     assert len(hy.forms(seen, hy.candidates(seen)[0])) == 1
+
+
+def test_every_recovery_of_a_relaxation_is_as_sure_as_the_surest():
+    atoms = [atom for atom in SECANT_ATOMS if atom.name == "lane_change_relaxation"]
+    gram, best = np.diag([40.0, 60.0, 50.0]), np.array([0.1, 0.6, 0.3])
+    u = np.tile(gram @ best / DRIVERS, (DRIVERS, 1)) + np.random.default_rng(0).standard_normal((DRIVERS, 3)) * 0.1
+    seen = Evidence(
+        atoms, u, np.zeros((3, 3)), gram, np.tile(np.diag(gram) / DRIVERS, (DRIVERS, 1)), np.arange(DRIVERS)
+    )
+    surest = hy.candidates(seen)[0]
+    forms = hy.forms(seen, surest)
+    assert [form.atom.fixed for form in forms] == [atom.fixed for atom in atoms]
+    assert {(form.z, form.p) for form in forms} == {(surest.z, surest.p)}
+    assert forms[0].value < forms[2].value < forms[1].value

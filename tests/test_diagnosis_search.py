@@ -10,10 +10,11 @@ from idm_sumo.diagnosis import rollout as ro
 from idm_sumo.diagnosis.atoms import Atom
 from idm_sumo.diagnosis.fit import fit_drivers
 from idm_sumo.diagnosis.hypotheses import Candidate
+from idm_sumo.diagnosis.left_over import LeftOver
 from idm_sumo.diagnosis.look import Subject
 from idm_sumo.diagnosis.luck import Noises
 from idm_sumo.diagnosis.result import Gain
-from idm_sumo.diagnosis.search import _strongest, _worth_it
+from idm_sumo.diagnosis.search import _stands_out, _strongest, _worth_it
 from idm_sumo.diagnosis.sizes import gain_of
 from idm_sumo.effects import slots
 from tests.test_diagnosis_rollout import QUIET, followers
@@ -50,6 +51,22 @@ def test_what_has_no_null_twin_must_gain_more(difference, accepted):
     pressed = candidate(9.0, "follower_pressure")
     assert _worth_it(gain(difference, 0.005), pressed, further=False) is accepted
     assert _worth_it(gain(0.01, 0.005), candidate(9.0), further=False)
+
+
+@pytest.mark.parametrize(
+    ("covariate", "z", "stands_out"),
+    [
+        ("position", 6.0, True),
+        ("position", 5.0, False),
+        ("delay over position in lane 2", 6.0, False),  # a response that changes: most looks
+        ("delay over time", 7.0, True),
+        ("headway over leader_gap", 7.0, False),  # another car-following model looks like it
+        ("headway over leader_gap", 9.5, True),
+    ],
+)
+def test_what_is_looked_at_more_must_stand_out_more(covariate, z, stands_out):
+    assert _stands_out(LeftOver(covariate, (0.0, 1.0), None, None, 0.2, -z, 1e-9, True)) is stands_out
+    assert not _stands_out(LeftOver(covariate, (0.0, 1.0), None, None, 0.2, z, 1e-9, False))
 
 
 def test_the_cause_that_drives_clearly_nearer_is_chosen():

@@ -36,8 +36,9 @@ CLOSE = 0.3  # of the best's squared z: from there on causes are brought to thei
 TRIED = 3
 FIRST_TWINS, TWINS = 5, 3  # whether anything is there at all is looked at more closely than how much
 RIVAL = 0.85  # of the best cause's support: one with as much cannot be told apart
-# Standard errors from which on something free stands out; what another car-following model looks like, too, needs more.
-FREE_CLEAR, FREE_DOUBTFUL = 5.5, 9.0
+# Standard errors from which on something free stands out; a response that changes, of which there are most looks, and what
+# another car-following model looks like, too, need more.
+FREE_CLEAR, FREE_CHANGED, FREE_DOUBTFUL = 5.5, 6.5, 9.0
 # Times the best cause's squared z, and more, from which on the catalogue does not hold it. A response that changes from place to
 # place, or with time, is what goes beyond the same change everywhere, and has to be only half as sure as that.
 FREE_EXCESS, FREE_CHANGE, FREE_MORE = 1.5, 0.5, 25.0
@@ -111,7 +112,8 @@ def _may_be(candidate: Candidate) -> bool:
 
 
 def _stands_out(free: LeftOver) -> bool:
-    return free.large_enough and abs(free.z) > (FREE_DOUBTFUL if free.covariate.endswith(DOUBTFUL) else FREE_CLEAR)
+    usual = FREE_CHANGED if free.covariate.startswith(CHANGES) else FREE_CLEAR
+    return free.large_enough and abs(free.z) > (FREE_DOUBTFUL if free.covariate.endswith(DOUBTFUL) else usual)
 
 
 def _outside(evidence: ev.Evidence) -> tuple[LeftOver, ...]:
