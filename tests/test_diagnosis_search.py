@@ -42,22 +42,15 @@ def candidate(z, name="perception_threshold", value=0.5, fixed=()):
 )
 def test_what_is_sure_needs_less_gain_and_what_comes_further_more(difference, margin, z, first, further):
     one = candidate(z)
-    assert _worth_it(gain(difference, margin), one) is first
-    assert _worth_it(gain(difference, margin), one, candidate(20.0)) is further
-
-
-def test_a_further_cause_as_sure_as_the_first_need_not_gain():
-    assert _worth_it(gain(-0.001, 0.01), candidate(9.0), candidate(12.0))
-    assert not _worth_it(gain(-0.001, 0.01), candidate(9.0), candidate(14.0))
-    assert not _worth_it(gain(-0.001, 0.01), candidate(6.0), candidate(6.0))
-    assert not _worth_it(gain(-0.02, 0.01), candidate(9.0), candidate(9.0))
+    assert _worth_it(gain(difference, margin), one, further=False) is first
+    assert _worth_it(gain(difference, margin), one, further=True) is further
 
 
 @pytest.mark.parametrize(("difference", "accepted"), [(0.01, False), (0.03, True)])
 def test_what_has_no_null_twin_must_gain_more(difference, accepted):
     pressed = candidate(9.0, "follower_pressure")
-    assert _worth_it(gain(difference, 0.005), pressed) is accepted
-    assert _worth_it(gain(0.01, 0.005), candidate(9.0))
+    assert _worth_it(gain(difference, 0.005), pressed, further=False) is accepted
+    assert _worth_it(gain(0.01, 0.005), candidate(9.0), further=False)
 
 
 @pytest.mark.parametrize(

@@ -31,7 +31,6 @@ FURTHER_SHARE = 0.06  # of the first cause's squared z, for a further one: less 
 LEAST_GAIN = 0.004  # of the ADE, on the drivers that fit
 UNTWINNED_GAIN = 0.02  # of the ADE, for what has no null twin: a follower answers its leader, so its place tells of the leader's noise
 SURE, BEYOND_DOUBT = 4.8, 7.0  # standard errors, from which on any gain will do, and no loss beyond chance
-AS_SURE = 0.5  # of the first cause's squared z: no form of that leaves so much over
 CHANCE = 0.01  # of the ADE
 CLOSE = 0.3  # of the best's squared z: from there on causes are brought to their sizes and compared
 TRIED = 3
@@ -143,18 +142,17 @@ def _next(
         best, rivals = _strongest(subject, fit, [form for c in close for form in hy.forms(evidence, c)], rng)
         model = anew(subject, best.fit)
         gain = gain_of(subject, fit, model, rng)
-        if best.candidate.large_enough and _worth_it(gain, best.candidate, accepted[0].candidate if accepted else None):
+        if best.candidate.large_enough and _worth_it(gain, best.candidate, further=bool(accepted)):
             return best.candidate, model, gain.difference, rivals
         without.append(best.candidate)
         open_ = [c for c in open_ if c.name != best.candidate.name]
     return None
 
 
-def _worth_it(gain: Gain, candidate: Candidate, first: Candidate | None = None) -> bool:
+def _worth_it(gain: Gain, candidate: Candidate, *, further: bool) -> bool:
     """Return whether rollouts are better for a cause: clearly; at all, if it is surely there; not worse, if beyond doubt.
 
-    A further cause than ``first`` must make them better, nine to one: what that one's form leaves over is there, too. Beyond doubt
-    is only one that is about as sure.
+    A further cause must make them better, nine to one, however sure it is: what the first one's form leaves over is there, too.
     """
     enough = gain.difference >= LEAST_GAIN * gain.base
     clearly = enough and gain.ci95[0] > 0.0
@@ -162,11 +160,10 @@ def _worth_it(gain: Gain, candidate: Candidate, first: Candidate | None = None) 
         return clearly and gain.difference >= UNTWINNED_GAIN * gain.base
     if clearly:
         return True
+    if further:
+        return enough and gain.is_likely
     z, share = abs(candidate.z), gain.difference / gain.base
-    no_worse = z > BEYOND_DOUBT and share > -CHANCE
-    if first is not None:
-        return (enough and gain.is_likely) or (no_worse and z**2 > AS_SURE * first.z**2)
-    return (z > SURE and share > 0.0) or no_worse
+    return (z > SURE and share > 0.0) or (z > BEYOND_DOUBT and share > -CHANCE)
 
 
 def _strongest(
