@@ -67,7 +67,7 @@ def tables(graded: pd.DataFrame, sizes: pd.DataFrame) -> dict[str, pd.DataFrame]
         "False alarms": pd.concat([counts(none.assign(kind="all"), ["kind"]), counts(none, ["kind"]),
                                    counts(none, ["underlying"]).rename(columns={"underlying": "kind"})]),
         "Power by achievable gain": counts(single, ["gain_class"], order=GAIN_CLASSES),
-        "Power by car-following": _by(single, ("underlying", "form"), ["gain_class"]),
+        "Power by car-following": _by(single, ("underlying", "form"), ("gain_class",)),
         "Power": power,
         "Confusion": confusion(graded),
         "Pairs": pd.concat([counts(pairs, ["name"]), counts(pairs, ["underlying"]).rename(columns={"underlying": "name"})]),
@@ -108,10 +108,10 @@ def confusion(graded: pd.DataFrame) -> pd.DataFrame:
     return pd.crosstab(some["name"], some["first"]).reset_index().rename(columns={"name": "hidden"})
 
 
-def _by(graded: pd.DataFrame, conditions: tuple[str, ...], more: list[str] | None = None) -> pd.DataFrame:
+def _by(graded: pd.DataFrame, conditions: tuple[str, ...], more: tuple[str, ...] = ()) -> pd.DataFrame:
     """Return the counts under each condition in turn, in columns ``of`` and ``condition``."""
     each = [graded.assign(of=key, condition=graded[key].astype(str)) for key in conditions]
-    return pd.concat([counts(one, ["of", "condition", *(more or [])]) for one in each])
+    return pd.concat([counts(one, ["of", "condition", *more]) for one in each])
 
 
 def magnitudes(sizes: pd.DataFrame, keys: list[str]) -> pd.DataFrame:

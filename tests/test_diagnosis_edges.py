@@ -10,11 +10,11 @@ import pytest
 from idm_sumo.diagnosis import atoms as at
 from idm_sumo.diagnosis import rollout as ro
 from idm_sumo.diagnosis import windows as w
-from idm_sumo.diagnosis.edges import EDGED, best_edges, sharpened
+from idm_sumo.diagnosis.edges import best_edges, sharpened
 from idm_sumo.diagnosis.fit import fit_drivers, improve
 from idm_sumo.diagnosis.look import Subject
 from idm_sumo.diagnosis.luck import Noises
-from idm_sumo.effects import slots
+from idm_sumo.effects import BY_NAME, slots
 from tests.test_diagnosis_rollout import QUIET, followers
 
 
@@ -47,17 +47,18 @@ def one_after_the_other(by_lane: np.ndarray) -> w.Windows:
     ("location", -0.4, (45.0, 97.0), at.PLACE_BIN), ("time_of_day", 0.4, (31.0, 66.0), at.TIME_BIN),
 ])  # fmt: skip
 def test_edges_are_found_between_those_of_bins(name, size, ends, width):
-    edged, planted = EDGED[name], ro.PLAIN.copy()
-    planted[:, [edged.magnitude, edged.begin, edged.end]] = size, *ends
+    magnitude, begin, end = (parameter.slot for parameter in BY_NAME[name].parameters)
+    planted = ro.PLAIN.copy()
+    planted[:, [magnitude, begin, end]] = size, *ends
     windows = one_after_the_other(planted)
     subject = Subject(windows, Noises(QUIET, QUIET), at.grid_of(windows), True)
     off = planted.copy()
-    off[:, edged.begin] += 0.4 * width
-    off[:, edged.end] -= 0.4 * width
+    off[:, begin] += 0.4 * width
+    off[:, end] -= 0.4 * width
     fit = fit_drivers(windows, off, np.array([1e-4, 1e-4]), rounds=8)
     for _ in range(2):
         fit = improve(windows, sharpened(subject, fit, [name]))
-    np.testing.assert_allclose(fit.by_lane[0, [edged.begin, edged.end]], ends, atol=0.15 * width)
+    np.testing.assert_allclose(fit.by_lane[0, [begin, end]], ends, atol=0.15 * width)
 
 
 def test_what_has_no_edges_is_left_alone():

@@ -66,6 +66,7 @@ def tamed(columns: Floats) -> Floats:
 
 
 INSTANT = ("acceleration_asymmetry", "speed_dependent_headway", "perception_threshold")
+FORM = [n for n, name in enumerate(LINEAR) if name.startswith((*INSTANT, GUARD))]  # laws of the moment that are linear
 
 
 @dataclass(frozen=True)
@@ -113,8 +114,7 @@ def build(windows: w.Windows, fit: Fit, answer: Answer, grid: Grid) -> tuple[lis
 
 def build_local(windows: w.Windows, fit: Fit, answer: Answer, grid: Grid) -> tuple[list[Atom], Floats]:
     """Return, as :func:`build`, the accepted magnitudes' own atoms only, and the car-following's form."""
-    which = [n for n, name in enumerate(LINEAR) if name.startswith((*INSTANT, GUARD))]
-    return _columns(windows, fit, answer, which, grid, [], local_atoms(fit.by_lane))
+    return _columns(windows, fit, answer, FORM, grid, [], local_atoms(fit.by_lane))
 
 
 class Scan(NamedTuple):

@@ -22,8 +22,7 @@ def edges_of(values: Floats, width: float) -> Floats:
 def numbered(values: Floats, edges: Floats) -> Integers:
     """Return the number of the bin that each value is in, -1 for none."""
     number = np.empty(values.shape, dtype=np.int64)
-    flat = values if values.flags.c_contiguous else np.ascontiguousarray(values)
-    _find(flat.reshape(-1), edges, number.reshape(-1))
+    _find(values.ravel(), edges, number.ravel())
     return number
 
 

@@ -6,7 +6,6 @@ An edge that is four seconds off makes an effect look a third smaller: it acts o
 from __future__ import annotations
 
 from dataclasses import replace
-from typing import NamedTuple
 
 import numpy as np
 import numpy.typing as npt
@@ -16,28 +15,15 @@ from idm_sumo.diagnosis import rollout as ro
 from idm_sumo.diagnosis import windows as w
 from idm_sumo.diagnosis.bins import numbered
 from idm_sumo.diagnosis.fit import Fit
+from idm_sumo.diagnosis.hypotheses import SCANNED
 from idm_sumo.diagnosis.look import Subject
 from idm_sumo.diagnosis.pulses import pulses_of
-from idm_sumo.effects import slots
+from idm_sumo.effects import BY_NAME
 
 Floats = npt.NDArray[np.float64]
 
 SLICES = 8  # of a bin
 REACH = 12  # slices by which an edge may move at once, to either side
-
-
-class Edged(NamedTuple):
-    """Slots of an effect that begins and ends: magnitude, both edges."""
-
-    magnitude: int
-    begin: int
-    end: int
-
-
-EDGED = {
-    "location": Edged(slots.PLACE, slots.PLACE_BEGIN, slots.PLACE_END),
-    "time_of_day": Edged(slots.PERIOD, slots.PERIOD_BEGIN, slots.PERIOD_END),
-}
 
 
 def sharpened(subject: Subject, fit: Fit, names: list[str]) -> Fit:
@@ -46,21 +32,21 @@ def sharpened(subject: Subject, fit: Fit, names: list[str]) -> Fit:
     An effect that begins a little earlier is one that acts in some thin slices more, one that begins later acts in some less: what
     that gains in likelihood follows from the slices' scores and their Gram matrix.
     """
-    moving = [name for name in names if name in EDGED]
+    moving = [name for name in names if name in SCANNED]
     if not moving:
         return fit
     answer = at.answer_of(subject.windows, fit, subject.grid.pivot)
     pulses = pulses_of(subject.windows, fit, answer)
     by_lane = fit.by_lane.copy()
     for name in moving:
-        which = EDGED[name]
+        magnitude, begins, ends = (parameter.slot for parameter in BY_NAME[name].parameters)
         where, value, width = _along(subject, answer.state, name)
-        begin, end = by_lane[0, which.begin], by_lane[0, which.end]
-        size = by_lane[0, which.magnitude] if name == "location" else np.log1p(by_lane[0, which.magnitude])
+        begin, end = by_lane[0, begins], by_lane[0, ends]
+        size = by_lane[0, magnitude] if name == "location" else np.log1p(by_lane[0, magnitude])
         slices = _slices(begin, end, width / SLICES)
         u, gram = pulses.along(numbered(where, slices), value, len(slices) - 1)
         first, last = best_edges(size * u.sum(axis=0)[:-1], size**2 * gram[:-1, :-1], slices, begin, end)
-        by_lane[:, which.begin], by_lane[:, which.end] = first, last
+        by_lane[:, begins], by_lane[:, ends] = first, last
     return replace(fit, by_lane=by_lane)
 
 

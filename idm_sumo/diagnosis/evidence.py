@@ -125,13 +125,13 @@ def _twin_totals(subject: Subject, fit: Fit, lucks: list[Luck], looked: Look, he
         lambda twin: _twin(subject, fit, twin[1], looked.build, drawn=twin[0], listen=heard is not None),
         [(drawn, luck) for drawn in kinds for luck in lucks],
     )
-    own = {drawn: each[n * len(lucks) : (n + 1) * len(lucks)] for n, drawn in enumerate(kinds)}
+    fitted, drawn = each[: len(lucks)], each[len(lucks) :]
     if heard is not None:
-        for drawn, twins in own.items():
-            heard[drawn].extend(free for _, free in twins if free is not None)
-    fitted, anew = (np.array([scores for scores, _ in own.get(drawn, own[False])]) for drawn in (False, True))
-    of_form = fitted @ (looked.free_of_form - np.eye(len(looked.atoms)))
-    totals = np.where(between, anew, fitted)
+        heard.fitted.extend(free for _, free in fitted if free is not None)
+        heard.drawn.extend(free for _, free in drawn if free is not None)
+    own, anew = (np.array([scores for scores, _ in twins]) for twins in (fitted, drawn or fitted))
+    of_form = own @ (looked.free_of_form - np.eye(len(looked.atoms)))
+    totals = np.where(between, anew, own)
     return np.asarray(totals * [name not in ENDOGENOUS for name in looked.names] + of_form)
 
 

@@ -106,11 +106,14 @@ def forms(evidence: Evidence, candidate: Candidate) -> list[Candidate]:
         return [candidate] if other is None or other.z**2 < RESEMBLING * candidate.z**2 else [candidate, other]
     if len(candidate.atom.fixed) < 2:
         return [candidate]
+    # That it is there at all, the strongest form says.
+    return [replace(form, z=candidate.z, p=candidate.p) for form in _each(evidence, candidate.name, rows)]
+
+
+def _each(evidence: Evidence, name: str, rows: list[int]) -> list[Candidate]:
+    """Return the candidate in the form of each of an effect's atoms."""
     unit = np.eye(len(evidence.atoms))
-    each = [_candidate(evidence, candidate.name, unit[n], evidence.atoms[n], 40) for n in rows]
-    return [
-        replace(form, z=candidate.z, p=candidate.p) for form in each
-    ]  # that it is there at all, the strongest form says
+    return [_candidate(evidence, name, unit[n], evidence.atoms[n], 40) for n in rows]
 
 
 def _informative(evidence: Evidence, name: str) -> list[int]:
@@ -124,8 +127,7 @@ def _best(evidence: Evidence, name: str) -> Candidate | None:
         return None
     if name in SCANNED:
         return _scan(evidence, name, rows)
-    unit = np.eye(len(evidence.atoms))
-    each = [_candidate(evidence, name, unit[n], evidence.atoms[n], 40) for n in rows]
+    each = _each(evidence, name, rows)
     strongest = max(abs(c.z) for c in each)
     near = [c for c in each if abs(c.z) >= CONSISTENT * strongest]
     return min(near, key=lambda c: _inconsistent(c) - (abs(c.z) if c.atom.fixed and len(c.atom.fixed) > 1 else 0.0))
@@ -190,10 +192,9 @@ def slots_of(candidate: Candidate) -> list[tuple[int, float]]:
     first = BY_NAME[candidate.name].parameters[0]
     value = float(np.clip(candidate.value, first.lower, first.upper))
     values = [(first.slot, value or NEXT_TO_NOTHING * first.typical)]
-    if candidate.name == "location":
-        values += [(slots.PLACE_BEGIN, candidate.atom.low), (slots.PLACE_END, candidate.atom.high)]
-    if candidate.name == "time_of_day":
-        values += [(slots.PERIOD_BEGIN, candidate.atom.low), (slots.PERIOD_END, candidate.atom.high)]
+    if candidate.name in SCANNED:
+        _, begin, end = BY_NAME[candidate.name].parameters
+        values += [(begin.slot, candidate.atom.low), (end.slot, candidate.atom.high)]
     if candidate.name == "desired_speed":
         values.append((slots.DESIRED_SPEED_LANE, float(candidate.atom.lane)))
     return values + [(slot, value) for slot, value in candidate.atom.fixed[1:]]

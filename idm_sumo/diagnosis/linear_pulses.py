@@ -28,7 +28,6 @@ LINEAR = (
     "acceleration_asymmetry", "leader_class", "speed_dependent_headway", "hysteresis", "adjacent_lane_friction",
     "vehicle_class", "follower_pressure", "courtesy_yielding", "pre_insertion", *(f"{GUARD}{n}" for n in range(6)),
 )  # fmt: skip
-FORM = tuple(n for n, name in enumerate(LINEAR) if name.startswith(GUARD))
 
 
 def linear_pulses(seen: Floats, state: Floats, pivot: float) -> Floats:

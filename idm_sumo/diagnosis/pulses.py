@@ -14,9 +14,8 @@ from numba import njit
 
 from idm_sumo.diagnosis import gls
 from idm_sumo.diagnosis import windows as w
-from idm_sumo.diagnosis.atoms import INSTANT, Answer, tamed
+from idm_sumo.diagnosis.atoms import FORM, Answer, tamed
 from idm_sumo.diagnosis.fit import Fit
-from idm_sumo.diagnosis.linear_pulses import FORM, LINEAR
 from idm_sumo.diagnosis.rollout import BIN
 from idm_sumo.effects.leader_class import TRUCK
 
@@ -87,7 +86,7 @@ class Pulses:
 def pulses_of(windows: w.Windows, fit: Fit, answer: Answer) -> Pulses:
     """Return the scores of all pulses of the windows at a fit."""
     line, response, state = answer.line, tamed(answer.response), answer.state
-    form = answer.pulses[:, :, [*(LINEAR.index(name) for name in INSTANT[:2]), *FORM]]
+    form = answer.pulses[:, :, FORM]
     truck = (windows.seen[:, -1, w.OWN_KIND] == TRUCK)[:, None, None]
     common = [line.jacobian * truck] if truck.any() else []
     parts = (line.error[:, :, None], line.jacobian, response, *common, tamed(response @ form))

@@ -90,7 +90,7 @@ def search(subject: Subject, base: Fit, rng: np.random.Generator, progress: Prog
         fit = refined(subject, fit, [cause.candidate.name for cause in accepted], lucks, rng)
         last = ev.examine(subject, fit, lucks, progress=progress, stage="looking for further causes")
         accepted = [_measured(cause, fit, last) for cause in accepted]
-    left = told(strange) if strange else () if accepted else left_without_causes(first)
+    left = told(strange) if strange or accepted else left_without_causes(first)
     return Found(base, fit, tuple(accepted), tuple(without), first, last, left)
 
 

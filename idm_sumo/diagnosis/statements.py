@@ -11,7 +11,6 @@ from idm_sumo.diagnosis import atoms as at
 from idm_sumo.diagnosis import evidence as ev
 from idm_sumo.diagnosis import hypotheses as hy
 from idm_sumo.diagnosis.artefact import Seam
-from idm_sumo.diagnosis.edges import EDGED
 from idm_sumo.diagnosis.fit import Fit
 from idm_sumo.diagnosis.hypotheses import Candidate
 from idm_sumo.diagnosis.noise import Noise
@@ -90,10 +89,10 @@ def _slack(symbol: str, value: float) -> float:
 
 def _edges(fit: Fit, candidate: Candidate) -> tuple[float, float]:
     """Return where a cause of the model begins and ends."""
-    if candidate.name not in EDGED:
+    if candidate.name not in hy.SCANNED:
         return candidate.atom.low, candidate.atom.high
-    edged = EDGED[candidate.name]
-    return float(fit.by_lane[0, edged.begin]), float(fit.by_lane[0, edged.end])
+    _, begin, end = BY_NAME[candidate.name].parameters
+    return float(fit.by_lane[0, begin.slot]), float(fit.by_lane[0, end.slot])
 
 
 def _region(candidate: Candidate, edges: tuple[float, float]) -> Region | None:

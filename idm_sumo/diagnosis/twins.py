@@ -37,7 +37,8 @@ def make_twin(
     x, v = drive(seen, windows.driver, fit.theta, fit.by_lane, np.zeros(2), luck.pushed, 0)
     if not is_smooth:
         x, v, _ = windows.own.rows(x)
-    in_threads(_set_leaders, len(seen), windows.blurred, luck.shown, seen)
+    seen[:, :, w.LEADERS] = windows.blurred
+    in_threads(_add_to_leaders, len(seen), luck.shown, seen)
     seen[:, :, w.X], seen[:, :, w.V] = x + luck.error[0], np.maximum(v + luck.error[1], 0.0)
     return replace(windows, seen=seen)
 
@@ -45,29 +46,14 @@ def make_twin(
 # The driver of a recording answered the true leader, of which the recording shows a smoothed one. So the twin's driver answers
 # one that may have been smoothed to the recorded one, and the twin's recording shows that, measured and smoothed anew.
 @njit(cache=True, nogil=True)
-def _add_to_leaders(first, last, hidden, seen):  # type: ignore[no-untyped-def]
+def _add_to_leaders(first, last, more, seen):  # type: ignore[no-untyped-def]
     for i in range(first, last):
         for k in range(seen.shape[1]):
             for n in range(len(w.LEADERS)):
-                seen[i, k, w.LEADERS[n]] += hidden[i, k, n]
-            _not_backwards(seen[i, k])
-
-
-@njit(cache=True, nogil=True)
-def _set_leaders(first, last, blurred, shown, seen):  # type: ignore[no-untyped-def]
-    for i in range(first, last):
-        for k in range(seen.shape[1]):
-            for n in range(len(w.LEADERS)):
-                seen[i, k, w.LEADERS[n]] = blurred[i, k, n] + shown[i, k, n]
-            _not_backwards(seen[i, k])
-
-
-@njit(cache=True)
-def _not_backwards(row):  # type: ignore[no-untyped-def]
-    """Leave no leader a speed below zero; one that is not there (NaN) stays so."""
-    for name in (w.SPEED, w.SECOND_SPEED):
-        if row[name] < 0.0:
-            row[name] = 0.0
+                seen[i, k, w.LEADERS[n]] += more[i, k, n]
+            for name in (w.SPEED, w.SECOND_SPEED):
+                if seen[i, k, name] < 0.0:  # not of one that is not there (NaN)
+                    seen[i, k, name] = 0.0
 
 
 def drawn_anew(fit: Fit, luck: Luck) -> Fit:
