@@ -8,6 +8,7 @@ import pytest
 from idm_sumo.diagnosis import hypotheses as hy
 from idm_sumo.diagnosis.atoms import SECANT_ATOMS, Atom
 from idm_sumo.diagnosis.evidence import Evidence
+from idm_sumo.diagnosis.left_over import LeftOver
 from idm_sumo.effects import slots
 
 BINS, WIDTH, DRIVERS = 40, 16.0, 30
@@ -66,3 +67,43 @@ def test_every_recovery_of_a_relaxation_is_as_sure_as_the_surest():
     assert [form.atom.fixed for form in forms] == [atom.fixed for atom in atoms]
     assert {(form.z, form.p) for form in forms} == {(surest.z, surest.p)}
     assert forms[0].value < forms[2].value < forms[1].value
+
+
+def test_a_delay_is_tried_with_the_own_speed_late_and_known_each_at_the_size_that_agrees():
+    atoms = [atom for atom in SECANT_ATOMS if atom.name == "reaction_delay"]
+    count = len(atoms)
+    gram, best = np.diag(np.full(count, 50.0)), np.array([0.25, 0.4, 0.3, 0.6, 0.65, 0.75])
+    u = np.tile(gram @ best / DRIVERS, (DRIVERS, 1)) + np.random.default_rng(0).standard_normal((DRIVERS, count)) * 0.05
+    part = np.tile(np.diag(gram) / DRIVERS, (DRIVERS, 1))
+    seen = Evidence(atoms, u, np.zeros((3, count)), gram, part, np.arange(DRIVERS))
+    surest = hy.candidates(seen)[0]
+    assert (slots.OWN_SPEED_KNOWN, 1.0) in surest.atom.fixed
+    assert surest.atom.size == 0.8  # at 0.4 and 0.2 the estimate is far from the secant's size
+    late, known = hy.forms(seen, surest)
+    assert (len(late.atom.fixed), late.atom.size) == (1, 0.4)
+    assert known == surest
+    assert late.z == surest.z
+    assert dict(hy.slots_of(known))[slots.OWN_SPEED_KNOWN] == 1.0
+
+
+def test_an_acceleration_at_a_place_in_one_lane_is_a_location_there():
+    left = LeftOver(
+        "position in lane 3", (96.0, 224.0), (96.0, 224.0), None, -0.2, -10.0, 1e-9, True, 3, score=-80.0, bias=4.0
+    )
+    found = hy.in_one_lane(left)
+    assert (found.name, found.value, found.error, found.bias) == ("location", -0.2, pytest.approx(0.02), 4.0)
+    assert found.information == pytest.approx(400.0)
+    assert hy.lanes_of(found) == [0, 3]
+    assert dict(hy.slots_of(found))[slots.PLACE_END] == 224.0
+
+
+@pytest.mark.parametrize(
+    "covariate", ["time in lane 3", "response over position in lane 3", "delay over time in lane 3"]
+)
+def test_nothing_else_in_one_lane_is_a_location(covariate):
+    assert hy.in_one_lane(LeftOver(covariate, (0.0, 9.0), (0.0, 9.0), None, -0.2, -10.0, 1e-9, True, 3)) is None
+
+
+def test_a_location_of_all_lanes_fills_all():
+    found = hy.candidates(evidence(place(10, 20, -1.0), 0.0))[0]
+    assert hy.lanes_of(found) == slice(None)

@@ -66,7 +66,8 @@ def by_hand(windows: w.Windows, theta: np.ndarray, m: np.ndarray) -> np.ndarray:
         for k in range(w.LEAD, len(seen) - 1):
             row = seen[k]
             past[k] = row[w.REAR] - x, v, v - row[w.SPEED]
-            gap, speed, rate = (recall(past, column, k, m[slots.DELAY], 0.1) for column in range(3))
+            gap, rate = (recall(past, column, k, m[slots.DELAY], 0.1) for column in (0, 2))
+            speed = recall(past, 1, k, m[slots.DELAY] * (1.0 - m[slots.OWN_SPEED_KNOWN]), 0.1)
             see = Sight(
                 x, row[w.TIME], row[w.ACCELERATION], row[w.KIND], row[w.OWN_KIND], row[w.LANE], row[w.SECOND] - x,
                 row[w.SECOND_SPEED], row[w.ADJACENT], x - row[w.BEHIND], row[w.JUMP], row[w.SINCE], row[w.UNTIL_CUT_IN],
@@ -79,10 +80,10 @@ def by_hand(windows: w.Windows, theta: np.ndarray, m: np.ndarray) -> np.ndarray:
     return out[:, w.EVERY :: w.EVERY]
 
 
-@pytest.mark.parametrize("delay", [0.0, 0.37])
-def test_rollouts_side_by_side_are_those_of_replay(delay):
+@pytest.mark.parametrize(("delay", "known"), [(0.0, 0.0), (0.37, 0.0), (0.37, 0.6)])
+def test_rollouts_side_by_side_are_those_of_replay(delay, known):
     m = np.zeros(slots.COUNT)
-    m[[slots.DELAY, slots.BAND, slots.HYSTERESIS, slots.ASYMMETRY]] = delay, 0.3, 0.2, 0.1
+    m[[slots.DELAY, slots.OWN_SPEED_KNOWN, slots.BAND, slots.HYSTERESIS, slots.ASYMMETRY]] = delay, known, 0.3, 0.2, 0.1
     m[[slots.PLACE, slots.PLACE_BEGIN, slots.PLACE_END, slots.SPEED_HEADWAY, slots.PIVOT_SPEED]] = -0.2, 50, 90, 0.1, 9
     windows, theta = followers(ro.PLAIN, np.random.default_rng(9))
     windows = windows.of_drivers(np.arange(4))
@@ -110,10 +111,11 @@ def test_response_to_pulses_is_the_derivative_of_the_rollout(plain):
     np.testing.assert_allclose(response[:, :, 4], change_by_a_pulse(windows, theta, ro.PLAIN, 1e-4), atol=2e-3)
 
 
-def test_response_to_pulses_waits_for_a_delayed_driver(plain):
+@pytest.mark.parametrize("known", [0.0, 1.0])
+def test_response_to_pulses_waits_for_a_delayed_driver(plain, known):
     windows, theta = plain
     m = ro.PLAIN.copy()
-    m[:, slots.DELAY] = 0.6
+    m[:, slots.DELAY], m[:, slots.OWN_SPEED_KNOWN] = 0.6, known
     response, _ = ro.respond(windows.seen, windows.driver, theta, m)
     np.testing.assert_allclose(response[:, :, 4], change_by_a_pulse(windows, theta, m, 1e-3), atol=0.02)
 
@@ -132,7 +134,8 @@ def test_models_side_by_side_are_each_alone(plain, delay):
     windows, theta = plain
     base = ro.PLAIN.copy()
     base[:, slots.DELAY] = delay
-    models = [base.copy() for _ in range(4)]
+    models = [base.copy() for _ in range(5)]
+    models[4][:, slots.DELAY], models[4][:, slots.OWN_SPEED_KNOWN] = 0.5, 1.0
     models[1][:, slots.DELAY], models[2][:, slots.BAND] = 0.73, 0.5
     models[3][:, [slots.HYSTERESIS, slots.PLACE, slots.PLACE_END]] = 0.2, -0.3, 1e3
     found = ro.positions_otherwise(windows, theta, models)

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 from hypothesis import given
@@ -10,12 +12,13 @@ from hypothesis import strategies as st
 from idm_sumo.diagnosis import atoms as at
 from idm_sumo.diagnosis import evidence as ev
 from idm_sumo.diagnosis import rollout as ro
+from idm_sumo.diagnosis import windows as w
 from idm_sumo.diagnosis.atoms import Atom
 from idm_sumo.diagnosis.fit import fit_drivers
 from idm_sumo.diagnosis.hypotheses import Candidate
 from idm_sumo.diagnosis.look import Subject
 from idm_sumo.diagnosis.luck import Noises, draws
-from idm_sumo.diagnosis.sizes import STEEPEST, Stride, TwinScore, climbed, magnitude_of, refined
+from idm_sumo.diagnosis.sizes import STEEPEST, Stride, TwinScore, climbed, magnitude_of, refined, with_cause, with_value
 from idm_sumo.effects import slots
 from tests.test_diagnosis_rollout import QUIET, followers
 
@@ -101,3 +104,39 @@ def test_a_size_is_refined_to_what_was_planted():
     begin = fit_drivers(windows, there, np.array([1e-4, 1e-4]), rounds=8)
     fit = refined(subject, begin, ["hysteresis"], draws(windows, subject.noises, 3, rng), rng)
     assert fit.by_lane[0, slots.HYSTERESIS] == pytest.approx(0.2, rel=0.1)
+
+
+def in_two_lanes(planted: np.ndarray) -> w.Windows:
+    """Return followers of whom every second one is in lane 2."""
+    windows, theta = followers(ro.PLAIN, np.random.default_rng(3))
+    seen = windows.seen.copy()
+    seen[::2, :, w.LANE] = 2.0
+    x, v = ro.drive(seen, windows.driver, theta, planted, np.zeros(2), ro.NO_PUSH, 0)
+    seen[:, :, w.X], seen[:, :, w.V] = x, v
+    return replace(windows, seen=seen)
+
+
+def test_a_place_in_one_lane_stays_there_and_climbs_to_its_size():
+    planted = ro.PLAIN.copy()
+    planted[2, [slots.PLACE, slots.PLACE_BEGIN, slots.PLACE_END]] = -0.4, 40.0, 90.0
+    windows = in_two_lanes(planted)
+    subject = Subject(windows, Noises(QUIET, QUIET), at.grid_of(windows), True)
+    fit = fit_drivers(windows, ro.PLAIN.copy(), np.array([1e-4, 1e-4]), rounds=8)
+    one = Candidate("location", -0.2, 0.02, -10.0, 1e-9, Atom("location", lane=2, low=40.0, high=90.0), score=-80.0)
+    tried = climbed(subject, fit, one)
+    assert tried.candidate.value == pytest.approx(-0.4, rel=0.15)
+    assert np.flatnonzero(tried.fit.by_lane[:, slots.PLACE]).tolist() == [0, 2]
+
+
+def test_other_values_and_small_steps_of_a_cause_act_where_it_does():
+    windows, _ = followers(ro.PLAIN, np.random.default_rng(3))
+    fit = fit_drivers(windows, ro.PLAIN.copy(), np.array([1e-4, 1e-4]), rounds=1)
+    lanes = np.arange(9)
+    inside = Candidate("location", -0.2, 0.02, -10.0, 1e-9, Atom("location", lane=2, low=40.0, high=90.0))
+    everywhere = replace(inside, atom=replace(inside.atom, lane=0))
+    for candidate, acts in ((inside, np.isin(lanes, [0, 2])), (everywhere, lanes >= 0)):
+        there = with_value(with_cause(fit, candidate), "location", -0.5)
+        np.testing.assert_array_equal(there.by_lane[:, slots.PLACE], -0.5 * acts)
+        (step,) = at.local_atoms(there.by_lane)
+        moved = at.with_atom(there.by_lane, step) - there.by_lane
+        np.testing.assert_array_equal(moved[:, slots.PLACE] > 0.0, acts)

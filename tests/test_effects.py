@@ -137,7 +137,7 @@ def test_confusable_names_are_in_the_catalogue():
 def test_a_model_survives_its_file(tmp_path):
     model = ExtendedModel(
         IDMParameters(1.1, 1.7, 1.2, 2.0, 0.0), 27.0,
-        (Cause("reaction_delay", {"tau": 0.4}), Cause("location", {"alpha": -0.1, "x_1": 200.0, "x_2": 350.0}, (2, 3))), "here",
+        (Cause("reaction_delay", {"tau": 0.4, "eta": 1.0}), Cause("location", {"alpha": -0.1, "x_1": 200.0, "x_2": 350.0}, (2, 3))), "here",
     )  # fmt: skip
     model.write(tmp_path / "model.json")
     back = ExtendedModel.read(tmp_path / "model.json")

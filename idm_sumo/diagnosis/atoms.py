@@ -25,8 +25,9 @@ Floats = npt.NDArray[np.float64]
 Integers = npt.NDArray[np.int64]
 
 PLACE_BIN, TIME_BIN = 16.0, 12.0  # m, s
+DELAYS = (0.2, 0.4, 0.8)  # s
 SECANTS: tuple[tuple[str, int, tuple[float, ...]], ...] = (
-    ("reaction_delay", slots.DELAY, (0.2, 0.4, 0.8)),
+    ("reaction_delay", slots.DELAY, DELAYS),
     ("multi_leader_anticipation", slots.SECOND_LEADER, (0.2,)),
     ("perception_threshold", slots.BAND, (0.3, 0.6, 1.0)),
 )
@@ -162,6 +163,8 @@ def _columns(
 def _secant_atoms() -> tuple[Atom, ...]:
     """Return the atoms of effects that are not linear near zero."""
     atoms = [Atom(name, size, ((slot, size),)) for name, slot, sizes in SECANTS for size in sizes]
+    for delay in DELAYS:
+        atoms.append(Atom("reaction_delay", delay, ((slots.DELAY, delay), (slots.OWN_SPEED_KNOWN, 1.0))))
     for recovery in RECOVERIES:
         fixed = ((slots.RELAXATION, RELAXATION_SIZE), (slots.RELAXATION_TIME, recovery))
         atoms.append(Atom("lane_change_relaxation", RELAXATION_SIZE, fixed))
@@ -190,8 +193,14 @@ def local_atoms(by_lane: Floats) -> list[Atom]:
 
 
 def with_atom(by_lane: Floats, atom: Atom) -> Floats:
-    """Return the magnitudes with the atom's on top (added to the accepted magnitude; companions set)."""
+    """Return the magnitudes with the atom's on top (added to the accepted magnitude, where it acts; companions set)."""
     moved = by_lane.copy()
     for number, (slot, value) in enumerate(atom.fixed):
-        moved[:, slot] = moved[:, slot] + value if number == 0 else value
+        moved[:, slot] = moved[:, slot] + acts(by_lane, slot) * value if number == 0 else value
     return moved
+
+
+def acts(by_lane: Floats, slot: int) -> npt.NDArray[np.bool_]:
+    """Return the lanes in which a magnitude acts, all if none: it is new."""
+    there: npt.NDArray[np.bool_] = by_lane[:, slot] != 0.0
+    return there if there.any() else np.ones_like(there)

@@ -17,10 +17,11 @@ from idm_sumo.diagnosis import noise as no
 from idm_sumo.diagnosis.artefact import find_seam, repaired
 from idm_sumo.diagnosis.fit import Fit, first_guess, fit_drivers
 from idm_sumo.diagnosis.gain import Errors, all_gains, driven
+from idm_sumo.diagnosis.gates import BEYOND_DOUBT
 from idm_sumo.diagnosis.look import Subject
 from idm_sumo.diagnosis.result import NAMED, NONE, UNKNOWN, Diagnosis, Gain
 from idm_sumo.diagnosis.rollout import PLAIN
-from idm_sumo.diagnosis.search import BEYOND_DOUBT, Found, left_without_causes, search
+from idm_sumo.diagnosis.search import Found, left_without_causes, search
 from idm_sumo.diagnosis.sizes import ROUNDS
 from idm_sumo.diagnosis.smoother import Smoother, local_cubic, posterior_mean, window_for
 from idm_sumo.diagnosis.windows import Windows, cut_windows

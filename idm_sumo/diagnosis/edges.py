@@ -41,10 +41,11 @@ def sharpened(subject: Subject, fit: Fit, names: list[str]) -> Fit:
     for name in moving:
         magnitude, begins, ends = (parameter.slot for parameter in BY_NAME[name].parameters)
         where, value, width = _along(subject, answer.state, name)
+        acts = at.acts(by_lane, magnitude)[subject.windows.seen[:, w.LEAD : -1, w.LANE].astype(np.int64)]
         begin, end = by_lane[0, begins], by_lane[0, ends]
         size = by_lane[0, magnitude] if name == "location" else np.log1p(by_lane[0, magnitude])
         slices = _slices(begin, end, width / SLICES)
-        u, gram = pulses.along(numbered(where, slices), value, len(slices) - 1)
+        u, gram = pulses.along(np.where(acts, numbered(where, slices), -1), value, len(slices) - 1)
         first, last = best_edges(size * u.sum(axis=0)[:-1], size**2 * gram[:-1, :-1], slices, begin, end)
         by_lane[:, begins], by_lane[:, ends] = first, last
     return replace(fit, by_lane=by_lane)

@@ -37,6 +37,7 @@ STRONGEST = 3.0  # m/s² (per s): of the model's own acceleration and its change
 # What may be different: some acceleration is added, the time headway is longer, the response is stronger, or later.
 ACCELERATION, HEADWAY, RESPONSE, DELAY = "", "headway", "response", "delay"
 CHANGES = (RESPONSE, DELAY)
+IN_LANE = " in lane "
 HELD = ("position", "time")  # by the catalogue, as location and time of day
 # Along covariates the response and its delay are what another car-following model looks like.
 ALONG_COVARIATES, ALONG_REGIONS = (ACCELERATION, HEADWAY), (ACCELERATION, RESPONSE, DELAY)
@@ -141,8 +142,8 @@ def _partitions(known: dict[str, Floats], grid: Grid) -> Iterator[tuple[str, tup
         yield "lane", (grid.lanes,), np.searchsorted(grid.lanes, known["lane"])
         for lane in grid.lanes:
             inside = known["lane"] == lane
-            yield f"position in lane {int(lane)}", (places,), np.where(inside, i, -1)
-            yield f"time in lane {int(lane)}", (times,), np.where(inside, j, -1)
+            yield f"position{IN_LANE}{int(lane)}", (places,), np.where(inside, i, -1)
+            yield f"time{IN_LANE}{int(lane)}", (times,), np.where(inside, j, -1)
 
 
 def _coarser(edges: Floats, most: int) -> Floats:

@@ -10,6 +10,8 @@ from scipy.stats import norm
 
 from idm_sumo.diagnosis.atoms import LOCAL, Atom
 from idm_sumo.diagnosis.evidence import Evidence
+from idm_sumo.diagnosis.free_fields import IN_LANE
+from idm_sumo.diagnosis.left_over import LeftOver
 from idm_sumo.effects import BY_NAME, slots
 
 Floats = npt.NDArray[np.float64]
@@ -90,6 +92,14 @@ def candidates(evidence: Evidence) -> list[Candidate]:
     return sorted(found, key=lambda c: -abs(c.z))
 
 
+def in_one_lane(left: LeftOver) -> Candidate | None:
+    """Return the location that acts in one lane only, if that is what a free acceleration is."""
+    if left.covariate != f"position{IN_LANE}{left.lane}" or left.position_m is None:
+        return None
+    atom = Atom("location", lane=left.lane, low=left.position_m[0], high=left.position_m[1])
+    return Candidate(atom.name, left.value, abs(left.value / left.z), left.z, left.p, atom, left.score, left.bias)
+
+
 def local(evidence: Evidence, name: str) -> Candidate | None:
     """Return by how much an accepted magnitude should change."""
     return _best(evidence, LOCAL + name)
@@ -104,10 +114,23 @@ def forms(evidence: Evidence, candidate: Candidate) -> list[Candidate]:
     if candidate.name in SCANNED:
         other = _scan(evidence, candidate.name, rows, -np.sign(candidate.value))
         return [candidate] if other is None or other.z**2 < RESEMBLING * candidate.z**2 else [candidate, other]
-    if len(candidate.atom.fixed) < 2:
-        return [candidate]
+    every = [_consistent(form) for form in _by_companions(_each(evidence, candidate.name, rows)).values()]
     # That it is there at all, the strongest form says.
-    return [replace(form, z=candidate.z, p=candidate.p) for form in _each(evidence, candidate.name, rows)]
+    return [replace(form, z=candidate.z, p=candidate.p) for form in every] if len(every) > 1 else [candidate]
+
+
+def _by_companions(each: list[Candidate]) -> dict[tuple[tuple[int, float], ...], list[Candidate]]:
+    """Return an effect's candidates by the values of its further parameters."""
+    forms: dict[tuple[tuple[int, float], ...], list[Candidate]] = {}
+    for candidate in each:
+        forms.setdefault(candidate.atom.fixed[1:], []).append(candidate)
+    return forms
+
+
+def _consistent(each: list[Candidate]) -> Candidate:
+    """Return of secants at several sizes the one that agrees best with its own estimate, if it is nearly the strongest."""
+    strongest = max(abs(c.z) for c in each)
+    return min((c for c in each if abs(c.z) >= CONSISTENT * strongest), key=_inconsistent)
 
 
 def _each(evidence: Evidence, name: str, rows: list[int]) -> list[Candidate]:
@@ -127,10 +150,8 @@ def _best(evidence: Evidence, name: str) -> Candidate | None:
         return None
     if name in SCANNED:
         return _scan(evidence, name, rows)
-    each = _each(evidence, name, rows)
-    strongest = max(abs(c.z) for c in each)
-    near = [c for c in each if abs(c.z) >= CONSISTENT * strongest]
-    return min(near, key=lambda c: _inconsistent(c) - (abs(c.z) if c.atom.fixed and len(c.atom.fixed) > 1 else 0.0))
+    forms = _by_companions(_each(evidence, name, rows)).values()
+    return _consistent(max(forms, key=lambda form: max(abs(c.z) for c in form)))
 
 
 def _inconsistent(candidate: Candidate) -> float:
@@ -185,6 +206,11 @@ def _scan(evidence: Evidence, name: str, rows: list[int], sign: float = 0.0) -> 
     mix[np.array(rows)[i[best] : k[best]]] = 1.0
     atom = Atom(name, low=float(low[i[best]]), high=float(high[k[best] - 1]))
     return _candidate(evidence, name, mix, atom, 40 * len(rows))
+
+
+def lanes_of(candidate: Candidate) -> list[int] | slice:
+    """Return the rows of a model's magnitudes by lane that the candidate fills: one lane's and that without a lane, or all."""
+    return [0, candidate.atom.lane] if candidate.name == "location" and candidate.atom.lane else slice(None)
 
 
 def slots_of(candidate: Candidate) -> list[tuple[int, float]]:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from typing import NamedTuple
 
 import numpy as np
 import numpy.typing as npt
@@ -50,6 +51,10 @@ class LeftOver:
         Corrected for everything looked at.
     large_enough : bool
         Whether it may be reported at all.
+    lane : int
+        In which alone it is; 0 for all, or if it is not a question of place or time.
+    score, bias : float
+        Of a field: the recording's, less the twins' mean, which is the bias.
     """
 
     covariate: str
@@ -60,6 +65,9 @@ class LeftOver:
     z: float
     p: float
     large_enough: bool
+    lane: int = 0
+    score: float = 0.0
+    bias: float = 0.0
 
 
 @dataclass(frozen=True)
@@ -104,7 +112,7 @@ def left_over(
     every = list(ff.families(windows, pulses.state, grid))
     begins = np.cumsum([0, *(family.count + 1 for family, _, _ in every)])
 
-    def best(which: int) -> tuple[ff.Family, Stretch, float, float] | None:
+    def best(which: int) -> Said | None:
         family, number, value = every[which]
         heard = [one.totals[begins[which] : begins[which + 1]] for one in (drawn if family.is_regional else fitted)]
         return _of_family(pulses, family, number, value, np.array(heard) * (family.covariate != NO_TWIN), inflation)
@@ -116,8 +124,8 @@ def left_over(
             twin = np.mean([heard.squares[family.covariate] for heard in fitted], axis=0)
             most = variance.most_unsteady(variance.spread(pulses, number, family.count), twin, len(fitted))
             unsteady += [_unsteady(family, most)] if most is not None else []
-    looks = sum(stretch.looks for _, stretch, _, _ in found)
-    named = [_named(family, stretch, z, value, looks, grid) for family, stretch, z, value in found]
+    looks = sum(one.stretch.looks for one in found)
+    named = [_named(one, looks) for one in found]
     swing = oscillation.line(oscillation.spectrum(pulses), np.mean([one.spectrum for one in fitted], axis=0))
     return sorted([*named, *unsteady, _swinging(swing, grid)], key=_rank)
 
@@ -128,10 +136,19 @@ def _rank(one: LeftOver) -> float:
     return PLAIN_BEFORE_BOTH * both - one.z**2
 
 
+class Said(NamedTuple):
+    """The best stretch of a family, its standard errors, and the twins' mean score there."""
+
+    family: ff.Family
+    stretch: Stretch
+    z: float
+    bias: float
+
+
 def _of_family(
     pulses: Pulses, family: ff.Family, number: Integers, value: Floats, twins: Floats, inflation: float
-) -> tuple[ff.Family, Stretch, float, float] | None:
-    """Return the best stretch of a family, with its standard errors and its size."""
+) -> Said | None:
+    """Return what a family says."""
     u, gram = pulses.along(number, value, family.count)
     mix = np.eye(family.count + 1)[:, :-1]
     if family.is_contrast:
@@ -147,7 +164,7 @@ def _of_family(
     known = best.information * inflation * (1.0 + 1.0 / len(twins))
     clustered = float((blocks**2).sum() + (twins @ mix).var(ddof=min(1, len(twins) - 1)) / len(twins))
     z = best.score / np.sqrt(max(known, min(clustered, CLUMSIEST * known)))
-    return family, best, float(z), best.score / best.information
+    return Said(family, best, float(z), float(twins.mean(axis=0) @ mix))
 
 
 def _limits(family: ff.Family) -> tuple[int, float]:
@@ -158,15 +175,19 @@ def _limits(family: ff.Family) -> tuple[int, float]:
     return 1, at_most / family.count
 
 
-def _named(family: ff.Family, stretch: Stretch, z: float, value: float, looks: int, grid: Grid) -> LeftOver:
+def _named(said: Said, looks: int) -> LeftOver:
     """Return a stretch in words."""
+    family, stretch, z = said.family, said.stretch, said.z
+    value = stretch.score / stretch.information
     edges = [(float(e[a]), float(e[b if family.covariate != "lane" else a]))
              for e, a, b in zip(family.edges, stretch.first, stretch.last, strict=True)]  # fmt: skip
     covariate = f"{family.content} over {family.covariate}" if family.content else family.covariate
     place = edges[0] if family.covariate.startswith("position") else None
     time = edges[-1] if family.covariate.startswith(("time", "position and time")) else None
     p = float(min(1.0, looks * 2.0 * norm.sf(abs(z))))
-    return LeftOver(covariate, edges[0], place, time, value, z, p, abs(value) >= LEAST[family.content])
+    lane = int(family.covariate.partition(ff.IN_LANE)[2] or 0)
+    large_enough = abs(value) >= LEAST[family.content]
+    return LeftOver(covariate, edges[0], place, time, value, z, p, large_enough, lane, stretch.score, said.bias)
 
 
 def _unsteady(family: ff.Family, most: variance.Unsteady) -> LeftOver:

@@ -12,7 +12,7 @@ from idm_sumo import idm
 from idm_sumo.diagnosis import windows as w
 from idm_sumo.effects import slots
 from idm_sumo.effects.acceleration import Moment, Sight, behaved, moment_of
-from idm_sumo.effects.reaction_delay import between, moment_ago
+from idm_sumo.effects.reaction_delay import between, moment_ago, own_delay
 from idm_sumo.road import FRAME_STEP
 from idm_sumo.threads import in_threads
 
@@ -100,9 +100,10 @@ def _drive(first, last, seen, driver, theta, models, start, pushed, begin, every
             if same_model:
                 moment = _moment(row, models[0, lane])
                 ago, after, share = moment_ago(now, models[0, lane, slots.DELAY], FRAME_STEP)
+                own_ago, own_after, own_share = moment_ago(now, own_delay(models[0, lane]), FRAME_STEP)
                 for n in range(beside):
                     more[n] = behaved(
-                        between(speed[ago, n], speed[after, n], share), between(rate[ago, n], rate[after, n], share),
+                        between(speed[own_ago, n], speed[own_after, n], own_share), between(rate[ago, n], rate[after, n], share),
                         between(gap[ago, n], gap[after, n], share), here[n], second - here[n], here[n] - behind,
                         moment, a[n], weight[n], headway[n], jam[n], 0.0, limit[n],
                     )  # fmt: skip
@@ -111,8 +112,9 @@ def _drive(first, last, seen, driver, theta, models, start, pushed, begin, every
                     _note(_moment(row, models[n, lane]), of, n)
                     ago, after, share = moment_ago(now, models[n, lane, slots.DELAY], FRAME_STEP)
                     then_gap[n] = between(gap[ago, n], gap[after, n], share)
-                    then_speed[n] = between(speed[ago, n], speed[after, n], share)
                     then_rate[n] = between(rate[ago, n], rate[after, n], share)
+                    ago, after, share = moment_ago(now, own_delay(models[n, lane]), FRAME_STEP)
+                    then_speed[n] = between(speed[ago, n], speed[after, n], share)
                 for n in range(beside):
                     more[n] = behaved(
                         then_speed[n], then_rate[n], then_gap[n], here[n], second - here[n], here[n] - behind,
@@ -201,11 +203,13 @@ def respond(seen: Floats, driver: Integers, theta: Floats, by_lane: Floats) -> t
     return response, state
 
 
-# Seven looks at one moment: as it is; a little farther and nearer; faster and slower; with more headway; with more desired speed.
-FARTHER = NUDGE * np.array([0.0, 1.0, -1.0, 0.0, 0.0, 0.0, 0.0])
-FASTER = NUDGE * np.array([0.0, 0.0, 0.0, 1.0, -1.0, 0.0, 0.0])
-MORE_HEADWAY = 1.0 + LITTLE * np.array([0.0, 0.0, 0.0, 0.0, 0.0, 1.0, 0.0])
-MORE_SPEED = 1.0 + LITTLE * np.array([0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 1.0])
+# Nine looks at one moment: as it is; a little farther and nearer; faster and slower; with more headway; with more desired speed;
+# with the own speed higher and lower that is known sooner than the rest, where it is.
+FARTHER = NUDGE * np.array([0.0, 1.0, -1.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0])
+FASTER = NUDGE * np.array([0.0, 0.0, 0.0, 1.0, -1.0, 0.0, 0.0, 0.0, 0.0])
+MORE_HEADWAY = 1.0 + LITTLE * np.array([0.0, 0.0, 0.0, 0.0, 0.0, 1.0, 0.0, 0.0, 0.0])
+MORE_SPEED = 1.0 + LITTLE * np.array([0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 1.0, 0.0, 0.0])
+SOONER = NUDGE * np.array([0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 1.0, -1.0])
 
 
 @njit(cache=True, nogil=True, error_model="numpy")
@@ -225,28 +229,30 @@ def _respond(first, last, seen, driver, theta, by_lane, response, state):  # typ
             moment = _moment(row, m)
             gaps[now], speeds[now], rates[now] = row[w.REAR] - x, v, v - row[w.SPEED]
             ago, after, share = moment_ago(now, m[slots.DELAY], FRAME_STEP)
-            gap, speed, rate = (
-                between(gaps[ago], gaps[after], share), between(speeds[ago], speeds[after], share),
-                between(rates[ago], rates[after], share),
-            )  # fmt: skip
-            for n in range(len(looked)):
+            gap, rate = between(gaps[ago], gaps[after], share), between(rates[ago], rates[after], share)
+            ago, after, share = moment_ago(now, own_delay(m), FRAME_STEP)
+            speed = between(speeds[ago], speeds[after], share)
+            for n in range(len(looked) if m[slots.OWN_SPEED_KNOWN] > 0.0 else len(looked) - 2):
                 at = x + FARTHER[n]
                 looked[n] = behaved(
-                    speed + FASTER[n], rate + FASTER[n], gap - FARTHER[n], at, row[w.SECOND] - at, at - row[w.BEHIND],
+                    speed + FASTER[n] + SOONER[n], rate + FASTER[n], gap - FARTHER[n], at, row[w.SECOND] - at, at - row[w.BEHIND],
                     moment, own[0], weight, own[2] * MORE_HEADWAY[n], own[3], 0.0, own[4] * MORE_SPEED[n],
                 )  # fmt: skip
             a = looked[0]
             by_x, by_v = (looked[1] - looked[2]) / (2.0 * NUDGE), (looked[3] - looked[4]) / (2.0 * NUDGE)
+            at_once = (looked[7] - looked[8]) / (2.0 * NUDGE) if m[slots.OWN_SPEED_KNOWN] > 0.0 else 0.0
             state[i, k, BY_T], state[i, k, BY_V0] = (looked[5] - a) / LITTLE, (looked[6] - a) / LITTLE
             state[i, k, BASE_A], state[i, k, BASE_V], state[i, k, BASE_X] = a, v, x
             state[i, k, BY_GAP], state[i, k, BY_V] = -by_x, by_v
-            then = k - int(np.rint(m[slots.DELAY] / FRAME_STEP))
+            then, then_own = k - int(np.rint(m[slots.DELAY] / FRAME_STEP)), k - int(np.rint(own_delay(m) / FRAME_STEP))
             new = v + a * FRAME_STEP
             moving = 1.0 if new > 0.0 else 0.0
             for j in range(min(k // BIN + 1, pulses)):
                 change = 1.0 if k // BIN == j else 0.0
                 if then >= 0:
-                    change += by_x * dx[then, j] + by_v * dv[then, j]
+                    change += by_x * dx[then, j] + (by_v - at_once) * dv[then, j]
+                if then_own >= 0:
+                    change += at_once * dv[then_own, j]
                 dv[k + 1, j] = (dv[k, j] + change * FRAME_STEP) * moving
                 dx[k + 1, j] = dx[k, j] + 0.5 * (dv[k, j] + dv[k + 1, j]) * FRAME_STEP
             x += 0.5 * (v + max(new, 0.0)) * FRAME_STEP

@@ -8,51 +8,39 @@ import numpy as np
 import numpy.typing as npt
 
 from idm_sumo.diagnosis import evidence as ev
+from idm_sumo.diagnosis import gates
 from idm_sumo.diagnosis import hypotheses as hy
 from idm_sumo.diagnosis.fit import Fit
-from idm_sumo.diagnosis.free_fields import CHANGES, DOUBTFUL, HELD
 from idm_sumo.diagnosis.hypotheses import Candidate
 from idm_sumo.diagnosis.left_over import LeftOver, told
 from idm_sumo.diagnosis.look import Subject
 from idm_sumo.diagnosis.luck import Luck, draws
-from idm_sumo.diagnosis.result import Gain
 from idm_sumo.diagnosis.sizes import Tried, anew, climbed, gain_of, magnitude_of, refined
 from idm_sumo.progress import Progress
 
 Floats = npt.NDArray[np.float64]
 
 MOST_CAUSES = 3
-SIGNIFICANT = 1e-3  # corrected p of a cause
-# Standard errors. What smoothing hides of a leader is in part its answer to the second one, and the twins' leaders do not follow; what
-# drivers of another law do after a cut-in looks a little like relaxation.
-SURER = {"multi_leader_anticipation": 6.0, "lane_change_relaxation": 5.0}
-CLEAR = 5.0  # standard errors that a further cause needs, beside its share of the first one's evidence
-FURTHER_SHARE = 0.06  # of the first cause's squared z, for a further one: less is what its shape leaves over
-LEAST_GAIN = 0.004  # of the ADE, on the drivers that fit
-UNTWINNED_GAIN = 0.02  # of the ADE, for what has no null twin: a follower answers its leader, so its place tells of the leader's noise
-SURE, BEYOND_DOUBT = 4.8, 7.0  # standard errors, from which on any gain will do, and no loss beyond chance
-CHANCE = 0.01  # of the ADE
 CLOSE = 0.3  # of the best's squared z: from there on causes are brought to their sizes and compared
 TRIED = 3
 FIRST_TWINS, TWINS = 5, 3  # whether anything is there at all is looked at more closely than how much
 RIVAL = 0.85  # of the best cause's support: one with as much cannot be told apart
-# Standard errors from which on something free stands out; a response that changes, of which there are most looks, and what
-# another car-following model looks like, too, need more.
-FREE_CLEAR, FREE_CHANGED, FREE_DOUBTFUL = 5.5, 6.5, 9.0
-# Times the best cause's squared z, and more, from which on the catalogue does not hold it. A response that changes from place to
-# place, or with time, is what goes beyond the same change everywhere, and has to be only half as sure as that.
-FREE_EXCESS, FREE_CHANGE, FREE_MORE = 1.5, 0.5, 25.0
 
 
 @dataclass(frozen=True)
 class Accepted:
-    """A cause in the model, the evidence with which it came, and its refined size."""
+    """A cause in the model, as it came, with its refined size."""
 
-    candidate: Candidate
+    tried: Tried
     value: float
     error: float
     gain: float
     rivals: tuple[str, ...]
+
+    @property
+    def candidate(self) -> Candidate:
+        """The evidence with which it came."""
+        return self.tried.candidate
 
 
 @dataclass(frozen=True)
@@ -73,21 +61,21 @@ def search(subject: Subject, base: Fit, rng: np.random.Generator, progress: Prog
     fit = base
     accepted: list[Accepted] = []
     without: list[Candidate] = []
-    first = last = ev.examine(
-        subject, fit, draws(subject.windows, subject.noises, FIRST_TWINS, rng),
-        progress=progress, stage="looking for causes", free=True,
-    )  # fmt: skip
+    first_lucks = draws(subject.windows, subject.noises, FIRST_TWINS, rng)
+    first = last = ev.examine(subject, fit, first_lucks, progress=progress, stage="looking for causes", free=True)
     lucks: list[Luck] = []  # other luck for the sizes: that of the first look had a hand in the choice
-    strange = _outside(first)
-    while not strange and len(accepted) < MOST_CAUSES:
-        chosen = _next(subject, fit, last, accepted, without, rng)
+    strange = _outside(subject, fit, first, first_lucks, progress)
+    while len(accepted) < MOST_CAUSES:
+        chosen = (
+            _in_one_lane(subject, fit, strange, rng) if strange else _next(subject, fit, last, accepted, without, rng)
+        )
         if chosen is None:
             break
-        candidate, fit, gained, rivals = chosen
-        accepted.append(Accepted(candidate, candidate.value, candidate.error, gained, rivals))
-        progress(f"refining {candidate.name}", 0, 1)
+        strange = ()
+        accepted.append(chosen)
+        progress(f"refining {chosen.candidate.name}", 0, 1)
         lucks = lucks or draws(subject.windows, subject.noises, TWINS, rng)
-        fit = refined(subject, fit, [cause.candidate.name for cause in accepted], lucks, rng)
+        fit = refined(subject, chosen.tried.fit, [cause.candidate.name for cause in accepted], lucks, rng)
         last = ev.examine(subject, fit, lucks, progress=progress, stage="looking for further causes")
         accepted = [_measured(cause, fit, last) for cause in accepted]
     left = told(strange) if strange or accepted else left_without_causes(first)
@@ -96,7 +84,7 @@ def search(subject: Subject, base: Fit, rng: np.random.Generator, progress: Prog
 
 def left_without_causes(first: ev.Evidence) -> tuple[LeftOver, ...]:
     """Return what is worth telling of the first look if no cause is named."""
-    return told(tuple(one for one in first.free if _stands_out(one)))
+    return told(tuple(one for one in first.free if gates.stands_out(one)))
 
 
 def _measured(cause: Accepted, fit: Fit, evidence: ev.Evidence) -> Accepted:
@@ -106,64 +94,66 @@ def _measured(cause: Accepted, fit: Fit, evidence: ev.Evidence) -> Accepted:
     return replace(cause, value=value, error=cause.error if there is None else there.error)
 
 
-def _may_be(candidate: Candidate) -> bool:
-    """Return whether a candidate is significant, and may turn out large enough."""
-    return candidate.near_enough and candidate.p < SIGNIFICANT and abs(candidate.z) > SURER.get(candidate.name, 0.0)
+def _outside(
+    subject: Subject, fit: Fit, first: ev.Evidence, lucks: list[Luck], progress: Progress
+) -> tuple[LeftOver, ...]:
+    """Return what is free and belongs to no effect of the catalogue.
+
+    Where the best effect, once at its size, says more than what is free, it is put into the model, and what is free is looked for
+    again: then it counts only if it is still there.
+    """
+    strange = gates.outside(first)
+    likely = [c for c in hy.candidates(first) if gates.is_likely(c)][:TRIED]
+    if not strange or not likely:
+        return strange
+    best = max((climbed(subject, fit, form) for c in likely for form in hy.forms(first, c)), key=lambda t: t.support)
+    if best.support < strange[0].z ** 2:
+        return strange
+    with_best = ev.examine(
+        subject, anew(subject, best.fit), lucks, progress=progress, stage="looking for what is left", free=True
+    )
+    return strange if gates.is_left(strange[0], with_best) else ()
 
 
-def _stands_out(free: LeftOver) -> bool:
-    usual = FREE_CHANGED if free.covariate.startswith(CHANGES) else FREE_CLEAR
-    return free.large_enough and abs(free.z) > (FREE_DOUBTFUL if free.covariate.endswith(DOUBTFUL) else usual)
-
-
-def _outside(evidence: ev.Evidence) -> tuple[LeftOver, ...]:
-    """Return what is free and says more than any effect of the catalogue that might be accepted."""
-    best = max((c.z**2 for c in hy.candidates(evidence) if _may_be(c)), default=0.0)
-
-    def needed(one: LeftOver) -> float:
-        return FREE_MORE + best * (FREE_CHANGE if one.covariate.startswith(CHANGES) else FREE_EXCESS)
-
-    new = (one for one in evidence.free if best == 0.0 or one.covariate not in HELD)
-    return tuple(one for one in new if _stands_out(one) and one.z**2 > needed(one))
+def _in_one_lane(
+    subject: Subject, fit: Fit, strange: tuple[LeftOver, ...], rng: np.random.Generator
+) -> Accepted | None:
+    """Return the location in one lane only that what is strange is, if it passes the gates."""
+    candidate = hy.in_one_lane(strange[0])
+    return None if candidate is None else _judged(subject, fit, [candidate], None, rng)[1]
 
 
 def _next(
     subject: Subject, fit: Fit, evidence: ev.Evidence, accepted: list[Accepted], without: list[Candidate],
     rng: np.random.Generator,
-) -> tuple[Candidate, Fit, float, tuple[str, ...]] | None:  # fmt: skip
-    """Return the next cause that passes every gate, with the refitted model."""
+) -> Accepted | None:  # fmt: skip
+    """Return the next cause that passes every gate, with the refitted model; what is there without gain is added to ``without``."""
     used = {a.candidate.name for a in accepted} | {c.name for c in without}
-    open_ = [c for c in hy.candidates(evidence) if c.name not in used and _may_be(c)]
+    open_ = [c for c in hy.candidates(evidence) if c.name not in used and gates.is_likely(c)]
     if accepted:
-        needed = max(CLEAR**2, FURTHER_SHARE * accepted[0].candidate.z ** 2)
-        open_ = [c for c in open_ if c.z**2 > needed]
+        open_ = [c for c in open_ if gates.is_clear_beside(c)]
     while open_:
         close = [c for c in open_ if c.z**2 > CLOSE * open_[0].z ** 2][:TRIED]
-        best, rivals = _strongest(subject, fit, [form for c in close for form in hy.forms(evidence, c)], rng)
-        model = anew(subject, best.fit)
-        gain = gain_of(subject, fit, model, rng)
-        if best.candidate.large_enough and _worth_it(gain, best.candidate, further=bool(accepted)):
-            return best.candidate, model, gain.difference, rivals
-        without.append(best.candidate)
-        open_ = [c for c in open_ if c.name != best.candidate.name]
+        forms = [form for c in close for form in hy.forms(evidence, c)]
+        best, chosen = _judged(subject, fit, forms, accepted[0].tried if accepted else None, rng)
+        if chosen is not None:
+            return chosen
+        if gates.is_significant(best):
+            without.append(best)
+        open_ = [c for c in open_ if c.name != best.name]
     return None
 
 
-def _worth_it(gain: Gain, candidate: Candidate, *, further: bool) -> bool:
-    """Return whether rollouts are better for a cause: clearly; at all, if it is surely there; not worse, if beyond doubt.
-
-    A further cause must make them better, nine to one, however sure it is: what the first one's form leaves over is there, too.
-    """
-    enough = gain.difference >= LEAST_GAIN * gain.base
-    clearly = enough and gain.ci95[0] > 0.0
-    if candidate.name in ev.ENDOGENOUS:
-        return clearly and gain.difference >= UNTWINNED_GAIN * gain.base
-    if clearly:
-        return True
-    if further:
-        return enough and gain.is_likely
-    z, share = abs(candidate.z), gain.difference / gain.base
-    return (z > SURE and share > 0.0) or (z > BEYOND_DOUBT and share > -CHANCE)
+def _judged(
+    subject: Subject, fit: Fit, forms: list[Candidate], first: Tried | None, rng: np.random.Generator
+) -> tuple[Candidate, Accepted | None]:
+    """Return the best of several candidates, and it as a cause if it passes every gate."""
+    best, rivals = _strongest(subject, fit, forms, rng)
+    best = replace(best, fit=anew(subject, best.fit))
+    gain = gain_of(subject, fit, best.fit, rng)
+    candidate = best.candidate
+    passes = gates.is_there(best) and gates.is_worth_it(gain, best, first)
+    return candidate, Accepted(best, candidate.value, candidate.error, gain.difference, rivals) if passes else None
 
 
 def _strongest(
@@ -177,6 +167,6 @@ def _strongest(
     best, *others = sorted((climbed(subject, fit, c) for c in close), key=lambda t: -t.support)
     rivals = {t.candidate.name for t in others if t.support > RIVAL * best.support}
     for other in others:
-        if other.candidate.name != best.candidate.name and gain_of(subject, best.fit, other.fit, rng).ci95[0] > 0.0:
+        if gain_of(subject, best.fit, other.fit, rng).ci95[0] > 0.0:
             best = other
     return best, tuple(sorted(rivals - {best.candidate.name}))

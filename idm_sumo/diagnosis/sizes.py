@@ -6,6 +6,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
+from idm_sumo.diagnosis import atoms as at
 from idm_sumo.diagnosis import evidence as ev
 from idm_sumo.diagnosis import hypotheses as hy
 from idm_sumo.diagnosis.edges import sharpened
@@ -25,14 +26,20 @@ STEEPEST = 0.6  # of the information: twins follow the model that drives them on
 LONGEST_MOVE, SETTLED = 0.6, 0.02  # of a magnitude, in one step; below, it has settled
 LARGEST_FACTOR = 6.0  # by which steps may grow
 LARGEST_LOSS = 0.01  # of the ADE, by a refined size
-DELAYS = (0.2, 0.45, 0.8)  # s
 
 
 def with_cause(fit: Fit, candidate: Candidate, value: float | None = None) -> Fit:
     """Return the fit with a cause in its magnitudes, the drivers not yet refitted."""
     by_lane = fit.by_lane.copy()
     for number, (slot, size) in enumerate(hy.slots_of(candidate)):
-        by_lane[:, slot] = size if number or value is None else value
+        by_lane[hy.lanes_of(candidate), slot] = size if number or value is None else value
+    return replace(fit, by_lane=by_lane)
+
+
+def with_value(fit: Fit, name: str, value: float) -> Fit:
+    """Return the fit with another magnitude of a cause that is in it, the drivers not yet refitted."""
+    by_lane, slot = fit.by_lane.copy(), magnitude_of(name).slot
+    by_lane[at.acts(by_lane, slot), slot] = value
     return replace(fit, by_lane=by_lane)
 
 
@@ -61,48 +68,42 @@ def climbed(subject: Subject, fit: Fit, candidate: Candidate) -> Tried:
     """Move a candidate's magnitude to where its score vanishes.
 
     The score near zero underrates what is not linear (a dead band, a long delay) or what the fitted drivers have absorbed. The
-    integral of the score over the magnitude, freed from the twins' at every point, is the log-likelihood that it gains.
+    integral of the score over the magnitude, freed from the twins' at every point, is the log-likelihood that it gains. Where that
+    leads away from the recorded vehicles (another form of the effect), the magnitude stays where the climb began.
     """
-    is_delay = candidate.name == "reaction_delay"
-    begin, nearest = (
-        _delayed(subject, fit, candidate)
-        if is_delay
-        else (refitted(subject, with_cause(fit, candidate), rounds=2), 0.0)
-    )
-    now, slot = begin, magnitude_of(candidate.name).slot
-    value, before, score, support = float(now.by_lane[0, slot]), 0.0, candidate.score, 0.0
-    error, stride = candidate.error, Stride()
+    delayed = candidate.name == "reaction_delay"
+    now = _delayed(subject, fit, candidate) if delayed else refitted(subject, with_cause(fit, candidate), rounds=2)
+    value, before, score, support = _value(now, candidate.name), 0.0, candidate.score, 0.0
+    error, stride, begin = candidate.error, Stride(), None
     for _ in range(CLIMBS):
         step = ev.local_scores(ev.look_here(subject, now))[candidate.name]
         free = step.score - candidate.bias
         support += (score + free) * (value - before)
         before, score = value, free
         error = candidate.error * np.sqrt(candidate.information / max(step.information, 1e-9))
+        begin = begin or Tried(replace(candidate, value=value, error=error), now, support)
         value = stride.moved(candidate.name, value, free / max(step.information, 1e-9))
         if stride.settled:
             break
-        by_lane = now.by_lane.copy()
-        by_lane[:, slot] = value
-        now = refitted(subject, replace(now, by_lane=by_lane), rounds=1)
-    if is_delay and nearest < _ade(subject, now):
-        now, value = begin, float(begin.by_lane[0, slot])  # another form of delay: its score leads away from it
-    return Tried(replace(candidate, value=value, error=error), now, support)
+        now = refitted(subject, with_value(now, candidate.name, value), rounds=1)
+    end = Tried(replace(candidate, value=value, error=error), now, support)
+    return end if begin is None or _ade(subject, now) < (1.0 + LARGEST_LOSS) * _ade(subject, begin.fit) else begin
 
 
 def _ade(subject: Subject, fit: Fit) -> float:
     return float(driven(subject.windows, fit, known=True).ade_m.mean())
 
 
-def _delayed(subject: Subject, fit: Fit, candidate: Candidate) -> tuple[Fit, float]:
-    """Return the fit with the delay that leaves least, and its error (m).
+def _delayed(subject: Subject, fit: Fit, candidate: Candidate) -> Fit:
+    """Return the fit with the delay that leaves least.
 
     It is from scratch: drivers fitted without a delay are far from those with one.
     """
     models = [
         fit_drivers(subject.windows, with_cause(fit, candidate, size).by_lane, fit.start_variance, rounds=6)
-        for size in DELAYS
+        for size in at.DELAYS
     ]
-    return min(((model, _ade(subject, model)) for model in models), key=lambda one: one[1])
+    return min(models, key=lambda model: _ade(subject, model))
 
 
 def refined(subject: Subject, fit: Fit, names: list[str], lucks: list[Luck], rng: np.random.Generator) -> Fit:
@@ -131,12 +132,12 @@ def _settle(subject: Subject, fit: Fit, here: Look, heard: dict[str, TwinScore])
     """Step towards where the recording says what twins are expected to say; return whether it was there from the start, too."""
     strides = {name: Stride() for name in heard}
     for number in range(REFINEMENTS):
-        by_lane, found = fit.by_lane.copy(), ev.local_scores(ev.look_here(subject, fit) if number else here)
+        found = ev.local_scores(ev.look_here(subject, fit) if number else here)
         for name, stride in strides.items():
             value = _value(fit, name)
             free = found[name].score - heard[name].expected(value)
-            by_lane[:, magnitude_of(name).slot] = stride.moved(name, value, free / max(found[name].information, 1e-9))
-        fit = refitted(subject, replace(fit, by_lane=by_lane), rounds=1)
+            fit = with_value(fit, name, stride.moved(name, value, free / max(found[name].information, 1e-9)))
+        fit = refitted(subject, fit, rounds=1)
         if all(stride.settled for stride in strides.values()):
             return fit, number == 0
     return fit, False

@@ -1,6 +1,9 @@
 r"""Reaction delay: the driver acts on what was.
 
-.. math:: \dot v(t) = f\big(v(t-\tau),\, \Delta v(t-\tau),\, d(t-\tau)\big)
+.. math:: \dot v(t) = f\big(v(t-(1-\eta)\tau),\, \Delta v(t-\tau),\, d(t-\tau)\big)
+
+With :math:`\eta = 0` everything is late; with :math:`\eta = 1` the own speed is known at once, as a driver who anticipates
+its own motion knows it (Treiber, Kesting and Helbing, 2006) and as the speedometer tells it.
 
 A driver keeps a short past of gap, speed and approach rate; :func:`recall` reads it at a time between frames.
 """
@@ -44,10 +47,19 @@ def recall(past, column, now, delay, step):  # type: ignore[no-untyped-def]
     return between(past[row, column], past[after, column], share)
 
 
+@njit(cache=True, error_model="numpy")
+def own_delay(m):  # type: ignore[no-untyped-def]
+    """Return the delay (s) with which the own speed is known, of a vector of magnitudes."""
+    return m[slots.DELAY] * (1.0 - m[slots.OWN_SPEED_KNOWN])
+
+
 EFFECT = Effect(
     name="reaction_delay",
     summary="acts on what was a moment ago",
-    parameters=(Parameter("tau", "s", slots.DELAY, 0.0, LONGEST, 0.4),),
+    parameters=(
+        Parameter("tau", "s", slots.DELAY, 0.0, LONGEST, 0.4),
+        Parameter("eta", "1", slots.OWN_SPEED_KNOWN, 0.0, 1.0, 0.0),
+    ),
     must_see=(),
     confusable_with=("hysteresis", "multi_leader_anticipation", "measurement_artefact"),
     source="Treiber, Kesting and Helbing (2006), Delays, inaccuracies and anticipation in microscopic traffic models",

@@ -14,7 +14,7 @@ from idm_sumo import driver_table as d
 from idm_sumo import road
 from idm_sumo.departures import DESTINATION, THROUGH
 from idm_sumo.effects import ExtendedModel, extended_acceleration, slots
-from idm_sumo.effects.reaction_delay import LONGEST, recall
+from idm_sumo.effects.reaction_delay import LONGEST, own_delay, recall
 from idm_sumo.rollout import perceive
 from idm_sumo.sight import NOBODY_YET, Others, look
 from idm_sumo.traffic import NOBODY
@@ -154,9 +154,11 @@ def _decide_all(place, x, speed, length, lane, offsets, others, memory, magnitud
         )  # fmt: skip
         m, own, past = magnitudes[lane[i]], theta[vehicle], memory.past[vehicle]
         delay = min(m[slots.DELAY], LONGEST)
-        then = [recall(past, column, PAST - 1, delay, road.FRAME_STEP) for column in range(3)]
+        then_gap = recall(past, 0, PAST - 1, delay, road.FRAME_STEP)
+        then_speed = recall(past, 1, PAST - 1, min(own_delay(m), LONGEST), road.FRAME_STEP)
+        then_rate = recall(past, 2, PAST - 1, delay, road.FRAME_STEP)
         acceleration[i] = extended_acceleration(
-            then[1], then[2], then[0], see, own[0], own[1], own[2], own[3], own[4], limit, m
+            then_speed, then_rate, then_gap, see, own[0], own[1], own[2], own[3], own[4], limit, m
         )
     return acceleration
 

@@ -1,0 +1,115 @@
+"""What a cause, and what belongs to none, must show before it is believed."""
+
+from __future__ import annotations
+
+from idm_sumo.diagnosis import evidence as ev
+from idm_sumo.diagnosis import hypotheses as hy
+from idm_sumo.diagnosis.free_fields import CHANGES, DOUBTFUL, HELD
+from idm_sumo.diagnosis.hypotheses import Candidate
+from idm_sumo.diagnosis.left_over import LeftOver
+from idm_sumo.diagnosis.result import Gain
+from idm_sumo.diagnosis.sizes import Tried
+
+SIGNIFICANT = 1e-3  # corrected p of a cause
+# Standard errors. What smoothing hides of a leader is in part its answer to the second one, and the twins' leaders do not follow; what
+# drivers of another law do after a cut-in looks a little like relaxation.
+SURER = {"multi_leader_anticipation": 6.0, "lane_change_relaxation": 7.0}
+# The score near zero underrates these, the more the farther the car-following is from the model's: at their size the likelihood
+# says more (twice its logarithm's gain).
+UNDERRATED = ("reaction_delay", "perception_threshold", "lane_change_relaxation")
+LIKELY, LEAST_SUPPORT = 3.5, 150.0
+CLEAR = 5.0  # standard errors that a further cause needs
+FURTHER_SHARE = 0.06  # of the first cause's squared z, for a further one: less may be what its shape leaves over, and must gain more
+LEAST_GAIN = 0.004  # of the ADE, on the drivers that fit
+UNTWINNED_GAIN = 0.02  # of the ADE, for what has no null twin: a follower answers its leader, so its place tells of the leader's noise
+FAINT_GAIN = 0.02  # of the ADE, for a further cause that may be what the first one's shape leaves over
+SURE, BEYOND_DOUBT = 4.8, 7.0  # standard errors, from which on any gain will do, and no loss beyond chance
+AS_SURE = 0.5  # of the first cause's support, for a further one beyond doubt
+CHANCE = 0.01  # of the ADE
+# Standard errors from which on something free stands out; a response that changes, of which there are most looks, and what
+# another car-following model looks like, too, need more.
+FREE_CLEAR, FREE_CHANGED, FREE_DOUBTFUL = 5.5, 6.5, 9.0
+# Times the best cause's squared z, and more, from which on the catalogue does not hold it. A response that changes from place to
+# place, or with time, is what goes beyond the same change everywhere, and has to be only half as sure as that.
+FREE_EXCESS, FREE_CHANGE, FREE_MORE = 1.5, 0.5, 25.0
+FREE_STILL = 0.5  # of its squared z, that is left of it with the best cause in the model
+
+
+def is_likely(candidate: Candidate) -> bool:
+    """Return whether a candidate is significant, or would be at its size."""
+    return is_significant(candidate) or is_underrated(candidate)
+
+
+def is_significant(candidate: Candidate) -> bool:
+    """Return whether a candidate is significant, and may turn out large enough."""
+    return candidate.near_enough and candidate.p < SIGNIFICANT and abs(candidate.z) > SURER.get(candidate.name, 0.0)
+
+
+def is_underrated(candidate: Candidate) -> bool:
+    """Return whether a candidate must be brought to its size before it can be judged."""
+    return candidate.name in UNDERRATED and candidate.value > 0.0 and abs(candidate.z) > LIKELY
+
+
+def is_there(tried: Tried) -> bool:
+    """Return whether a candidate at its size is significant and large enough."""
+    sure = is_significant(tried.candidate) or tried.support > LEAST_SUPPORT
+    return sure and tried.candidate.large_enough
+
+
+def is_clear_beside(candidate: Candidate) -> bool:
+    """Return whether a candidate is sure enough for a further cause."""
+    return abs(candidate.z) > CLEAR
+
+
+def is_faint_beside(candidate: Candidate, first: Candidate) -> bool:
+    """Return whether a further cause is so much less sure than the first that it may be what its shape leaves over."""
+    return candidate.z**2 < FURTHER_SHARE * first.z**2
+
+
+def is_worth_it(gain: Gain, tried: Tried, first: Tried | None) -> bool:
+    """Return whether rollouts are better for a cause: clearly; at all, if it is surely there; not worse, if beyond doubt.
+
+    A further cause must make them better, nine to one, unless it is beyond doubt and about as sure as the first: what the first
+    one's form leaves over is there, too.
+
+    Parameters
+    ----------
+    gain : Gain
+        On the drivers that fit.
+    tried : Tried
+    first : Tried or None
+        The first cause, for a further one.
+    """
+    candidate, share = tried.candidate, gain.difference / gain.base
+    z, enough = abs(candidate.z), share >= LEAST_GAIN
+    clearly = enough and gain.ci95[0] > 0.0
+    if candidate.name in ev.ENDOGENOUS:
+        return clearly and share >= UNTWINNED_GAIN
+    beyond_doubt = z > BEYOND_DOUBT and share > -CHANCE
+    if first is None:
+        return clearly or (z > SURE and share > 0.0) or beyond_doubt
+    if is_faint_beside(candidate, first.candidate):
+        return clearly and share >= FAINT_GAIN
+    return (enough and gain.is_likely) or (beyond_doubt and tried.support > AS_SURE * first.support)
+
+
+def stands_out(free: LeftOver) -> bool:
+    """Return whether something free may be told."""
+    usual = FREE_CHANGED if free.covariate.startswith(CHANGES) else FREE_CLEAR
+    return free.large_enough and abs(free.z) > (FREE_DOUBTFUL if free.covariate.endswith(DOUBTFUL) else usual)
+
+
+def outside(evidence: ev.Evidence) -> tuple[LeftOver, ...]:
+    """Return what is free and says more than any significant effect of the catalogue."""
+    best = max((c.z**2 for c in hy.candidates(evidence) if is_significant(c)), default=0.0)
+
+    def needed(one: LeftOver) -> float:
+        return FREE_MORE + best * (FREE_CHANGE if one.covariate.startswith(CHANGES) else FREE_EXCESS)
+
+    new = (one for one in evidence.free if best == 0.0 or one.covariate not in HELD)
+    return tuple(one for one in new if stands_out(one) and one.z**2 > needed(one))
+
+
+def is_left(strange: LeftOver, evidence: ev.Evidence) -> bool:
+    """Return whether, with the best cause in the model, what the catalogue does not hold is still about as strange."""
+    return any(one.z**2 > FREE_STILL * strange.z**2 for one in outside(evidence))

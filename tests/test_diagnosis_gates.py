@@ -1,0 +1,136 @@
+"""Gates: what is sure needs less gain, what comes further needs more, what no effect holds is told from what one does."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from idm_sumo.diagnosis import gates
+from idm_sumo.diagnosis import rollout as ro
+from idm_sumo.diagnosis.atoms import Atom
+from idm_sumo.diagnosis.evidence import Evidence
+from idm_sumo.diagnosis.fit import Fit
+from idm_sumo.diagnosis.hypotheses import Candidate
+from idm_sumo.diagnosis.left_over import LeftOver
+from idm_sumo.diagnosis.result import Gain
+from idm_sumo.diagnosis.sizes import Tried
+
+FIT = Fit(np.zeros(5), np.eye(5), np.zeros((1, 5)), np.eye(1), np.ones(1), np.ones(2), ro.PLAIN)
+SURE_AS_THE_FIRST = 300.0
+
+
+def gain(difference, margin):
+    return Gain("ade_m", 1.0, 1.0 - difference, difference, (difference - margin, difference + margin), 100, False)
+
+
+def tried(z, name="perception_threshold", value=0.5, support=100.0):
+    return Tried(Candidate(name, value, 0.01, z, 1e-9, Atom(name, value), 1.0, 0.0), FIT, support)
+
+
+def free(covariate, z, *, large_enough=True):
+    return LeftOver(covariate, (0.0, 1.0), None, None, 0.2, z, 1e-9, large_enough)
+
+
+def evidence(delay, *left):
+    """Return what is seen if a delay stands out by so many standard errors, with what is free."""
+    atoms = [Atom("reaction_delay", 0.2, ((0, 0.2),))]
+    drivers, information = 30, 1e4
+    u = np.full((drivers, 1), delay * np.sqrt(1.5 * 1.5 * information) / drivers)
+    part = np.full((drivers, 1), information / drivers)
+    return Evidence(atoms, u, np.zeros((2, 1)), np.array([[information]]), part, np.arange(drivers), left)
+
+
+@pytest.mark.parametrize(
+    ("difference", "margin", "z", "first", "further"),
+    [
+        (0.02, 0.01, 3.0, True, True),  # clearly better
+        (0.02, 0.025, 3.0, False, True),  # nine to one
+        (0.02, 0.04, 3.0, False, False),
+        (0.001, 0.04, 5.0, True, False),  # surely there, and no worse
+        (-0.005, 0.04, 5.0, False, False),
+        (-0.005, 0.04, 9.0, True, False),  # beyond doubt, and no worse than chance
+        (-0.05, 0.01, 9.0, False, False),
+    ],
+)
+def test_what_is_sure_needs_less_gain_and_what_comes_further_more(difference, margin, z, first, further):
+    assert gates.is_worth_it(gain(difference, margin), tried(z), None) is first
+    assert gates.is_worth_it(gain(difference, margin), tried(z), tried(10.0, support=SURE_AS_THE_FIRST)) is further
+
+
+@pytest.mark.parametrize(
+    ("z", "support", "difference", "worth_it"),
+    [(9.0, 200.0, -0.005, True), (9.0, 200.0, -0.02, False), (9.0, 100.0, -0.005, False), (6.0, 200.0, -0.005, False)],
+)
+def test_a_further_cause_as_sure_as_the_first_need_not_gain(z, support, difference, worth_it):
+    first = tried(10.0, support=SURE_AS_THE_FIRST)
+    assert gates.is_worth_it(gain(difference, 0.01), tried(z, support=support), first) is worth_it
+
+
+@pytest.mark.parametrize(("difference", "worth_it"), [(0.015, False), (0.03, True)])
+def test_what_the_first_causes_shape_may_leave_over_must_gain_more(difference, worth_it):
+    overwhelming = tried(40.0, support=5000.0)
+    assert gates.is_worth_it(gain(difference, 0.01), tried(6.0), overwhelming) is worth_it
+    assert gates.is_worth_it(gain(difference, 0.01), tried(15.0), overwhelming)
+
+
+@pytest.mark.parametrize(("difference", "accepted"), [(0.01, False), (0.03, True)])
+def test_what_has_no_null_twin_must_gain_more(difference, accepted):
+    assert gates.is_worth_it(gain(difference, 0.005), tried(9.0, "follower_pressure"), None) is accepted
+    assert gates.is_worth_it(gain(0.01, 0.005), tried(9.0), None)
+
+
+@pytest.mark.parametrize(
+    ("name", "z", "value", "support", "likely", "there"),
+    [
+        ("lane_change_relaxation", 8.0, 0.3, 60.0, True, True),  # sure as it is
+        ("lane_change_relaxation", 5.0, 0.3, 60.0, True, False),  # what drivers of another law do after a cut-in
+        ("lane_change_relaxation", 4.0, 0.3, 300.0, True, True),  # underrated near zero
+        ("lane_change_relaxation", 4.0, 0.1, 300.0, True, False),  # too small
+        ("lane_change_relaxation", 4.0, -0.3, 300.0, False, False),
+        ("lane_change_relaxation", 3.0, 0.3, 300.0, False, True),
+        ("hysteresis", 4.0, 0.02, 20.0, False, False),
+        ("multi_leader_anticipation", 5.0, 0.2, 20.0, False, False),
+    ],
+)
+def test_what_is_underrated_near_zero_is_judged_at_its_size(name, z, value, support, likely, there):
+    one = tried(z, name, value, support)
+    assert gates.is_likely(one.candidate) is likely
+    assert gates.is_there(one) is there
+
+
+@pytest.mark.parametrize(
+    ("covariate", "z", "stands_out"),
+    [
+        ("position", 6.0, True),
+        ("position", 5.0, False),
+        ("delay over position in lane 2", 6.0, False),  # a response that changes: most looks
+        ("delay over time", 7.0, True),
+        ("headway over leader_gap", 7.0, False),  # another car-following model looks like it
+        ("headway over leader_gap", 9.5, True),
+    ],
+)
+def test_what_is_looked_at_more_must_stand_out_more(covariate, z, stands_out):
+    assert gates.stands_out(free(covariate, -z)) is stands_out
+    assert not gates.stands_out(free(covariate, z, large_enough=False))
+
+
+@pytest.mark.parametrize(
+    ("delay", "covariate", "z", "is_outside"),
+    [
+        (0.0, "unrest", 6.0, True),
+        (6.0, "unrest", 8.0, False),  # less than one and a half times the delay's, and 25
+        (6.0, "unrest", 9.5, True),
+        (6.0, "position", 9.5, False),  # location holds it
+        (6.0, "delay over time", 7.0, True),  # what changes needs half of the delay's, and 25
+    ],
+)
+def test_what_says_more_than_the_catalogue_is_outside_it(delay, covariate, z, is_outside):
+    one = free(covariate, z)
+    assert gates.outside(evidence(delay, one)) == ((one,) if is_outside else ())
+
+
+def test_what_a_cause_takes_half_away_is_held_by_it():
+    strange = free("unrest", 10.0)
+    assert gates.is_left(strange, evidence(0.0, free("unrest", 8.0)))
+    assert not gates.is_left(strange, evidence(0.0, free("unrest", 6.0)))
+    assert not gates.is_left(strange, evidence(12.0, free("unrest", 8.0)))
