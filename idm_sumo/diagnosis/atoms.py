@@ -25,7 +25,9 @@ Floats = npt.NDArray[np.float64]
 Integers = npt.NDArray[np.int64]
 
 PLACE_BIN, TIME_BIN = 16.0, 12.0  # m, s
+MOST_BINS = 64  # of a long road or recording: edges are sharpened later
 DELAYS = (0.2, 0.4, 0.8)  # s
+DELAYS_BUT_OWN = (0.3, 0.7)  # s, with the own speed known at once
 SECANTS: tuple[tuple[str, int, tuple[float, ...]], ...] = (
     ("reaction_delay", slots.DELAY, DELAYS),
     ("multi_leader_anticipation", slots.SECOND_LEADER, (0.2,)),
@@ -84,8 +86,8 @@ def grid_of(windows: w.Windows) -> Grid:
     """Return the grid of a recording."""
     seen = windows.seen[:, w.LEAD : -1]
     return Grid(
-        edges_of(seen[:, :, w.X], PLACE_BIN), edges_of(seen[:, :, w.TIME], TIME_BIN), np.unique(seen[:, :, w.LANE]),
-        float(seen[:, :, w.V].mean()),
+        edges_of(seen[:, :, w.X], PLACE_BIN, MOST_BINS), edges_of(seen[:, :, w.TIME], TIME_BIN, MOST_BINS),
+        np.unique(seen[:, :, w.LANE]), float(seen[:, :, w.V].mean()),
     )  # fmt: skip
 
 
@@ -163,7 +165,7 @@ def _columns(
 def _secant_atoms() -> tuple[Atom, ...]:
     """Return the atoms of effects that are not linear near zero."""
     atoms = [Atom(name, size, ((slot, size),)) for name, slot, sizes in SECANTS for size in sizes]
-    for delay in DELAYS:
+    for delay in DELAYS_BUT_OWN:
         atoms.append(Atom("reaction_delay", delay, ((slots.DELAY, delay), (slots.OWN_SPEED_KNOWN, 1.0))))
     for recovery in RECOVERIES:
         fixed = ((slots.RELAXATION, RELAXATION_SIZE), (slots.RELAXATION_TIME, recovery))

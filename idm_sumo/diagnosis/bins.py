@@ -13,10 +13,10 @@ Floats = npt.NDArray[np.float64]
 Integers = npt.NDArray[np.int64]
 
 
-def edges_of(values: Floats, width: float) -> Floats:
-    """Return bin edges of about ``width`` that cover the values."""
+def edges_of(values: Floats, width: float, most: int) -> Floats:
+    """Return bin edges of about ``width``, or wider for ``most`` bins, that cover the values."""
     low, high = float(values.min()), float(values.max())
-    return np.linspace(low, high + 1e-9, max(2, round((high - low) / width) + 1))
+    return np.linspace(low, high + 1e-9, 1 + min(max(1, round((high - low) / width)), most))
 
 
 def numbered(values: Floats, edges: Floats) -> Integers:

@@ -54,8 +54,12 @@ def sharpened(subject: Subject, fit: Fit, names: list[str]) -> Fit:
 def _along(subject: Subject, state: Floats, name: str) -> tuple[Floats, Floats, float]:
     """Return the coordinate of each frame, the acceleration by a unit of the effect, and the width of the scan's bins."""
     if name == "location":
-        return state[:, :, ro.BASE_X], np.ones(state.shape[:2]), at.PLACE_BIN
-    return subject.windows.seen[:, w.LEAD : -1, w.TIME], state[:, :, ro.BY_T], at.TIME_BIN
+        return state[:, :, ro.BASE_X], np.ones(state.shape[:2]), _width(subject.grid.place)
+    return subject.windows.seen[:, w.LEAD : -1, w.TIME], state[:, :, ro.BY_T], _width(subject.grid.time)
+
+
+def _width(edges: Floats) -> float:
+    return float(edges[1] - edges[0])
 
 
 def _slices(begin: float, end: float, width: float) -> Floats:
