@@ -71,3 +71,13 @@ def test_limits_of_width_hold():
 
 def test_nothing_known_is_nothing_found():
     assert best_stretch(np.zeros(4), np.zeros((4, 4)), (4,)) is None
+
+
+def test_of_two_stretches_the_one_of_the_wanted_sign_is_taken():
+    planted = np.zeros(20)
+    planted[3:6], planted[12:18] = 1.0, -1.0
+    gram = correlated(20)
+    either, more = (best_stretch(gram @ planted, gram, (20,), of_sign=sign) for sign in (0.0, 1.0))
+    assert (either.first, either.last) == ((12,), (18,))
+    assert (more.first, more.last) == ((3,), (6,))
+    assert best_stretch(gram @ planted.clip(0.0), gram, (20,), of_sign=-1.0) is None

@@ -12,6 +12,7 @@ from idm_sumo.diagnosis.atoms import LOCAL, Atom
 from idm_sumo.diagnosis.evidence import Evidence
 from idm_sumo.diagnosis.free_fields import IN_LANE
 from idm_sumo.diagnosis.left_over import LeftOver
+from idm_sumo.diagnosis.scans import best_stretch
 from idm_sumo.effects import BY_NAME, slots
 
 Floats = npt.NDArray[np.float64]
@@ -32,7 +33,7 @@ EITHER_SIGN = (
     "pre_insertion",
 )
 SCANNED = ("location", "time_of_day")
-WIDEST = 0.6  # of the road or the recording: a wider interval is the rest, with the other sign
+WIDEST = 0.6  # of the bins of road or recording: a wider interval is the rest, with the other sign
 NARROWEST = {"location": 40.0, "time_of_day": 30.0}  # m, s
 RESEMBLING = 0.4  # of the best interval's squared z, from which on one of the other sign may be it as well
 NEXT_TO_NOTHING = 1e-3  # of the typical magnitude
@@ -184,27 +185,16 @@ def _candidate(evidence: Evidence, name: str, mix: Floats, atom: Atom, looks: in
 
 def _scan(evidence: Evidence, name: str, rows: list[int], sign: float = 0.0) -> Candidate | None:
     """Return the interval of place or time with the largest score over its standard error; of one sign if that is not zero."""
-    total = np.concatenate([[0.0], np.cumsum(evidence.total()[rows])])
-    gram = np.zeros((len(rows) + 1, len(rows) + 1))
-    gram[1:, 1:] = evidence.gram[np.ix_(rows, rows)].cumsum(axis=0).cumsum(axis=1)
-    low = np.array([evidence.atoms[n].low for n in rows])
-    high = np.array([evidence.atoms[n].high for n in rows])
-    i, k = np.triu_indices(len(rows) + 1, 1)
-    width = high[k - 1] - low[i]
-    fits = (width <= WIDEST * (high[-1] - low[0])) & (width >= NARROWEST[name])
-    i, k = i[fits], k[fits]
-    information = gram[k, k] - gram[i, k] - gram[k, i] + gram[i, i]
-    if not len(i) or information.max() <= 1e-6:
-        return None
-    score = total[k] - total[i]
-    counts = (information > 1e-3 * information.max()) & (sign * score >= 0.0)
-    squared = np.where(counts, score**2 / np.maximum(information, 1e-9), 0.0)
-    best = int(np.argmax(squared))
-    if squared[best] <= 0.0:
+    bins = [evidence.atoms[n] for n in rows]
+    narrowest = int(np.ceil(NARROWEST[name] / (bins[0].high - bins[0].low) - 1e-6))
+    best = best_stretch(
+        evidence.total()[rows], evidence.gram[np.ix_(rows, rows)], (len(rows),), narrowest, WIDEST, sign
+    )
+    if best is None:
         return None
     mix = np.zeros(len(evidence.atoms))
-    mix[np.array(rows)[i[best] : k[best]]] = 1.0
-    atom = Atom(name, low=float(low[i[best]]), high=float(high[k[best] - 1]))
+    mix[rows] = best.inside((len(rows),))
+    atom = Atom(name, low=bins[best.first[0]].low, high=bins[best.last[0] - 1].high)
     return _candidate(evidence, name, mix, atom, 40 * len(rows))
 
 

@@ -30,7 +30,7 @@ class Stretch(NamedTuple):
 
 
 def best_stretch(
-    total: Floats, gram: Floats, shape: tuple[int, ...], narrowest: int = 1, widest: float = 1.0
+    total: Floats, gram: Floats, shape: tuple[int, ...], narrowest: int = 1, widest: float = 1.0, of_sign: float = 0.0
 ) -> Stretch | None:
     """Return the stretch of neighbouring bins with the largest score over its standard error.
 
@@ -44,11 +44,13 @@ def best_stretch(
         Bins along each axis.
     widest : float
         Share of the bins along each axis.
+    of_sign : float
+        Of the score; 0 for either.
 
     Returns
     -------
     Stretch or None
-        None if nothing is known about any.
+        None if nothing is known about any, or nothing is there.
     """
     sums = _prefix(total.reshape(shape), range(len(shape)))
     both = _prefix(gram.reshape(shape + shape), range(2 * len(shape)))
@@ -63,7 +65,11 @@ def best_stretch(
     if not len(information) or information.max() <= 1e-6:
         return None
     known = information > LEAST_INFORMATION * information.max()
-    best = int(np.argmax(np.where(known, score**2 / np.maximum(information, 1e-9), 0.0)))
+    known &= of_sign * score >= 0.0
+    squared = np.where(known, score**2 / np.maximum(information, 1e-9), 0.0)
+    best = int(np.argmax(squared))
+    if squared[best] == 0.0:
+        return None
     return Stretch(
         tuple(int(a[best]) for a in first), tuple(int(b[best]) for b in last), int(known.sum()), float(score[best]),
         float(information[best]),
