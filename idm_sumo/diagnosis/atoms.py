@@ -33,7 +33,7 @@ SECANTS: tuple[tuple[str, int, tuple[float, ...]], ...] = (
     ("multi_leader_anticipation", slots.SECOND_LEADER, (0.2,)),
     ("perception_threshold", slots.BAND, (0.3, 0.6, 1.0)),
 )
-RECOVERIES = (5.0, 10.0, 18.0)  # s, of the relaxation's secants
+RECOVERIES = (8.0, 12.5, 20.0)  # s, of the relaxation's secants; faster is what another law does after a cut-in
 RELAXATION_SIZE = 0.5
 
 
