@@ -58,6 +58,26 @@ def test_what_is_hidden_is_named_first_and_makes_rollouts_better(effect, seed, t
     assert found.residuals["extended"].abs().mean() < found.residuals["base"].abs().mean()
 
 
+def test_what_is_hidden_in_one_lane_only_is_named_there(tmp_path):
+    recording = hidden(tmp_path, 18, "location", form="usual", only_lane=1)
+    found = checked(diagnose(recording))
+    assert [cause.name for cause in found.causes] == ["location"]
+    assert found.causes[0].where is not None
+    assert found.causes[0].where.lanes == (2,)
+    assert found.model.causes[0].lanes == (2,)
+    assert "in lane 2" in found.causes[0].evidence
+
+
+def test_a_delay_that_spares_the_own_speed_is_told_from_one_that_does_not(tmp_path):
+    other, usual = (
+        checked(diagnose(hidden(tmp_path, 12, "reaction_delay", form=form))).causes[0] for form in ("other", "usual")
+    )
+    assert other.name == usual.name == "reaction_delay"
+    assert (other.parameters["eta"].value, usual.parameters["eta"].value) == (1.0, 0.0)
+    assert other.parameters["tau"].value == pytest.approx(0.8, rel=0.2)
+    assert usual.parameters["tau"].value == pytest.approx(0.8, rel=0.2)
+
+
 @pytest.mark.parametrize(
     ("effect", "seed", "told"), [("throttle_wave", 17, "oscillation"), ("lane_enforcement", 16, "time in lane 1")]
 )

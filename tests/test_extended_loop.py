@@ -72,7 +72,11 @@ def test_a_delay_shows_and_the_same_run_twice_is_the_same(tmp_path, recorded, pl
     )
     pd.testing.assert_frame_equal(one, other)
     both = plain[0].merge(one, on=[c.VEHICLE, c.FRAME], suffixes=("", "_late"))
-    assert (both[c.X] - both["x_late"]).abs().mean() > 0.1
+    apart = (both[c.X] - both["x_late"]).abs().mean()
+    assert apart > 0.1
+    known, _, _ = drive(tmp_path / "known", recorded, Cause("reaction_delay", {"tau": 0.9, "eta": 1.0}))
+    both = plain[0].merge(known, on=[c.VEHICLE, c.FRAME], suffixes=("", "_late"))
+    assert 0.1 < (both[c.X] - both["x_late"]).abs().mean() != apart
 
 
 def test_interactive_adds_the_extended_population(tmp_path, capsys) -> None:

@@ -54,13 +54,15 @@ def test_sumo_and_kernel_agree_on_every_effect(awkward, effect) -> None:
     assert np.abs(kernel.x - drive_idm(scenes, DRIVER).x).max() > 0.02  # it does something
 
 
-def test_both_agree_behind_leaders_known_by_headway() -> None:
+@pytest.mark.parametrize("known", [0.0, 1.0])
+def test_both_agree_behind_leaders_known_by_headway(known) -> None:
     time = np.arange(150) * road.FRAME_STEP
     headway = np.where(time < 8.0, 32.0, 21.0) + np.sin(time)  # somebody cuts in
     recording = Recording.from_table(vehicle(1, 40.0, -2.0, 9.0, frames=150, headway=headway), has_leader_rows=False)
     scenes, _ = build_scenes(recording, Window(observed=10, horizon=120))
     model = model_of(
-        Cause("reaction_delay", {"tau": 0.45}), Cause("lane_change_relaxation", {"kappa": 0.8, "tau_r": 9.0})
+        Cause("reaction_delay", {"tau": 0.45, "eta": known}),
+        Cause("lane_change_relaxation", {"kappa": 0.8, "tau_r": 9.0}),
     )
     kernel = drive_extended(scenes, recording, model, DRIVER)
     assert_same(replay(scenes, DRIVER, extension=(recording, model)), kernel)

@@ -70,6 +70,17 @@ def test_a_cause_of_some_lanes_is_not_expressed_for_all(tmp_path) -> None:
     assert 'actionStepLength="0.1"' in result.route_file.read_text()
 
 
+def test_a_delay_that_spares_the_own_speed_is_said_to_become_one_of_everything(tmp_path) -> None:
+    of_all, spared = (
+        export_routes(
+            drivers(), tmp_path / f"{eta}.rou.xml", model=model_of(Cause("reaction_delay", {"tau": 0.6, "eta": eta}))
+        )
+        for eta in (0.0, 1.0)
+    )
+    assert "own speed late" in spared.notes[-1]
+    assert "own speed" not in of_all.notes[-1]
+
+
 def test_a_type_with_a_delay_drives_nearer_to_the_delayed_driver_than_one_without(tmp_path) -> None:
     """The independent reference is the exact delay, behind the very leader that SUMO drove."""
     tau, frames = 0.4, 300

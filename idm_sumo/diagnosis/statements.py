@@ -81,7 +81,8 @@ def _cause(fit: Fit, accepted: Accepted, share: float) -> CauseFound:
     for parameter in BY_NAME[candidate.name].parameters[1:]:
         value = float(fit.by_lane[0, parameter.slot])
         slack = _slack(parameter.symbol, value)
-        parameters[parameter.symbol] = Estimate(value, parameter.unit, (value - slack, value + slack))
+        within = max(value - slack, parameter.lower), min(value + slack, parameter.upper)
+        parameters[parameter.symbol] = Estimate(value, parameter.unit, within)
     region = _region(candidate, _edges(fit, candidate))
     return CauseFound(candidate.name, parameters, region, candidate.p, share, _sentence(accepted), accepted.rivals)
 
@@ -89,7 +90,7 @@ def _cause(fit: Fit, accepted: Accepted, share: float) -> CauseFound:
 def _slack(symbol: str, value: float) -> float:
     """Return half of the width within which a companion parameter was not told apart: half a bin of a scan, or the grid."""
     place, time = 0.5 * at.PLACE_BIN, 0.5 * at.TIME_BIN
-    return {"x_1": place, "x_2": place, "t_1": time, "t_2": time, "tau_r": 0.5 * value}.get(symbol, 0.0)
+    return {"x_1": place, "x_2": place, "t_1": time, "t_2": time, "tau_r": 0.5 * value, "eta": 0.5}.get(symbol, 0.0)
 
 
 def _edges(fit: Fit, candidate: Candidate) -> tuple[float, float]:

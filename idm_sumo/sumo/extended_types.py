@@ -90,9 +90,10 @@ def _delay(held: Expressed, cause: Cause, _: pd.DataFrame) -> Expressed:
     tau = _size(cause, "tau")
     steps = max(round(2.0 * tau / road.FRAME_STEP), 1)
     every = number(round(steps * road.FRAME_STEP, 1))
+    known = ", which makes the own speed late, too" if _size(cause, "eta") > 0.0 else ""
     note = (
         f"reaction_delay: actionStepLength = {every} s, whose mean age is half of it, for tau = {tau:.3g} s (give "
-        f"--integration ballistic, or SUMO warns of it); exactly it is {LOOP}"
+        f"--integration ballistic, or SUMO warns of it){known}; exactly it is {LOOP}"
     )
     return held._replace(extra={**held.extra, "actionStepLength": every}, notes=(*held.notes, note))
 
