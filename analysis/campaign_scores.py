@@ -20,6 +20,7 @@ SHOWS_IN: dict[str, tuple[str, ...]] = {
     "weariness": ("unrest",),
 }
 GAIN_CLASSES = ("5 % or more", "2 to 5 %", "below 2 %")
+SIZED = ["name", "form", "underlying", "planted", "estimate", "low", "high", "error", "covered", "seed"]
 SIGMA_CLASSES = ("0.1-0.2 m", "0.2-0.35 m", "0.35-0.5 m")
 
 
@@ -89,8 +90,8 @@ def sized(trials: pd.DataFrame) -> pd.DataFrame:
 
     Effects that some drivers have only are left out: there the size of all drivers is another.
     """
-    rows = [row for trial in trials.to_dict("records") if trial["group"] in ("single", "pair") for row in _sizes(trial)]
-    return pd.DataFrame(rows, columns=["name", "form", "underlying", "planted", "estimate", "error", "covered"])
+    everybodys = (trial for trial in trials.to_dict("records") if trial["group"] in ("single", "pair", "one lane"))
+    return pd.DataFrame([row for trial in everybodys for row in _sizes(trial)], columns=SIZED)
 
 
 def _sizes(trial: dict[str, Any]) -> Iterator[dict[str, Any]]:
@@ -102,8 +103,8 @@ def _sizes(trial: dict[str, Any]) -> Iterator[dict[str, Any]]:
             low = 0.0 if one["ci95"][0] < 0.0 < one["ci95"][1] else low
             yield {
                 "name": cause["name"], "form": trial["plan"]["form"], "underlying": trial["plan"]["underlying"],
-                "planted": truth, "estimate": abs(one["value"]), "error": abs(abs(one["value"]) / truth - 1),
-                "covered": low <= truth <= high,
+                "planted": truth, "estimate": abs(one["value"]), "low": low, "high": high,
+                "error": abs(abs(one["value"]) / truth - 1), "covered": low <= truth <= high, "seed": trial["seed"],
             }  # fmt: skip
 
 

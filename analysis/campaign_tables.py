@@ -42,7 +42,9 @@ def summarise(trials: pd.DataFrame, folder: Path) -> None:
         "",
         f"{len(graded)} recordings. Intervals are exact (Clopper-Pearson), 95 %.",
     ]
-    for title, table in tables(graded, sized(trials)).items():
+    sizes = sized(trials)
+    sizes.round(4).to_csv(folder / "sizes.csv", index=False)
+    for title, table in tables(graded, sizes).items():
         if table.empty:
             continue
         table.to_csv(folder / f"{title.lower().replace(' ', '_')}.csv", index=False)

@@ -79,6 +79,9 @@ def test_magnitudes_and_gains_add_up_by_form_and_car_following(tmp_path):
         "usual": 0.1,
         "other": 0.2,
     }
+    each = pd.read_csv(tmp_path / "sizes.csv")
+    assert each["estimate"].tolist() == [0.4, 0.5, 0.6]
+    assert each["seed"].notna().all()
     gains = pd.read_csv(tmp_path / "gain_realised.csv").set_index("of")
     assert gains["recordings"].to_dict() == {"all": 3, "mid": 3, "idm": 2, "fvd": 1}
 

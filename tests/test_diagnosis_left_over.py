@@ -53,9 +53,10 @@ def test_twins_and_recording_count_the_same_fields_in_the_same_order(driven):
     windows, fit, grid, answer = driven
     heard = lo.hear(windows, fit, grid, answer)
     pulses = pulses_of(windows, fit, answer)
+    what = ff.contents(pulses.state)
     totals = [
-        pulses.along(number, value, family.count)[0].sum(axis=0)
-        for family, number, value in ff.families(windows, pulses.state, grid)
+        pulses.along(number, what[family.content], family.count)[0].sum(axis=0)
+        for family, number in ff.families(windows, pulses.state, grid)
     ]
     np.testing.assert_allclose(heard.totals, np.concatenate(totals), rtol=1e-9, atol=1e-9)
 

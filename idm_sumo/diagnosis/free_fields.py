@@ -119,12 +119,11 @@ def contents(state: Floats) -> dict[str, Floats]:
     }
 
 
-def families(windows: w.Windows, state: Floats, grid: Grid) -> Iterator[tuple[Family, Integers, Floats]]:
-    """Yield each family, the number of the bin that each frame is in (-1: none), and the acceleration there."""
-    known, what = covariates(windows, state), contents(state)
-    for covariate, edges, number in _partitions(known, grid):
+def families(windows: w.Windows, state: Floats, grid: Grid) -> Iterator[tuple[Family, Integers]]:
+    """Yield each family, and the number of the bin that each frame is in (-1: none)."""
+    for covariate, edges, number in _partitions(covariates(windows, state), grid):
         for content in ALONG_COVARIATES if covariate in EDGES else ALONG_REGIONS:
-            yield Family(covariate, content, edges), number, what[content]
+            yield Family(covariate, content, edges), number
 
 
 def _partitions(known: dict[str, Floats], grid: Grid) -> Iterator[tuple[str, tuple[Floats, ...], Integers]]:

@@ -87,7 +87,7 @@ def hear(windows: Windows, fit: Fit, grid: Grid, answer: Answer) -> Heard:
     whole = {content: each.sum() for content, each in scored.items()}
     totals: list[Floats] = []
     squares = {}
-    for family, number, _ in ff.families(windows, pulses.state, grid):
+    for family, number in ff.families(windows, pulses.state, grid):
         totals += [sums_by_bin(number, scored[family.content], family.count), np.array([whole[family.content]])]
         if variance.concerns(family):
             squares[family.covariate] = variance.spread(pulses, number, family.count).squares.sum(axis=0)
@@ -109,17 +109,18 @@ def left_over(
         Of variances beyond the model's.
     """
     pulses = pulses_of(windows, fit, answer)
-    every = list(ff.families(windows, pulses.state, grid))
-    begins = np.cumsum([0, *(family.count + 1 for family, _, _ in every)])
+    every, what = list(ff.families(windows, pulses.state, grid)), ff.contents(pulses.state)
+    begins = np.cumsum([0, *(family.count + 1 for family, _ in every)])
 
     def best(which: int) -> Said | None:
-        family, number, value = every[which]
+        family, number = every[which]
         heard = [one.totals[begins[which] : begins[which + 1]] for one in (drawn if family.is_regional else fitted)]
+        value = what[family.content]
         return _of_family(pulses, family, number, value, np.array(heard) * (family.covariate != NO_TWIN), inflation)
 
     found = [one for one in each_in_threads(best, range(len(every))) if one is not None]
     unsteady = []
-    for family, number, _ in every:
+    for family, number in every:
         if variance.concerns(family):
             twin = np.mean([heard.squares[family.covariate] for heard in fitted], axis=0)
             most = variance.most_unsteady(variance.spread(pulses, number, family.count), twin, len(fitted))
