@@ -99,6 +99,22 @@ def test_what_is_underrated_near_zero_is_judged_at_its_size(name, z, value, supp
 
 
 @pytest.mark.parametrize(
+    ("difference", "margin", "z", "fitted", "confirmed"),
+    [
+        (0.02, 0.025, 5.0, 0.01, True),  # nine to one
+        (0.02, 0.04, 5.0, 0.01, False),
+        (0.005, 0.04, 6.5, 0.01, True),  # surely there, clearly better for those that fit, and no worse for the others
+        (0.005, 0.04, 6.5, -0.01, False),
+        (-0.005, 0.04, 6.5, 0.01, False),
+        (-0.005, 0.04, 8.0, 0.01, True),  # beyond doubt
+        (-0.05, 0.04, 8.0, 0.01, False),  # and clearly worse
+    ],
+)
+def test_held_out_drivers_are_few_and_what_is_sure_need_not_be_clear_on_them(difference, margin, z, fitted, confirmed):
+    assert gates.is_confirmed(gain(difference, margin), fitted, tried(z).candidate) is confirmed
+
+
+@pytest.mark.parametrize(
     ("covariate", "z", "stands_out"),
     [
         ("position", 6.0, True),

@@ -98,12 +98,20 @@ def test_asymmetry_leaves_braking_alone(speed, rate, gap, share):
     assert drive(m, speed=speed, rate=rate, gap=gap) == pytest.approx(expected)
 
 
-@given(st.floats(0.5, 30.0), st.floats(3.0, 80.0), st.floats(0.0, 0.9))
-def test_anticipation_keeps_the_equilibrium_of_a_homogeneous_platoon(speed, gap, share):
+@given(st.floats(0.5, 30.0), st.floats(3.0, 80.0), st.floats(0.0, 0.9), st.sampled_from([0.0, 1.0]))
+def test_anticipation_keeps_the_equilibrium_of_a_homogeneous_platoon(speed, gap, share, of_speed):
     see = SEEN._replace(second_gap=2.0 * gap, second_speed=speed)
-    m = only("multi_leader_anticipation", w=share)
+    m = only("multi_leader_anticipation", w=share, phi=of_speed)
     plain = drive(none(), speed=speed, rate=0.0, gap=gap, see=see)
     assert drive(m, speed=speed, rate=0.0, gap=gap, see=see) == pytest.approx(plain, abs=1e-9)
+
+
+@given(speeds, rates, gaps, st.floats(0.0, 0.9))
+def test_anticipation_of_speeds_is_an_approach_to_the_mean_of_both_leaders(speed, rate, gap, share):
+    m = only("multi_leader_anticipation", w=share, phi=1.0)
+    both = (1.0 - share) * rate + share * (speed - SEEN.second_speed)
+    expected = drive(none(), speed=speed, rate=both, gap=gap)
+    assert drive(m, speed=speed, rate=rate, gap=gap) == pytest.approx(expected, abs=1e-9)
 
 
 @given(st.floats(-3.0, 3.0), st.floats(0.1, 2.0))

@@ -167,6 +167,7 @@ def _secant_atoms() -> tuple[Atom, ...]:
     atoms = [Atom(name, size, ((slot, size),)) for name, slot, sizes in SECANTS for size in sizes]
     for delay in DELAYS_BUT_OWN:
         atoms.append(Atom("reaction_delay", delay, ((slots.DELAY, delay), (slots.OWN_SPEED_KNOWN, 1.0))))
+    atoms.append(Atom("multi_leader_anticipation", 0.2, ((slots.SECOND_LEADER, 0.2), (slots.SECOND_SPEED_ONLY, 1.0))))
     for recovery in RECOVERIES:
         fixed = ((slots.RELAXATION, RELAXATION_SIZE), (slots.RELAXATION_TIME, recovery))
         atoms.append(Atom("lane_change_relaxation", RELAXATION_SIZE, fixed))

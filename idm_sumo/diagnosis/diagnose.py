@@ -17,7 +17,7 @@ from idm_sumo.diagnosis import noise as no
 from idm_sumo.diagnosis.artefact import find_seam, repaired
 from idm_sumo.diagnosis.fit import Fit, first_guess, fit_drivers
 from idm_sumo.diagnosis.gain import Errors, all_gains, driven
-from idm_sumo.diagnosis.gates import BEYOND_DOUBT
+from idm_sumo.diagnosis.gates import is_confirmed
 from idm_sumo.diagnosis.look import Subject
 from idm_sumo.diagnosis.result import NAMED, NONE, UNKNOWN, Diagnosis, Gain
 from idm_sumo.diagnosis.rollout import PLAIN
@@ -106,15 +106,14 @@ def _follower_filter(measurement: no.Noise, rng: np.random.Generator) -> Smoothe
 def _confirmed(found: Found, held: Windows, rng: np.random.Generator) -> tuple[Found, Errors, Errors, tuple[Gain, ...]]:
     """Return what was found, and the errors without and with it of drivers that were never touched.
 
-    Causes that do not drive them better, nine to one, are kept as causes without gain; if the first is beyond doubt, only where
-    they drive clearly worse.
+    Causes that they do not bear out are kept as causes without gain.
     """
     base = driven(held, found.base)
     if found.accepted and len(held.seen):
         extended = driven(held, found.fit)
         gains = all_gains(base, extended, held.platoon, rng)
-        beyond_doubt = abs(found.accepted[0].candidate.z) > BEYOND_DOUBT
-        if gains[0].is_likely or (beyond_doubt and gains[0].ci95[1] > 0.0):
+        first = found.accepted[0]
+        if is_confirmed(gains[0], first.gain.ci95[0] / first.gain.base, first.candidate):
             return found, base, extended, gains
         there = (*found.without_gain, *(cause.candidate for cause in found.accepted))
         left = left_without_causes(found.first)

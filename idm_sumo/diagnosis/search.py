@@ -15,6 +15,7 @@ from idm_sumo.diagnosis.hypotheses import Candidate
 from idm_sumo.diagnosis.left_over import LeftOver, told
 from idm_sumo.diagnosis.look import Subject
 from idm_sumo.diagnosis.luck import Luck, draws
+from idm_sumo.diagnosis.result import Gain
 from idm_sumo.diagnosis.sizes import Tried, anew, climbed, gain_of, magnitude_of, refined
 from idm_sumo.progress import Progress
 
@@ -29,12 +30,12 @@ RIVAL = 0.85  # of the best cause's support: one with as much cannot be told apa
 
 @dataclass(frozen=True)
 class Accepted:
-    """A cause in the model, as it came, with its refined size."""
+    """A cause in the model, as it came, with its refined size and its gain on the drivers that fit."""
 
     tried: Tried
     value: float
     error: float
-    gain: float
+    gain: Gain
     rivals: tuple[str, ...]
 
     @property
@@ -153,7 +154,7 @@ def _judged(
     gain = gain_of(subject, fit, best.fit, rng)
     candidate = best.candidate
     passes = gates.is_there(best) and gates.is_worth_it(gain, best, first)
-    return candidate, Accepted(best, candidate.value, candidate.error, gain.difference, rivals) if passes else None
+    return candidate, Accepted(best, candidate.value, candidate.error, gain, rivals) if passes else None
 
 
 def _strongest(

@@ -18,7 +18,7 @@ from idm_sumo.effects.lane_change_relaxation import gap_credit
 from idm_sumo.effects.leader_class import behind_truck
 from idm_sumo.effects.location import at_place
 from idm_sumo.effects.memory import resigned
-from idm_sumo.effects.multi_leader_anticipation import shared_interaction
+from idm_sumo.effects.multi_leader_anticipation import shared_interaction, shared_rate
 from idm_sumo.effects.perception_threshold import perceived
 from idm_sumo.effects.pre_insertion import before_own_change
 from idm_sumo.effects.speed_dependent_headway import at_speed
@@ -84,8 +84,8 @@ class Moment(NamedTuple):
         Factors of the time headway and of the desired speed.
     credit : float
         Added to the gap, m.
-    share, second_speed : float
-        Of the interaction that the second leader has, zero if there is none; its speed (m/s).
+    share, rate_share, second_speed : float
+        Of the interaction, and of the approach rate, that the second leader has, zero if there is none; its speed (m/s).
     band, asymmetry, slope, pivot, memory, mean_speed : float
         Magnitudes, and the running mean speed (m/s).
     place, begin, end : float
@@ -98,6 +98,7 @@ class Moment(NamedTuple):
     limit: float
     credit: float
     share: float
+    rate_share: float
     second_speed: float
     band: float
     asymmetry: float
@@ -125,11 +126,12 @@ def moment_of(see, m):  # type: ignore[no-untyped-def]
         * before_cut_in(see.until_cut_in, m[slots.COURTESY])
         * before_own_change(see.until_own_change, m[slots.PRE_INSERTION])
     )
+    share = m[slots.SECOND_LEADER] if see.second_gap < 1e6 else 0.0
     return Moment(
         headway,
         in_lane(see.lane, m[slots.DESIRED_SPEED], m[slots.DESIRED_SPEED_LANE]),
         gap_credit(see.jump, see.since_change, m[slots.RELAXATION], m[slots.RELAXATION_TIME]),
-        m[slots.SECOND_LEADER] if see.second_gap < 1e6 else 0.0, see.second_speed,
+        share * (1.0 - m[slots.SECOND_SPEED_ONLY]), share * m[slots.SECOND_SPEED_ONLY], see.second_speed,
         m[slots.BAND], m[slots.ASYMMETRY], m[slots.SPEED_HEADWAY], m[slots.PIVOT_SPEED],
         m[slots.MEMORY] if see.mean_speed == see.mean_speed else 0.0, see.mean_speed,
         m[slots.PLACE], m[slots.PLACE_BEGIN], m[slots.PLACE_END],
@@ -156,7 +158,12 @@ def behaved(speed, approach_rate, gap, x, second_gap, rear_gap, moment, a, weigh
     inverse = 1.0 / limit
     factor = at_speed(speed, moment.pivot, moment.slope) * resigned(moment.mean_speed, limit, moment.memory)
     headway = T * (moment.headway * factor)
-    seen = perceived(approach_rate, moment.band)
+    rate = (
+        shared_rate(approach_rate, speed - moment.second_speed, moment.rate_share)
+        if moment.rate_share > 0.0
+        else approach_rate
+    )
+    seen = perceived(rate, moment.band)
     wanted = idm.desired_gap_of(speed, seen, weight, headway, d0, d1, inverse)
     ratio = wanted * (1.0 / max(gap + moment.credit, idm.SMALLEST_GAP))
     wanted = idm.desired_gap_of(speed, speed - moment.second_speed, weight, headway, d0, d1, inverse)

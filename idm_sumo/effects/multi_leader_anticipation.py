@@ -4,7 +4,9 @@ r"""Anticipation: part of the interaction is with the second leader.
           + w\Big(\frac{d^*(v, v-v_2)}{d_2/2}\Big)^2
 
 with :math:`d_2` the free space up to the second leader, the first leader's length taken out; in a homogeneous
-platoon :math:`d_2 = 2d`, so that the equilibrium stays.
+platoon :math:`d_2 = 2d`, so that the equilibrium stays. Or of the second leader the speed alone counts (:math:`\phi = 1`):
+
+.. math:: \Delta v \to (1-w)\,\Delta v + w\,(v - v_2)
 """
 
 from __future__ import annotations
@@ -21,12 +23,21 @@ def shared_interaction(first: float, second: float, weight: float) -> float:
     return (1.0 - weight) * first + weight * second
 
 
+@njit(cache=True, error_model="numpy")
+def shared_rate(first: float, second: float, weight: float) -> float:
+    r"""Return :math:`(1-w)\,\Delta v + w\,(v-v_2)`, the shared approach rate (m/s)."""
+    return first + weight * (second - first)
+
+
 EFFECT = Effect(
     name="multi_leader_anticipation",
     summary="reacts to the second leader too",
-    parameters=(Parameter("w", "1", slots.SECOND_LEADER, 0.0, 0.9, 0.2),),
+    parameters=(
+        Parameter("w", "1", slots.SECOND_LEADER, 0.0, 0.9, 0.2),
+        Parameter("phi", "1", slots.SECOND_SPEED_ONLY, 0.0, 1.0, 0.0),
+    ),
     must_see=("second_gap", "second_speed"),
     confusable_with=("measurement_artefact", "reaction_delay", "correlated_noise"),
-    source="Treiber, Kesting and Helbing (2006), Physica A 360",
+    source="Treiber, Kesting and Helbing (2006), Physica A 360; of speeds: Hoogendoorn and Ossen (2006), IFAC Proceedings 39",
     sumo="EIDM's maxvehpreview",
 )
