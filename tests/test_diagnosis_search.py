@@ -6,13 +6,14 @@ import numpy as np
 
 from idm_sumo.diagnosis import atoms as at
 from idm_sumo.diagnosis import rollout as ro
+from idm_sumo.diagnosis import search
 from idm_sumo.diagnosis.atoms import Atom
 from idm_sumo.diagnosis.fit import fit_drivers
 from idm_sumo.diagnosis.hypotheses import Candidate
 from idm_sumo.diagnosis.look import Subject
 from idm_sumo.diagnosis.luck import Noises
 from idm_sumo.diagnosis.search import _strongest
-from idm_sumo.diagnosis.sizes import gain_of
+from idm_sumo.diagnosis.sizes import Tried, gain_of, with_cause
 from idm_sumo.effects import slots
 from tests.test_diagnosis_rollout import QUIET, followers
 
@@ -33,3 +34,20 @@ def test_the_cause_that_drives_clearly_nearer_is_chosen():
     best, _ = _strongest(subject, base, [wrong, right], rng)
     assert best.candidate.name == "perception_threshold"
     assert gain_of(subject, base, best.fit, rng).ci95[0] > 0.0
+
+
+def test_which_of_two_places_is_meant_support_alone_decides(monkeypatch):
+    windows, _ = followers(ro.PLAIN, np.random.default_rng(5))
+    base = fit_drivers(windows, ro.PLAIN.copy(), np.array([1e-4, 1e-4]), rounds=2)
+    worse = with_cause(base, candidate(9.0, "acceleration_asymmetry", 0.8))
+    subject = Subject(windows, Noises(QUIET, QUIET), at.grid_of(windows), True)
+    rng = np.random.default_rng(0)
+
+    def strongest(*names):
+        each = [Tried(candidate(9.0, name, value), fit, support) for name, (value, fit, support) in zip(
+            names, ((-0.2, worse, 50.0), (0.1, base, 20.0)), strict=True)]  # fmt: skip
+        monkeypatch.setattr(search, "climbed", lambda *_: each.pop(0))
+        return _strongest(subject, base, [one.candidate for one in each], rng)[0].candidate
+
+    assert strongest("location", "location").value == -0.2
+    assert strongest("location", "time_of_day").value == 0.1  # drives clearly nearer

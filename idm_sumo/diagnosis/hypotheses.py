@@ -194,7 +194,7 @@ def _scan(evidence: Evidence, name: str, rows: list[int], sign: float = 0.0) -> 
         return None
     mix = np.zeros(len(evidence.atoms))
     mix[rows] = best.inside((len(rows),))
-    atom = Atom(name, low=bins[best.first[0]].low, high=bins[best.last[0] - 1].high)
+    atom = Atom(name, low=float(bins[best.first[0]].low), high=float(bins[best.last[0] - 1].high))
     return _candidate(evidence, name, mix, atom, 40 * len(rows))
 
 

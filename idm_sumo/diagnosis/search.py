@@ -107,8 +107,9 @@ def _outside(
     likely = [c for c in hy.candidates(first) if gates.is_likely(c)][:TRIED]
     if not strange or not likely:
         return strange
-    best = max((climbed(subject, fit, form) for c in likely for form in hy.forms(first, c)), key=lambda t: t.support)
-    if best.support < strange[0].z ** 2:
+    each = [climbed(subject, fit, form) for c in likely for form in hy.forms(first, c)]
+    best = max((one for one in each if gates.is_there(one)), key=lambda one: one.support, default=None)
+    if best is None or best.support < strange[0].z ** 2:
         return strange
     with_best = ev.examine(
         subject, anew(subject, best.fit), lucks, progress=progress, stage="looking for what is left", free=True
@@ -163,11 +164,14 @@ def _strongest(
     """Bring each candidate to its size and return the best, and those of other names with nearly as much support.
 
     The best has most support, unless another drives the vehicles clearly better: where no form is quite right, the likelihood
-    may hold on to how errors vary together more than to where the vehicles are.
+    may hold on to how errors vary together more than to where the vehicles are. Which of two places (or times) is meant, support
+    alone decides: what one has too much the other has too little.
     """
     best, *others = sorted((climbed(subject, fit, c) for c in close), key=lambda t: -t.support)
     rivals = {t.candidate.name for t in others if t.support > RIVAL * best.support}
     for other in others:
-        if gain_of(subject, best.fit, other.fit, rng).ci95[0] > 0.0:
+        name = other.candidate.name
+        places = name in hy.SCANNED and name == best.candidate.name
+        if not places and gain_of(subject, best.fit, other.fit, rng).ci95[0] > 0.0:
             best = other
     return best, tuple(sorted(rivals - {best.candidate.name}))
