@@ -50,7 +50,9 @@ def summarise(trials: pd.DataFrame, folder: Path) -> None:
         table.to_csv(folder / f"{title.lower().replace(' ', '_')}.csv", index=False)
         lines += ["", f"## {title}", "", EXPLAINED[title], "", _markdown(table)]
     if (graded["group"] == "single").any():
-        save(power_curves(graded), folder / "power.png")
+        curves = power_curves(graded)
+        save(curves, folder / "power.png")
+        plt.close(curves)
         lines += ["", "![Share named against size](power.png)"]
     (folder / "README.md").write_text("\n".join(lines) + "\n", encoding="utf-8")
 
