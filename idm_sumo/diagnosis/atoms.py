@@ -27,14 +27,16 @@ Integers = npt.NDArray[np.int64]
 PLACE_BIN, TIME_BIN = 16.0, 12.0  # m, s
 MOST_BINS = 64  # of a long road or recording: edges are sharpened later
 DELAYS = (0.2, 0.4, 0.8)  # s
-DELAYS_BUT_OWN = (0.3, 0.7)  # s, with the own speed known at once
-SECANTS: tuple[tuple[str, int, tuple[float, ...]], ...] = (
-    ("reaction_delay", slots.DELAY, DELAYS),
-    ("multi_leader_anticipation", slots.SECOND_LEADER, (0.2,)),
-    ("perception_threshold", slots.BAND, (0.3, 0.6, 1.0)),
+RECOVERIES = (8.0, 12.5, 20.0)  # s, of a relaxation; faster is what another law does after a cut-in
+# Effect, slot and sizes of its magnitude, further values that it fixes.
+SECANTS: tuple[tuple[str, int, tuple[float, ...], tuple[tuple[int, float], ...]], ...] = (
+    ("reaction_delay", slots.DELAY, DELAYS, ()),
+    ("multi_leader_anticipation", slots.SECOND_LEADER, (0.2,), ()),
+    ("perception_threshold", slots.BAND, (0.3, 0.6, 1.0), ()),
+    ("reaction_delay", slots.DELAY, (0.3, 0.7), ((slots.OWN_SPEED_KNOWN, 1.0),)),
+    ("multi_leader_anticipation", slots.SECOND_LEADER, (0.2,), ((slots.SECOND_SPEED_ONLY, 1.0),)),
+    *(("lane_change_relaxation", slots.RELAXATION, (0.5,), ((slots.RELAXATION_TIME, s),)) for s in RECOVERIES),
 )
-RECOVERIES = (8.0, 12.5, 20.0)  # s, of the relaxation's secants; faster is what another law does after a cut-in
-RELAXATION_SIZE = 0.5
 
 
 @dataclass(frozen=True)
@@ -162,19 +164,8 @@ def _columns(
     return [*atoms, *secants], columns
 
 
-def _secant_atoms() -> tuple[Atom, ...]:
-    """Return the atoms of effects that are not linear near zero."""
-    atoms = [Atom(name, size, ((slot, size),)) for name, slot, sizes in SECANTS for size in sizes]
-    for delay in DELAYS_BUT_OWN:
-        atoms.append(Atom("reaction_delay", delay, ((slots.DELAY, delay), (slots.OWN_SPEED_KNOWN, 1.0))))
-    atoms.append(Atom("multi_leader_anticipation", 0.2, ((slots.SECOND_LEADER, 0.2), (slots.SECOND_SPEED_ONLY, 1.0))))
-    for recovery in RECOVERIES:
-        fixed = ((slots.RELAXATION, RELAXATION_SIZE), (slots.RELAXATION_TIME, recovery))
-        atoms.append(Atom("lane_change_relaxation", RELAXATION_SIZE, fixed))
-    return tuple(atoms)
-
-
-SECANT_ATOMS = _secant_atoms()
+# Of effects that are not linear near zero.
+SECANT_ATOMS = tuple(Atom(name, size, ((slot, size), *more)) for name, slot, sizes, more in SECANTS for size in sizes)
 LOCAL = "local:"  # marks an atom that is a small step of a magnitude already accepted
 
 

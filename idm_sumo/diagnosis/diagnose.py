@@ -113,7 +113,7 @@ def _confirmed(found: Found, held: Windows, rng: np.random.Generator) -> tuple[F
         extended = driven(held, found.fit)
         gains = all_gains(base, extended, held.platoon, rng)
         first = found.accepted[0]
-        if is_confirmed(gains[0], first.gain.ci95[0] / first.gain.base, first.candidate):
+        if is_confirmed(gains[0], first.gain, first.candidate):
             return found, base, extended, gains
         there = (*found.without_gain, *(cause.candidate for cause in found.accepted))
         left = left_without_causes(found.first)

@@ -94,7 +94,7 @@ def is_worth_it(gain: Gain, tried: Tried, first: Tried | None) -> bool:
     return (enough and gain.is_likely) or (beyond_doubt and tried.support > AS_SURE * first.support)
 
 
-def is_confirmed(held_out: Gain, fitted: float, first: Candidate) -> bool:
+def is_confirmed(held_out: Gain, fitted: Gain, first: Candidate) -> bool:
     """Return whether drivers that were never touched bear out the causes: they drive better, nine to one.
 
     They are a third as many as those that fit. So what is surely there and gains clearly on those must not be worse on these, and
@@ -103,14 +103,15 @@ def is_confirmed(held_out: Gain, fitted: float, first: Candidate) -> bool:
     Parameters
     ----------
     held_out : Gain
-    fitted : float
-        Least share of the ADE that the first cause gained, of a 95 % interval, on the drivers that fit.
+        Of all causes.
+    fitted : Gain
+        Of the first cause, on the drivers that fit.
     first : Candidate
     """
     z = abs(first.z)
     if z > BEYOND_DOUBT and held_out.ci95[1] > 0.0:
         return True
-    return held_out.is_likely or (z > SURE_AGAIN and fitted > 0.0 and held_out.difference > 0.0)
+    return held_out.is_likely or (z > SURE_AGAIN and fitted.ci95[0] > 0.0 and held_out.difference > 0.0)
 
 
 def stands_out(free: LeftOver) -> bool:

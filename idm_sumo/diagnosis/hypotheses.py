@@ -75,6 +75,11 @@ class Candidate:
         return self.score / self.value if self.value else 0.0
 
     @property
+    def only_lanes(self) -> tuple[int, ...]:
+        """Lanes to which it is confined, empty for all; a desired speed says it by its second parameter."""
+        return (self.atom.lane,) if self.name == "location" and self.atom.lane else ()
+
+    @property
     def near_enough(self) -> bool:
         """Whether it may turn out large enough once it is brought to its size: scores near zero underrate."""
         return replace(self, value=self.value * UNDERRATED).large_enough
@@ -200,7 +205,7 @@ def _scan(evidence: Evidence, name: str, rows: list[int], sign: float = 0.0) -> 
 
 def lanes_of(candidate: Candidate) -> list[int] | slice:
     """Return the rows of a model's magnitudes by lane that the candidate fills: one lane's and that without a lane, or all."""
-    return [0, candidate.atom.lane] if candidate.name == "location" and candidate.atom.lane else slice(None)
+    return [0, *candidate.only_lanes] if candidate.only_lanes else slice(None)
 
 
 def slots_of(candidate: Candidate) -> list[tuple[int, float]]:

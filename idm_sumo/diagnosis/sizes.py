@@ -74,20 +74,20 @@ def climbed(subject: Subject, fit: Fit, candidate: Candidate) -> Tried:
     delayed = candidate.name == "reaction_delay"
     now = _delayed(subject, fit, candidate) if delayed else refitted(subject, with_cause(fit, candidate), rounds=2)
     value, before, score, support = _value(now, candidate.name), 0.0, candidate.score, 0.0
-    error, stride, begin = candidate.error, Stride(), None
+    error, stride, path = candidate.error, Stride(), list[Tried]()
     for _ in range(CLIMBS):
         step = ev.local_scores(ev.look_here(subject, now))[candidate.name]
         free = step.score - candidate.bias
         support += (score + free) * (value - before)
         before, score = value, free
         error = candidate.error * np.sqrt(candidate.information / max(step.information, 1e-9))
-        begin = begin or Tried(replace(candidate, value=value, error=error), now, support)
+        path.append(Tried(replace(candidate, value=value, error=error), now, support))
         value = stride.moved(candidate.name, value, free / max(step.information, 1e-9))
         if stride.settled:
             break
         now = refitted(subject, with_value(now, candidate.name, value), rounds=1)
     end = Tried(replace(candidate, value=value, error=error), now, support)
-    return end if begin is None or _ade(subject, now) < (1.0 + LARGEST_LOSS) * _ade(subject, begin.fit) else begin
+    return end if _ade(subject, now) < (1.0 + LARGEST_LOSS) * _ade(subject, path[0].fit) else path[0]
 
 
 def _ade(subject: Subject, fit: Fit) -> float:

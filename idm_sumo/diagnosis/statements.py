@@ -35,13 +35,8 @@ SEAM_DOUBT = 0.08  # of its shift: smoothing blurs it
 def model_of(fit: Fit, accepted: tuple[Accepted, ...], source: str) -> ExtendedModel:
     """Return the median driver's model with the accepted causes."""
     a, b, headway, gap, limit = (float(v) for v in np.exp(fit.mean))
-    causes = tuple(Cause(c.candidate.name, _values(fit, c.candidate.name), _only_lanes(c.candidate)) for c in accepted)
+    causes = tuple(Cause(c.candidate.name, _values(fit, c.candidate.name), c.candidate.only_lanes) for c in accepted)
     return ExtendedModel(IDMParameters(a, b, headway, gap, 0.0), limit, causes, source)
-
-
-def _only_lanes(candidate: Candidate) -> tuple[int, ...]:
-    """Return the lanes to which a cause is confined; a desired speed says it by its second parameter."""
-    return (candidate.atom.lane,) if candidate.name == "location" and candidate.atom.lane else ()
 
 
 def _values(fit: Fit, name: str) -> dict[str, float]:
@@ -105,7 +100,7 @@ def _edges(fit: Fit, candidate: Candidate) -> tuple[float, float]:
 
 def _region(candidate: Candidate, edges: tuple[float, float]) -> Region | None:
     if candidate.name == "location":
-        return Region(position_m=edges, lanes=_only_lanes(candidate) or None)
+        return Region(position_m=edges, lanes=candidate.only_lanes or None)
     if candidate.name == "time_of_day":
         return Region(time_s=edges)
     if candidate.name == "desired_speed" and candidate.atom.lane:
@@ -122,7 +117,7 @@ def _sentence(accepted: Accepted) -> str:
         if BY_NAME[c.name].hindsight
         else ""
     )
-    lane = f" in lane {c.atom.lane}" if _only_lanes(c) else ""
+    lane = f" in lane {c.atom.lane}" if c.only_lanes else ""
     rivals = f"; these data cannot tell it from {', '.join(accepted.rivals)}" if accepted.rivals else ""
     return (
         f"drivers behave as if each {BY_NAME[c.name].summary}{lane}: {first.symbol} = {accepted.value:.3g} {first.unit}, "

@@ -53,6 +53,15 @@ def own_delay(m):  # type: ignore[no-untyped-def]
     return m[slots.DELAY] * (1.0 - m[slots.OWN_SPEED_KNOWN])
 
 
+@njit(cache=True, error_model="numpy")
+def acted_on(past, now, delay, own, step):  # type: ignore[no-untyped-def]
+    """Return gap, own speed and approach rate on which a driver acts at row ``now``, of a past of these three columns.
+
+    ``own`` (s) is the delay of the own speed, ``delay`` that of the other two.
+    """
+    return recall(past, 0, now, delay, step), recall(past, 1, now, own, step), recall(past, 2, now, delay, step)
+
+
 EFFECT = Effect(
     name="reaction_delay",
     summary="acts on what was a moment ago",

@@ -14,7 +14,7 @@ from idm_sumo import driver_table as d
 from idm_sumo import road
 from idm_sumo.departures import DESTINATION, THROUGH
 from idm_sumo.effects import ExtendedModel, extended_acceleration, slots
-from idm_sumo.effects.reaction_delay import LONGEST, own_delay, recall
+from idm_sumo.effects.reaction_delay import LONGEST, acted_on, own_delay
 from idm_sumo.rollout import perceive
 from idm_sumo.sight import NOBODY_YET, Others, look
 from idm_sumo.traffic import NOBODY
@@ -153,10 +153,8 @@ def _decide_all(place, x, speed, length, lane, offsets, others, memory, magnitud
             np.nan, memory.driven[vehicle] / memory.moments[vehicle],
         )  # fmt: skip
         m, own, past = magnitudes[lane[i]], theta[vehicle], memory.past[vehicle]
-        delay = min(m[slots.DELAY], LONGEST)
-        then_gap = recall(past, 0, PAST - 1, delay, road.FRAME_STEP)
-        then_speed = recall(past, 1, PAST - 1, min(own_delay(m), LONGEST), road.FRAME_STEP)
-        then_rate = recall(past, 2, PAST - 1, delay, road.FRAME_STEP)
+        delay, late = min(m[slots.DELAY], LONGEST), min(own_delay(m), LONGEST)
+        then_gap, then_speed, then_rate = acted_on(past, PAST - 1, delay, late, road.FRAME_STEP)
         acceleration[i] = extended_acceleration(
             then_speed, then_rate, then_gap, see, own[0], own[1], own[2], own[3], own[4], limit, m
         )
