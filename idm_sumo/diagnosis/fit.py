@@ -10,13 +10,16 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 import numpy.typing as npt
+from scipy.stats import norm
+from scipy.stats.qmc import Sobol
 
 from idm_sumo.diagnosis import gls
-from idm_sumo.diagnosis.rollout import PARAMETERS, positions, positions_beside
+from idm_sumo.diagnosis.rollout import PARAMETERS, positions_beside
 from idm_sumo.diagnosis.windows import EVERY, Windows
 from idm_sumo.road import FRAME_STEP
 
 Floats = npt.NDArray[np.float64]
+Integers = npt.NDArray[np.int64]
 
 STEP = 0.03  # of a log-parameter, for the Jacobian
 NUDGES = np.array([0.2, 0.2])  # m, m/s: of the start, for the same
@@ -27,7 +30,11 @@ LONGEST_STEP = 0.5  # of a log-parameter in one Gauss-Newton step
 TEXTBOOK = np.log([1.2, 1.8, 1.2, 2.2, 28.0])  # a, b, T, d0, v0
 BELIEF = np.array([0.7, 0.7, 0.5, 0.5, 0.15])  # sd of the population's mean around it
 LOWER, UPPER = np.log([0.15, 0.15, 0.2, 0.3, 12.0]), np.log([6.0, 8.0, 4.5, 9.0, 50.0])
-SHORTENED = 0.3  # of a Gauss-Newton step that made a driver fit worse
+SHARES = (0.0, 0.1, 0.35, 1.0)  # of a Gauss-Newton step, that are tried where all of it makes a driver fit worse
+# Standard deviations from the population's mean, of places where drivers may start anew.
+STARTS = norm.ppf(np.clip(Sobol(PARAMETERS, scramble=False).random(32)[1:], 0.06, 0.94))
+ASKED = 0.67  # quantile of what is left of drivers, from which on they may
+LOOKS_ROUND = (2, 6)  # rounds of a fit before which drivers may start anew
 FREEDOM = 10.0  # of the weights: fewer punish outliers harder
 
 
@@ -127,17 +134,56 @@ def improve(windows: Windows, fit: Fit, *, hyper: bool = True, new_mean: bool = 
 
 
 def _no_worse(windows: Windows, fit: Fit, line: Linear, mean: Floats, proposed: Floats) -> Floats:
-    """Return the proposed parameters; of drivers who would fit worse by them, only a part of the step."""
-    inverse = np.linalg.inv(fit.spread)
+    """Return the proposed parameters; of drivers who would fit worse by them, a part of the step, or none."""
+    tried = np.stack([fit.own + share * (proposed - fit.own) for share in SHARES], axis=2)
+    left = misfits(windows, replace(fit, mean=mean), line.whitener, tried)
+    whole = left[:, -1] < left[:, 0]
+    return _of_each(tried, np.where(whole, len(SHARES) - 1, left[:, :-1].argmin(axis=1)))
 
-    def misfit(own: Floats, simulated: Floats) -> Floats:
-        white = line.whitener @ (windows.target - simulated)[:, :, None]
-        each = gls.by_driver((white**2).sum(axis=(1, 2)), windows.driver, windows.drivers)
-        return np.asarray(each + np.einsum("ip,pq,iq->i", own - mean, inverse, own - mean))
 
-    moved = positions(windows, np.exp(proposed), fit.by_lane)
-    worse = misfit(proposed, moved) > misfit(fit.own, line.simulated)
-    return np.where(worse[:, None], fit.own + SHORTENED * (proposed - fit.own), proposed)
+def misfits(windows: Windows, fit: Fit, whitener: Floats, tried: Floats) -> Floats:
+    """Return what several parameters of each driver leave of its windows, and how far they are from the population's.
+
+    Parameters
+    ----------
+    windows : Windows
+    fit : Fit
+        The population, and the magnitudes.
+    whitener : float64, shape (windows, moments, moments)
+    tried : float64, shape (drivers, 5, several)
+        Log-parameters.
+
+    Returns
+    -------
+    float64, shape (drivers, several)
+    """
+    moved = positions_beside(windows, np.exp(tried), fit.by_lane, np.zeros((2, tried.shape[2])))
+    white = whitener @ (windows.target[:, :, None] - moved)
+    away = tried - fit.mean[:, None]
+    far = np.einsum("ipn,pq,iqn->in", away, np.linalg.inv(fit.spread), away, optimize=True)
+    return np.asarray(gls.by_driver((white**2).sum(axis=1), windows.driver, windows.drivers) + far)
+
+
+def _of_each(tried: Floats, which: Integers) -> Floats:
+    return np.asarray(tried[np.arange(len(tried)), :, which])
+
+
+def elsewhere(windows: Windows, fit: Fit) -> Fit:
+    """Return the fit with drivers moved to another place of the population that leaves less of them, if there is one.
+
+    From where they are, some never find it: a step that is too long has led them where nothing they change brings them back.
+    Who fits as well as most is not asked.
+    """
+    here = linearise(windows, fit)
+    left = misfits(windows, fit, here.whitener, fit.own[:, :, None])[:, 0]
+    share = left / np.maximum(np.bincount(windows.driver, minlength=windows.drivers), 1)
+    asked = np.flatnonzero(share >= np.quantile(share, ASKED))
+    some, whitener = windows.of_drivers(asked), here.whitener[np.isin(windows.driver, asked)]
+    others = np.clip(fit.mean + STARTS @ np.linalg.cholesky(fit.spread).T, LOWER, UPPER).T
+    tried = np.concatenate([fit.own[asked, :, None], np.broadcast_to(others, (len(asked), *others.shape))], axis=2)
+    own = fit.own.copy()
+    own[asked] = _of_each(tried, misfits(some, fit, whitener, tried).argmin(axis=1))
+    return replace(fit, own=own)
 
 
 def _residuals(
@@ -164,8 +210,8 @@ def _residuals(
 def fit_drivers(windows: Windows, by_lane: Floats, start_variance: Floats, *, rounds: int = 10) -> Fit:
     """Fit all drivers of the windows from scratch."""
     fit = first_guess(windows, by_lane, start_variance)
-    for _ in range(rounds):
-        fit = improve(windows, fit)
+    for number in range(rounds):
+        fit = improve(windows, elsewhere(windows, fit) if number in LOOKS_ROUND else fit)
     return fit
 
 
@@ -179,6 +225,7 @@ def for_rollouts(windows: Windows, fit: Fit, *, known: bool = False) -> Fit:
     own = fit.own if known else np.tile(fit.mean, (windows.drivers, 1))
     alike = np.diag(np.full(len(fit.residual), np.diag(fit.residual).mean()))
     fit = replace(fit, own=own, residual=alike, weight=np.ones(len(windows.seen)))
+    fit = elsewhere(windows, fit)
     for _ in range(3 if known else 6):
         fit = improve(windows, fit, hyper=False, new_mean=False)
     return fit

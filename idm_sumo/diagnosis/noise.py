@@ -60,6 +60,9 @@ class Noise:
         return Noise(self.white * factor, self.variance * factor, self.memory)
 
 
+QUIET = Noise(0.0, np.zeros(len(DRIVER_MEMORIES)), DRIVER_MEMORIES)
+
+
 def measurement_noise(recording: Recording, *, most: int = 3000) -> Noise:
     """Return the noise of the recorded positions along the road (m²); none if the recording is smooth already."""
     found = None if recording.is_smooth else _periodogram(recording, most)

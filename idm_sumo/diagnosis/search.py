@@ -17,6 +17,7 @@ from idm_sumo.diagnosis.look import Subject
 from idm_sumo.diagnosis.luck import Luck, draws
 from idm_sumo.diagnosis.result import Gain
 from idm_sumo.diagnosis.sizes import Tried, anew, climbed, gain_of, magnitude_of, refined
+from idm_sumo.diagnosis.twins import driver_noise
 from idm_sumo.progress import Progress
 
 Floats = npt.NDArray[np.float64]
@@ -64,7 +65,6 @@ def search(subject: Subject, base: Fit, rng: np.random.Generator, progress: Prog
     without: list[Candidate] = []
     first_lucks = draws(subject.windows, subject.noises, FIRST_TWINS, rng)
     first = last = ev.examine(subject, fit, first_lucks, progress=progress, stage="looking for causes", free=True)
-    lucks: list[Luck] = []  # other luck for the sizes: that of the first look had a hand in the choice
     strange = _outside(subject, fit, first, first_lucks, progress)
     while len(accepted) < MOST_CAUSES:
         chosen = (
@@ -75,12 +75,21 @@ def search(subject: Subject, base: Fit, rng: np.random.Generator, progress: Prog
         strange = ()
         accepted.append(chosen)
         progress(f"refining {chosen.candidate.name}", 0, 1)
-        lucks = lucks or draws(subject.windows, subject.noises, TWINS, rng)
+        subject = _with_its_noise(subject, chosen.tried.fit, rng)
+        lucks = draws(
+            subject.windows, subject.noises, TWINS, rng
+        )  # other luck than that which had a hand in the choice
         fit = refined(subject, chosen.tried.fit, [cause.candidate.name for cause in accepted], lucks, rng)
         last = ev.examine(subject, fit, lucks, progress=progress, stage="looking for further causes")
         accepted = [_measured(cause, fit, last) for cause in accepted]
     left = told(strange) if strange or accepted else left_without_causes(first)
     return Found(base, fit, tuple(accepted), tuple(without), first, last, left)
+
+
+def _with_its_noise(subject: Subject, fit: Fit, rng: np.random.Generator) -> Subject:
+    """Return the subject with the drivers' noise that a fit leaves: what it explains was taken for noise before."""
+    noise = driver_noise(subject.windows, fit, subject.noises, rng, is_smooth=subject.is_smooth)
+    return replace(subject, noises=replace(subject.noises, driver=noise))
 
 
 def left_without_causes(first: ev.Evidence) -> tuple[LeftOver, ...]:

@@ -12,6 +12,7 @@ import numpy.typing as npt
 from numba import njit
 from scipy.optimize import nnls
 
+from idm_sumo.diagnosis import gls
 from idm_sumo.diagnosis import noise as no
 from idm_sumo.diagnosis import windows as w
 from idm_sumo.diagnosis.fit import LOWER, UPPER, Fit, improve
@@ -82,6 +83,7 @@ def _steady_gap(theta: Floats, speed: Floats) -> Floats:
 CLOSER, FARTHER = 0.4, 0.8  # of the recorded gap, by which a drawn driver may start otherwise
 TRIAL = 0.04  # m^2/s^4, variance of the trial noises
 TRIAL_WINDOWS = 1000
+LEAST_LEFT = 1e-6  # of what is left altogether, along every direction
 
 
 def refit(twin: w.Windows, fit: Fit) -> Fit:
@@ -95,23 +97,29 @@ def driver_noise(
 ) -> Noise:
     """Return the drivers' acceleration noise (m²/s⁴) that leaves the residuals that the recording leaves.
 
-    One trial twin for each memory, and one without; the covariances of what is left after refitting are
-    mixed by non-negative least squares.
+    One trial twin for each memory, and one without, of the same luck otherwise; the covariances of what is left after refitting
+    are mixed by non-negative least squares, each direction by what the recording leaves along it (generalised least squares:
+    where errors are large they vary together, and would drown how fast drivers change).
     """
     some = np.arange(min(windows.drivers, max(40, TRIAL_WINDOWS * windows.drivers // max(len(windows.seen), 1))))
     part = windows.of_drivers(some)
     kept = np.isin(windows.driver, some)
     own = replace(fit, own=fit.own[some], weight=fit.weight[kept])
-    left = []
-    for variance in (None, *np.eye(len(no.DRIVER_MEMORIES)) * TRIAL):
-        noise = Noise(0.0, np.zeros(len(no.DRIVER_MEMORIES)) if variance is None else variance, no.DRIVER_MEMORIES)
-        twin = make_twin(part, own, draw(part, replace(noises, driver=noise), rng), is_smooth=is_smooth)
-        left.append(_left_over(twin, refit(twin, own)))
-    wanted = _left_over(part, own)
-    scale = np.sqrt(np.outer(np.diag(wanted), np.diag(wanted)))
-    upper = np.triu_indices(len(wanted))
-    design = np.stack([((one - left[0]) / scale)[upper] for one in left[1:]], axis=1)
-    solved, _ = nnls(design, ((wanted - left[0]) / scale)[upper])
+    luck = draw(part, replace(noises, driver=no.QUIET), rng)
+
+    def left(noise: Noise) -> Floats:
+        pushed = noise.draw(len(luck.pushed), luck.pushed.shape[1], rng)
+        twin = make_twin(part, own, replace(luck, pushed=pushed), is_smooth=is_smooth)
+        return _left_over(twin, refit(twin, own))
+
+    without, wanted = left(no.QUIET), _left_over(part, own)
+    white = gls.whitener(wanted + LEAST_LEFT * np.trace(wanted) * np.eye(len(wanted)))
+
+    def along(covariance: Floats) -> Floats:
+        return np.asarray(white @ (covariance - without) @ white.T).ravel()
+
+    trials = [left(Noise(0.0, variance, no.DRIVER_MEMORIES)) for variance in np.eye(len(no.DRIVER_MEMORIES)) * TRIAL]
+    solved, _ = nnls(np.stack([along(trial) for trial in trials], axis=1), along(wanted))
     return Noise(0.0, TRIAL * solved, no.DRIVER_MEMORIES)
 
 
