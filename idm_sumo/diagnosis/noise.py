@@ -22,7 +22,10 @@ Floats = npt.NDArray[np.float64]
 
 SEGMENT = 128  # frames of a periodogram
 LOWEST = 0.35  # Hz
-MEMORIES = np.array([0.15, 0.4, 1.0, 2.5])  # s, of the autoregressive parts
+# s, of the autoregressive parts. With fewer, two stand in for one between them, and longer ones look alike above `LOWEST`: either
+# says far too much of slow errors.
+MEMORIES = np.array([0.1, 0.15, 0.25, 0.4, 0.6, 1.0])
+USUAL = 0.95  # of the segments at each frequency: the others are jumps of the tracking and hard braking
 DRIVER_MEMORIES = np.array([0.7, 2.0, 5.0, 12.0])  # s
 TYPICAL_MOTION = np.array([0.0, 0.0, 0.0, 0.5])  # m²/s⁴, of recordings too short to tell
 
@@ -69,7 +72,7 @@ def measurement_noise(recording: Recording, *, most: int = 3000) -> Noise:
     if found is None:
         return Noise(1e-6, np.zeros(len(MEMORIES)), MEMORIES)
     frequency, power = found
-    return _fitted(frequency[frequency >= LOWEST], np.median(power, axis=0)[frequency >= LOWEST] / np.log(2.0))
+    return _fitted(frequency, _usual(power))
 
 
 def motion_noise(recording: Recording, measurement: Noise, *, most: int = 3000) -> Noise:
@@ -109,13 +112,27 @@ def _periodogram(recording: Recording, most: int) -> tuple[Floats, Floats] | Non
     return np.asarray(np.fft.rfftfreq(second.shape[1], FRAME_STEP)), np.asarray(power)
 
 
-def _fitted(frequency: Floats, wanted: Floats) -> Noise:
+def _usual(power: Floats) -> Floats:
+    """Return the mean over segments without the largest, as of exponentially distributed powers."""
+    kept = max(1, int(USUAL * len(power)))
+    share = 1.0 + (1.0 - USUAL) * np.log(1.0 - USUAL) / USUAL
+    return np.asarray(np.sort(power, axis=0)[:kept].mean(axis=0) / share)
+
+
+def _smeared(spectra: Floats) -> Floats:
+    """Return spectra, one a column, as the periodogram's window (Hann) smears them over the next frequencies."""
+    beside = np.vstack([spectra[1], spectra, spectra[-2]])
+    return np.asarray((4.0 * spectra + beside[:-2] + beside[2:]) / 6.0)
+
+
+def _fitted(frequency: Floats, power: Floats) -> Noise:
     """Fit white and autoregressive noise to a periodogram of second differences."""
     omega = 2.0 * np.pi * frequency * FRAME_STEP
     gain = (2.0 - 2.0 * np.cos(omega)) ** 2
     shapes = [gain] + [gain * _spectrum(memory, omega) for memory in MEMORIES]
-    shapes.append(FRAME_STEP**4 / (frequency / LOWEST) ** 4)  # what drivers do, falling off
-    design = np.stack(shapes, 1)
+    shapes.append(FRAME_STEP**4 / (np.maximum(frequency, frequency[1]) / LOWEST) ** 4)  # what drivers do, falling off
+    used = slice(int(np.argmax(frequency >= LOWEST)), -1)  # the last, half the frame rate, is distributed otherwise
+    design, wanted = _smeared(np.stack(shapes, 1))[used], power[used]
     weight = 1.0 / np.maximum(wanted, 1e-12)
     scale = (design * weight[:, None]).max(axis=0)
     solved, _ = nnls(design * weight[:, None] / scale, wanted * weight)
