@@ -59,7 +59,7 @@ def test_what_is_hidden_is_named_first_and_makes_rollouts_better(effect, seed, t
 
 
 def test_what_is_hidden_in_one_lane_only_is_named_there(tmp_path):
-    recording = hidden(tmp_path, 18, "location", form="usual", only_lane=1)
+    recording = hidden(tmp_path, 20, "location", form="usual", only_lane=1)
     found = checked(diagnose(recording))
     assert [cause.name for cause in found.causes] == ["location"]
     assert found.causes[0].where is not None

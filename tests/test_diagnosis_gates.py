@@ -57,6 +57,13 @@ def test_what_is_sure_needs_less_gain_and_what_comes_further_more(difference, ma
     assert gates.is_worth_it(gain(difference, margin), tried(z), tried(10.0, support=SURE_AS_THE_FIRST)) is further
 
 
+@pytest.mark.parametrize("name", ["multi_leader_anticipation", "lane_change_relaxation"])
+def test_what_something_else_looks_like_must_gain_clearly_however_sure(name):
+    assert gates.is_worth_it(gain(0.02, 0.01), tried(9.0, name), None)
+    assert not gates.is_worth_it(gain(0.02, 0.025), tried(9.0, name), None)
+    assert not gates.is_worth_it(gain(-0.005, 0.04), tried(9.0, name), None)
+
+
 @pytest.mark.parametrize(
     ("z", "support", "difference", "worth_it"),
     [(9.0, 200.0, -0.005, True), (9.0, 200.0, -0.02, False), (9.0, 100.0, -0.005, False), (6.0, 200.0, -0.005, False)],
@@ -88,7 +95,7 @@ def test_what_has_no_null_twin_must_gain_more(difference, accepted):
         ("lane_change_relaxation", 4.0, 0.1, 300.0, True, False),  # too small
         ("lane_change_relaxation", 4.0, -0.3, 300.0, False, False),
         ("lane_change_relaxation", 3.0, 0.3, 300.0, False, True),
-        ("hysteresis", 4.0, 0.02, 20.0, False, False),
+        ("hysteresis", 4.0, 0.01, 20.0, False, False),
         ("multi_leader_anticipation", 5.0, 0.2, 20.0, False, False),
     ],
 )

@@ -12,8 +12,8 @@ from idm_sumo.diagnosis.sizes import Tried
 
 SIGNIFICANT = 1e-3  # corrected p of a cause
 # Standard errors. What smoothing hides of a leader is in part its answer to the second one, and the twins' leaders do not follow; what
-# drivers of another law do after a cut-in looks a little like relaxation.
-SURER = {"multi_leader_anticipation": 6.0, "lane_change_relaxation": 7.0}
+# drivers of another law do after a cut-in looks a little like relaxation. Without a clear gain neither is believed, however sure.
+SURER = {"multi_leader_anticipation": 7.0, "lane_change_relaxation": 7.0}
 # The score near zero underrates these, the more the farther the car-following is from the model's: at their size the likelihood
 # says more (twice its logarithm's gain).
 UNDERRATED = ("reaction_delay", "perception_threshold", "lane_change_relaxation")
@@ -86,9 +86,10 @@ def is_worth_it(gain: Gain, tried: Tried, first: Tried | None) -> bool:
     clearly = enough and gain.ci95[0] > 0.0
     if candidate.name in ev.ENDOGENOUS:
         return clearly and share >= UNTWINNED_GAIN
-    beyond_doubt = z > BEYOND_DOUBT and share > -CHANCE
+    unlike_others = candidate.name not in SURER
+    beyond_doubt = unlike_others and z > BEYOND_DOUBT and share > -CHANCE
     if first is None:
-        return clearly or (z > SURE and share > 0.0) or beyond_doubt
+        return clearly or (unlike_others and z > SURE and share > 0.0) or beyond_doubt
     if is_faint_beside(candidate, first.candidate):
         return clearly and share >= FAINT_GAIN
     return (enough and gain.is_likely) or (beyond_doubt and tried.support > AS_SURE * first.support)

@@ -21,7 +21,7 @@ Floats = npt.NDArray[np.float64]
 LEAST = {
     "reaction_delay": 0.05, "multi_leader_anticipation": 0.085, "lane_change_relaxation": 0.15,
     "acceleration_asymmetry": 0.15, "leader_class": 0.09, "speed_dependent_headway": 0.05, "perception_threshold": 0.12,
-    "hysteresis": 0.035, "adjacent_lane_friction": 0.012, "location": 0.035, "time_of_day": 0.04,
+    "hysteresis": 0.02, "adjacent_lane_friction": 0.012, "location": 0.035, "time_of_day": 0.04,
     "desired_speed": 0.10, "follower_pressure": 0.25, "courtesy_yielding": 0.20, "pre_insertion": 0.20,
 }  # fmt: skip
 # Not the headway's change with speed: a smaller one at higher speeds is what another car-following model (Gipps) looks like.

@@ -26,6 +26,7 @@ MOST_CAUSES = 3
 CLOSE = 0.3  # of the best's squared z: from there on causes are brought to their sizes and compared
 TRIED = 3
 FIRST_TWINS, TWINS = 5, 3  # whether anything is there at all is looked at more closely than how much
+SHADOW = 0.5  # of the support of what was refused: with less, another may be no more than its shadow
 RIVAL = 0.85  # of the best cause's support: one with as much cannot be told apart
 
 
@@ -143,28 +144,30 @@ def _next(
     open_ = [c for c in hy.candidates(evidence) if c.name not in used and gates.is_likely(c)]
     if accepted:
         open_ = [c for c in open_ if gates.is_clear_beside(c)]
+    refused = 0.0  # support of what was there and no cause
     while open_:
         close = [c for c in open_ if c.z**2 > CLOSE * open_[0].z ** 2][:TRIED]
         forms = [form for c in close for form in hy.forms(evidence, c)]
         best, chosen = _judged(subject, fit, forms, accepted[0].tried if accepted else None, rng)
         if chosen is not None:
-            return chosen
-        if gates.is_significant(best):
-            without.append(best)
-        open_ = [c for c in open_ if c.name != best.name]
+            return chosen if chosen.tried.support > SHADOW * refused else None
+        refused = max(refused, best.support)
+        if gates.is_significant(best.candidate):
+            without.append(best.candidate)
+        open_ = [c for c in open_ if c.name != best.candidate.name]
     return None
 
 
 def _judged(
     subject: Subject, fit: Fit, forms: list[Candidate], first: Tried | None, rng: np.random.Generator
-) -> tuple[Candidate, Accepted | None]:
+) -> tuple[Tried, Accepted | None]:
     """Return the best of several candidates, and it as a cause if it passes every gate."""
     best, rivals = _strongest(subject, fit, forms, rng)
     best = replace(best, fit=anew(subject, best.fit))
     gain = gain_of(subject, fit, best.fit, rng)
     candidate = best.candidate
     passes = gates.is_there(best) and gates.is_worth_it(gain, best, first)
-    return candidate, Accepted(best, candidate.value, candidate.error, gain, rivals) if passes else None
+    return best, Accepted(best, candidate.value, candidate.error, gain, rivals) if passes else None
 
 
 def _strongest(
