@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import numpy as np
+import pytest
 
 from idm_sumo.diagnosis import atoms as at
 from idm_sumo.diagnosis import rollout as ro
@@ -12,7 +13,8 @@ from idm_sumo.diagnosis.fit import fit_drivers
 from idm_sumo.diagnosis.hypotheses import Candidate
 from idm_sumo.diagnosis.look import Subject
 from idm_sumo.diagnosis.luck import Noises
-from idm_sumo.diagnosis.search import _strongest
+from idm_sumo.diagnosis.result import Gain
+from idm_sumo.diagnosis.search import Accepted, _next, _strongest
 from idm_sumo.diagnosis.sizes import Tried, gain_of, with_cause
 from idm_sumo.effects import slots
 from tests.test_diagnosis_rollout import QUIET, followers
@@ -51,3 +53,20 @@ def test_which_of_two_places_is_meant_support_alone_decides(monkeypatch):
 
     assert strongest("location", "location").value == -0.2
     assert strongest("location", "time_of_day").value == 0.1  # drives clearly nearer
+
+
+@pytest.mark.parametrize(("support", "named"), [(68.0, False), (120.0, True)])
+def test_the_shadow_of_what_was_refused_is_no_cause(monkeypatch, support, named):
+    fit = fit_drivers(
+        followers(ro.PLAIN, np.random.default_rng(5))[0], ro.PLAIN.copy(), np.array([1e-4, 1e-4]), rounds=1
+    )
+    refused, shadow = Tried(candidate(8.0, "hysteresis"), fit, 180.0), Tried(candidate(5.0), fit, support)
+    nothing = Gain("ade_m", 1.0, 1.0, 0.0, (-0.1, 0.1), 10, False)
+    answers = [(refused, None), (shadow, Accepted(shadow, 0.5, 0.01, nothing, ()))]
+    monkeypatch.setattr(search.hy, "candidates", lambda _: [refused.candidate, shadow.candidate])
+    monkeypatch.setattr(search.hy, "forms", lambda _, one: [one])
+    monkeypatch.setattr(search, "_judged", lambda *_: answers.pop(0))
+    without = []
+    chosen = _next(None, fit, None, [], without, np.random.default_rng(0))
+    assert (chosen is not None) is named
+    assert [one.name for one in without] == ["hysteresis"]
