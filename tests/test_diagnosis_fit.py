@@ -23,7 +23,8 @@ def make_fitted():
 
 def left(windows, fit, like):
     """Return what is left of each driver, weighed as at the fit ``like``."""
-    return misfits(windows, like, linearise(windows, like).whitener, fit.own[:, :, None])[:, 0]
+    simulated = ro.positions(windows, fit.theta, fit.by_lane)[:, :, None]
+    return misfits(windows, like, linearise(windows, like).whitener, fit.own[:, :, None], simulated)[:, 0]
 
 
 def test_who_is_lost_is_found_again_and_nobody_else_is_moved(fitted):

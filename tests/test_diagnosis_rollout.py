@@ -10,13 +10,12 @@ from idm_sumo.diagnosis import windows as w
 from idm_sumo.diagnosis.fit import fit_drivers, for_rollouts
 from idm_sumo.diagnosis.linear_pulses import LINEAR, linear_pulses
 from idm_sumo.diagnosis.luck import Noises, draw
-from idm_sumo.diagnosis.noise import DRIVER_MEMORIES, Noise
+from idm_sumo.diagnosis.noise import QUIET
 from idm_sumo.diagnosis.smoother import local_cubic
 from idm_sumo.diagnosis.twins import make_twin, refit
 from idm_sumo.effects import Sight, extended_acceleration, slots
 from idm_sumo.effects.reaction_delay import recall
 
-QUIET = Noise(0.0, np.zeros(len(DRIVER_MEMORIES)), DRIVER_MEMORIES)
 DRIVERS, EACH = 30, 3
 
 

@@ -12,7 +12,7 @@ from numba import get_num_threads, set_num_threads
 from threadpoolctl import threadpool_limits
 
 from idm_sumo.diagnosis import atoms as at
-from idm_sumo.diagnosis import luck, statements, tables, twins
+from idm_sumo.diagnosis import luck, statements, tables
 from idm_sumo.diagnosis import noise as no
 from idm_sumo.diagnosis.artefact import find_seam, repaired
 from idm_sumo.diagnosis.fit import Fit, first_guess, fit_drivers
@@ -21,7 +21,7 @@ from idm_sumo.diagnosis.gates import is_confirmed
 from idm_sumo.diagnosis.look import Subject
 from idm_sumo.diagnosis.result import NAMED, NONE, UNKNOWN, Diagnosis, Gain
 from idm_sumo.diagnosis.rollout import PLAIN
-from idm_sumo.diagnosis.search import Found, left_without_causes, search
+from idm_sumo.diagnosis.search import Found, left_without_causes, search, with_its_noise
 from idm_sumo.diagnosis.sizes import ROUNDS
 from idm_sumo.diagnosis.smoother import Smoother, local_cubic, posterior_mean, window_for
 from idm_sumo.diagnosis.windows import Windows, cut_windows
@@ -83,9 +83,8 @@ def _diagnose(recording: Recording, rng: np.random.Generator, progress: Progress
     base = fit_drivers(train, PLAIN.copy(), np.array([start[0].var() + 1e-4, start[1].var() + 1e-4]), rounds=ROUNDS)
     clock.append(("fit", time.perf_counter()))
     leader = motion if recording.has_leader_rows and not recording.is_smooth else None
-    noises = luck.Noises(measurement, measurement, leader)
-    noises = replace(noises, driver=twins.driver_noise(train, base, noises, rng, is_smooth=recording.is_smooth))
-    subject = Subject(train, noises, at.grid_of(windows), recording.is_smooth)
+    noises = luck.Noises(measurement, no.QUIET, leader)
+    subject = with_its_noise(Subject(train, noises, at.grid_of(windows), recording.is_smooth), base, rng)
     found = search(subject, base, rng, progress)
     clock.append(("search", time.perf_counter()))
     progress("measuring the gain", 0, 1)

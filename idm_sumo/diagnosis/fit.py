@@ -26,6 +26,7 @@ NUDGES = np.array([0.2, 0.2])  # m, m/s: of the start, for the same
 # Rollouts side by side: as fitted; a parameter moved; the start moved.
 OWN_STEPS = np.hstack([np.zeros((PARAMETERS, 1)), STEP * np.eye(PARAMETERS), np.zeros((PARAMETERS, len(NUDGES)))])
 START_STEPS = np.hstack([np.zeros((len(NUDGES), 1 + PARAMETERS)), np.diag(NUDGES)])
+NUDGED = START_STEPS[:, PARAMETERS:]  # as fitted; the start moved
 LONGEST_STEP = 0.5  # of a log-parameter in one Gauss-Newton step
 TEXTBOOK = np.log([1.2, 1.8, 1.2, 2.2, 28.0])  # a, b, T, d0, v0
 BELIEF = np.array([0.7, 0.7, 0.5, 0.5, 0.15])  # sd of the population's mean around it
@@ -87,11 +88,16 @@ def linearise(windows: Windows, fit: Fit) -> Linear:
     beside = positions_beside(windows, moved, fit.by_lane, START_STEPS)
     base = np.ascontiguousarray(beside[:, :, 0])
     jacobian = (beside[:, :, 1 : 1 + PARAMETERS] - base[:, :, None]) / STEP
-    start = (beside[:, :, 1 + PARAMETERS :] - base[:, :, None]) / NUDGES
     deviation = (fit.own - fit.mean)[windows.driver]
     error = windows.target - base + (jacobian @ deviation[:, :, None])[:, :, 0]
+    return Linear(error, jacobian, base, _whitener(fit, base, beside[:, :, 1 + PARAMETERS :]))
+
+
+def _whitener(fit: Fit, base: Floats, nudged: Floats) -> Floats:
+    """Return what makes white what the windows' errors and their starts leave, of rollouts as fitted and with moved starts."""
+    start = (nudged - base[:, :, None]) / NUDGES
     covariance = fit.residual / fit.weight[:, None, None] + (start * fit.start_variance) @ start.transpose(0, 2, 1)
-    return Linear(error, jacobian, base, gls.whitener(covariance))
+    return gls.whitener(covariance)
 
 
 def first_guess(windows: Windows, by_lane: Floats, start_variance: Floats) -> Fit:
@@ -136,12 +142,19 @@ def improve(windows: Windows, fit: Fit, *, hyper: bool = True, new_mean: bool = 
 def _no_worse(windows: Windows, fit: Fit, line: Linear, mean: Floats, proposed: Floats) -> Floats:
     """Return the proposed parameters; of drivers who would fit worse by them, a part of the step, or none."""
     tried = np.stack([fit.own + share * (proposed - fit.own) for share in SHARES], axis=2)
-    left = misfits(windows, replace(fit, mean=mean), line.whitener, tried)
+    simulated = _beside(line.simulated[:, :, None], windows, fit, tried[:, :, 1:])
+    left = misfits(windows, replace(fit, mean=mean), line.whitener, tried, simulated)
     whole = left[:, -1] < left[:, 0]
     return _of_each(tried, np.where(whole, len(SHARES) - 1, left[:, :-1].argmin(axis=1)))
 
 
-def misfits(windows: Windows, fit: Fit, whitener: Floats, tried: Floats) -> Floats:
+def _beside(here: Floats, windows: Windows, fit: Fit, tried: Floats) -> Floats:
+    """Return the positions where drivers are, and beside them those with several other parameters."""
+    moved = positions_beside(windows, np.exp(tried), fit.by_lane, np.zeros((2, tried.shape[2])))
+    return np.concatenate([here, moved], axis=2)
+
+
+def misfits(windows: Windows, fit: Fit, whitener: Floats, tried: Floats, simulated: Floats) -> Floats:
     """Return what several parameters of each driver leave of its windows, and how far they are from the population's.
 
     Parameters
@@ -152,13 +165,14 @@ def misfits(windows: Windows, fit: Fit, whitener: Floats, tried: Floats) -> Floa
     whitener : float64, shape (windows, moments, moments)
     tried : float64, shape (drivers, 5, several)
         Log-parameters.
+    simulated : float64, shape (windows, moments, several)
+        Positions (m) with them.
 
     Returns
     -------
     float64, shape (drivers, several)
     """
-    moved = positions_beside(windows, np.exp(tried), fit.by_lane, np.zeros((2, tried.shape[2])))
-    white = whitener @ (windows.target[:, :, None] - moved)
+    white = whitener @ (windows.target[:, :, None] - simulated)
     away = tried - fit.mean[:, None]
     far = np.einsum("ipn,pq,iqn->in", away, np.linalg.inv(fit.spread), away, optimize=True)
     return np.asarray(gls.by_driver((white**2).sum(axis=1), windows.driver, windows.drivers) + far)
@@ -174,16 +188,20 @@ def elsewhere(windows: Windows, fit: Fit) -> Fit:
     From where they are, some never find it: a step that is too long has led them where nothing they change brings them back.
     Who fits as well as most is not asked.
     """
-    here = linearise(windows, fit)
-    left = misfits(windows, fit, here.whitener, fit.own[:, :, None])[:, 0]
+    own = fit.own[:, :, None]
+    nudged = positions_beside(windows, np.exp(own), fit.by_lane, NUDGED)
+    here, whitener = nudged[:, :, :1], _whitener(fit, nudged[:, :, 0], nudged[:, :, 1:])
+    left = misfits(windows, fit, whitener, own, here)[:, 0]
     share = left / np.maximum(np.bincount(windows.driver, minlength=windows.drivers), 1)
     asked = np.flatnonzero(share >= np.quantile(share, ASKED))
-    some, whitener = windows.of_drivers(asked), here.whitener[np.isin(windows.driver, asked)]
-    others = np.clip(fit.mean + STARTS @ np.linalg.cholesky(fit.spread).T, LOWER, UPPER).T
-    tried = np.concatenate([fit.own[asked, :, None], np.broadcast_to(others, (len(asked), *others.shape))], axis=2)
-    own = fit.own.copy()
-    own[asked] = _of_each(tried, misfits(some, fit, whitener, tried).argmin(axis=1))
-    return replace(fit, own=own)
+    some, rows = windows.of_drivers(asked), np.isin(windows.driver, asked)
+    places = np.clip(fit.mean + STARTS @ np.linalg.cholesky(fit.spread).T, LOWER, UPPER).T
+    others = np.broadcast_to(places, (len(asked), *places.shape))
+    tried, simulated = np.concatenate([own[asked], others], axis=2), _beside(here[rows], some, fit, others)
+    best = misfits(some, fit, whitener[rows], tried, simulated).argmin(axis=1)
+    moved = fit.own.copy()
+    moved[asked] = _of_each(tried, best)
+    return replace(fit, own=moved)
 
 
 def _residuals(

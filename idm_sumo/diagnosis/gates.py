@@ -70,7 +70,7 @@ def is_faint_beside(candidate: Candidate, first: Candidate) -> bool:
 def is_worth_it(gain: Gain, tried: Tried, first: Tried | None) -> bool:
     """Return whether rollouts are better for a cause: clearly; at all, if it is surely there; not worse, if beyond doubt.
 
-    A further cause must make them better, nine to one, unless it is beyond doubt and about as sure as the first: what the first
+    What something else looks like, too, must make them better clearly. A further cause must, nine to one, unless it is beyond doubt and about as sure as the first: what the first
     one's form leaves over is there, too.
 
     Parameters
@@ -86,10 +86,10 @@ def is_worth_it(gain: Gain, tried: Tried, first: Tried | None) -> bool:
     clearly = enough and gain.ci95[0] > 0.0
     if candidate.name in ev.ENDOGENOUS:
         return clearly and share >= UNTWINNED_GAIN
-    unlike_others = candidate.name not in SURER
-    beyond_doubt = unlike_others and z > BEYOND_DOUBT and share > -CHANCE
+    like_no_other = candidate.name not in SURER
+    beyond_doubt = like_no_other and z > BEYOND_DOUBT and share > -CHANCE
     if first is None:
-        return clearly or (unlike_others and z > SURE and share > 0.0) or beyond_doubt
+        return clearly or (like_no_other and z > SURE and share > 0.0) or beyond_doubt
     if is_faint_beside(candidate, first.candidate):
         return clearly and share >= FAINT_GAIN
     return (enough and gain.is_likely) or (beyond_doubt and tried.support > AS_SURE * first.support)

@@ -76,10 +76,8 @@ def search(subject: Subject, base: Fit, rng: np.random.Generator, progress: Prog
         strange = ()
         accepted.append(chosen)
         progress(f"refining {chosen.candidate.name}", 0, 1)
-        subject = _with_its_noise(subject, chosen.tried.fit, rng)
-        lucks = draws(
-            subject.windows, subject.noises, TWINS, rng
-        )  # other luck than that which had a hand in the choice
+        subject = with_its_noise(subject, chosen.tried.fit, rng)
+        lucks = draws(subject.windows, subject.noises, TWINS, rng)  # not the luck that had a hand in the choice
         fit = refined(subject, chosen.tried.fit, [cause.candidate.name for cause in accepted], lucks, rng)
         last = ev.examine(subject, fit, lucks, progress=progress, stage="looking for further causes")
         accepted = [_measured(cause, fit, last) for cause in accepted]
@@ -87,8 +85,8 @@ def search(subject: Subject, base: Fit, rng: np.random.Generator, progress: Prog
     return Found(base, fit, tuple(accepted), tuple(without), first, last, left)
 
 
-def _with_its_noise(subject: Subject, fit: Fit, rng: np.random.Generator) -> Subject:
-    """Return the subject with the drivers' noise that a fit leaves: what it explains was taken for noise before."""
+def with_its_noise(subject: Subject, fit: Fit, rng: np.random.Generator) -> Subject:
+    """Return the subject with the drivers' noise that a fit leaves: what the fit explains is none."""
     noise = driver_noise(subject.windows, fit, subject.noises, rng, is_smooth=subject.is_smooth)
     return replace(subject, noises=replace(subject.noises, driver=noise))
 
@@ -139,7 +137,10 @@ def _next(
     subject: Subject, fit: Fit, evidence: ev.Evidence, accepted: list[Accepted], without: list[Candidate],
     rng: np.random.Generator,
 ) -> Accepted | None:  # fmt: skip
-    """Return the next cause that passes every gate, with the refitted model; what is there without gain is added to ``without``."""
+    """Return the next cause that passes every gate and is no shadow of one that does not, with the refitted model.
+
+    What is there without gain is added to ``without``.
+    """
     used = {a.candidate.name for a in accepted} | {c.name for c in without}
     open_ = [c for c in hy.candidates(evidence) if c.name not in used and gates.is_likely(c)]
     if accepted:
