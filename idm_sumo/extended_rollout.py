@@ -10,7 +10,8 @@ from numba import njit
 
 from idm_sumo import bicycle, road
 from idm_sumo.effects import ExtendedModel, extended_acceleration, slots
-from idm_sumo.effects.reaction_delay import acted_on, own_delay
+from idm_sumo.effects.lane_change_relaxation import headway_after
+from idm_sumo.effects.reaction_delay import acted_on, follow_another, knows_new_leader, own_delay
 from idm_sumo.recording import Recording
 from idm_sumo.rollout import Trajectories, perceive, steer
 from idm_sumo.scenes import LEADER_FROM_LANE, Scenes
@@ -35,8 +36,9 @@ class Minds(NamedTuple):
         Gap (m), speed and approach rate (m/s), frame by frame from the window's first.
     leader : int64, shape (windows,)
         Number of the last leader, ``NOBODY_YET`` before the first look.
-    changed : float64, shape (windows, 2)
-        By how much the last leader change shortened the gap (m), and its time since the start (s); NaN for none.
+    changed : float64, shape (windows, 3)
+        By how much the last leader change shortened the gap (m), its time since the start and the time headway right after it
+        (s); NaN for none.
     driven : float64, shape (windows, 2)
         Sum of the speeds up to now (m/s) and their number.
     """
@@ -105,13 +107,13 @@ def set_out(
         limit=np.ascontiguousarray(np.broadcast_to(np.asarray(desired_speed, dtype=np.float64), (n,))),
         past=np.full((n, rows, 3), np.nan),
         leader=np.full(n, NOBODY_YET, dtype=np.int64),
-        changed=np.column_stack([twin.jump, -twin.since]),
+        changed=np.column_stack([twin.jump, -twin.since, twin.accepted]),
         driven=np.column_stack([twin.driven, twin.moments]),
     )
     alone = scenes.leader_source != LEADER_FROM_LANE
     body = Body(scenes.vehicle, scenes.lane, scenes.length, road.lane_center(scenes.lane), scenes.cell, scenes.start)
     ground = Road(t.offsets, t.x, t.speed, t.length, t.vehicle, t.frames, alone, others, twin)
-    _remember_observed(minds.past, ground, body, scenes.x, scenes.speed)
+    _remember_observed(minds, ground, body, scenes.x, scenes.speed)
     return minds, ground, body
 
 
@@ -149,15 +151,29 @@ def drive_extended(
 
 
 @njit(cache=True)
-def _remember_observed(past, ground, body, x, speed):  # type: ignore[no-untyped-def]
+def _remember_observed(minds, ground, body, x, speed):  # type: ignore[no-untyped-def]
     """Fill the past with what the recorded twin saw before the start."""
-    for i in range(len(past)):
+    for i in range(len(x)):
+        past, before = minds.past[i], NOBODY_YET
         for k in range(body.start):
             row, gap = perceive(
                 body.cell[i] + k, x[i, k], body.vehicle[i], ground.offsets, ground.x, ground.length, ground.vehicle
             )
             leader_speed = ground.speed[row] if row != NOBODY else speed[i, k]
-            past[i, k] = (gap, speed[i, k], speed[i, k] - leader_speed)
+            past[k] = (gap, speed[i, k], speed[i, k] - leader_speed)
+            who = ground.others.who[row] if row != NOBODY else 0
+            _meet(past, k, before, who, minds.magnitudes[i])
+            before = who
+        minds.leader[i] = before
+
+
+@njit(cache=True)
+def _meet(past, now, before, who, m):  # type: ignore[no-untyped-def]
+    """Return whether the leader is another one; who knows where that was has it in the past."""
+    another = before > 0 and who > 0 and who != before
+    if another and knows_new_leader(m):
+        follow_another(past[:, 0], past[:, 1], past[:, 2], now, road.FRAME_STEP)
+    return another
 
 
 @njit(cache=True)
@@ -181,15 +197,16 @@ def decide(i, k, front, speed, row, gap, minds, ground, body):  # type: ignore[n
     leader_speed = ground.speed[row] if row != NOBODY else speed
     past[now] = (gap, speed, speed - leader_speed)
     who = ground.others.who[row] if row != NOBODY else 0
-    if minds.leader[i] > 0 and who > 0 and who != minds.leader[i]:
-        minds.changed[i] = (past[now - 1, 0] - gap, elapsed)
+    gap_before = past[now - 1, 0]
+    if _meet(past, now, minds.leader[i], who, m):
+        minds.changed[i] = (gap_before - gap, elapsed, headway_after(gap, speed))
     minds.leader[i] = who
     minds.driven[i, 0] += speed
     minds.driven[i, 1] += 1.0
     see = look(
         ground.offsets, ground.x, ground.speed, ground.length, ground.vehicle, ground.others, body.cell[i] + now,
         ground.frames, body.lane[i], ground.alone, body.vehicle[i], body.length[i], front, row, gap,
-        twin.time[i] + elapsed, twin.own_class[i], minds.changed[i, 0], elapsed - minds.changed[i, 1],
+        twin.time[i] + elapsed, twin.own_class[i], minds.changed[i, 0], elapsed - minds.changed[i, 1], minds.changed[i, 2],
         twin.cut_in[i] - elapsed, twin.own_change[i] - elapsed, minds.driven[i, 0] / minds.driven[i, 1],
     )  # fmt: skip
     then_gap, then_speed, then_rate = acted_on(past, now, m[slots.DELAY], own_delay(m), road.FRAME_STEP)

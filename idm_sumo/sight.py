@@ -17,6 +17,7 @@ from idm_sumo import columns as c
 from idm_sumo import road
 from idm_sumo.effects import Sight
 from idm_sumo.effects.adjacent_lane_friction import BESIDE
+from idm_sumo.effects.lane_change_relaxation import headway_after
 from idm_sumo.recording import Recording
 from idm_sumo.rollout import perceive
 from idm_sumo.scenes import LEADER_FROM_LANE, Scenes
@@ -55,8 +56,9 @@ class Twin(NamedTuple):
     time : float64, shape (windows,)
         Of the window's start since the first frame of the period (s).
     own_class : float64, shape (windows,)
-    jump, since : float64, shape (windows,)
-        By how much the last leader change up to the start shortened the gap (m), and the time since (s); NaN for none.
+    jump, since, accepted : float64, shape (windows,)
+        By how much the last leader change up to the start shortened the gap (m), the time since and the time headway right after
+        it (s); NaN for none.
     cut_in, own_change : float64, shape (windows,)
         Seconds from the start to the next vehicle inserted ahead, and to the own lane change; NaN for none.
     driven, moments : float64, shape (windows,)
@@ -67,6 +69,7 @@ class Twin(NamedTuple):
     own_class: Floats
     jump: Floats
     since: Floats
+    accepted: Floats
     cut_in: Floats
     own_change: Floats
     driven: Floats
@@ -167,6 +170,7 @@ def _twin(table: pd.DataFrame, scenes: Scenes, who: Integers, gap: Floats) -> Tw
         own_class=np.where(scenes.vehicle_class > 0, scenes.vehicle_class, np.nan).astype(np.float64),
         jump=np.where(none, np.nan, jump[last]),
         since=np.where(none, np.nan, (frame[start] - frame[last]) * road.FRAME_STEP),
+        accepted=np.where(none, np.nan, headway_after(gap, speed)[last]),
         cut_in=_until(changed & (jump > 0) & ~lane_changed, vehicle, frame, start),
         own_change=_until(lane_changed, vehicle, frame, start),
         driven=sums[start] - sums[first],
@@ -226,7 +230,7 @@ def slower_beside(offsets, x, speed, vehicle, cell, frames, lane, front, own):  
 @njit(cache=True)
 def look(  # type: ignore[no-untyped-def]
     offsets, x, speed, length, vehicle, others, cell, frames, lane, alone, own, own_length, front, row, gap, t,
-    own_class, jump, since, until_cut_in, until_own_change, mean_speed,
+    own_class, jump, since, accepted, until_cut_in, until_own_change, mean_speed,
 ):  # fmt: skip
     """Return what a driver with its front at ``front`` (m) and its leader in ``row`` sees; ``alone``: in a lane of its own."""
     leader_acceleration, leader_class = 0.0, np.nan
@@ -245,5 +249,5 @@ def look(  # type: ignore[no-untyped-def]
         rear_gap = front - own_length - x[rear] if rear != NOBODY else np.inf
     return Sight(
         front, t, leader_acceleration, leader_class, own_class, float(lane), second_gap, second_speed, adjacent_speed,
-        rear_gap, jump, since, until_cut_in, until_own_change, mean_speed,
+        rear_gap, jump, since, accepted, until_cut_in, until_own_change, mean_speed,
     )  # fmt: skip

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
@@ -55,6 +57,13 @@ def evidence(delay, *left):
 def test_what_is_sure_needs_less_gain_and_what_comes_further_more(difference, margin, z, first, further):
     assert gates.is_worth_it(gain(difference, margin), tried(z), None) is first
     assert gates.is_worth_it(gain(difference, margin), tried(z), tried(10.0, support=SURE_AS_THE_FIRST)) is further
+
+
+def test_what_is_less_sure_than_something_impossible_must_gain_clearly():
+    assert gates.is_worth_it(gain(0.0, 0.04), tried(9.0), None, 8.9)
+    assert not gates.is_worth_it(gain(0.0, 0.04), tried(9.0), None, 13.0)
+    assert not gates.is_worth_it(gain(0.001, 0.04), tried(5.0), None, 13.0)
+    assert gates.is_worth_it(gain(0.02, 0.01), tried(5.0), None, 13.0)
 
 
 @pytest.mark.parametrize("name", ["multi_leader_anticipation", "lane_change_relaxation"])
@@ -157,3 +166,33 @@ def test_what_a_cause_takes_half_away_is_held_by_it():
     assert gates.is_left(strange, evidence(0.0, free("unrest", 8.0)))
     assert not gates.is_left(strange, evidence(0.0, free("unrest", 6.0)))
     assert not gates.is_left(strange, evidence(12.0, free("unrest", 8.0)))
+
+
+def test_a_region_that_a_place_leaves_needs_less_to_be_left():
+    strange = free("position and time", 16.0)
+    assert gates.is_left(strange, evidence(0.0, free("position and time", 10.0)))
+    assert not gates.is_left(strange, evidence(0.0, free("position and time", 8.0)))
+
+
+@pytest.mark.parametrize(("value", "is_outside"), [(0.2, False), (-0.2, True)])
+def test_who_drives_closer_after_a_change_relaxes_and_who_holds_back_does_something_else(value, is_outside):
+    after = replace(free("since_change", 14.0), value=value)
+    relaxing = replace(evidence(8.0, after), atoms=[Atom("lane_change_relaxation", 0.2, ((2, 0.2),))])
+    assert bool(gates.outside(relaxing)) is is_outside
+    assert gates.outside(evidence(8.0, after))
+
+
+@pytest.mark.parametrize(
+    ("value", "low", "high", "accepted", "unseen"),
+    [
+        (0.1, 0.0, 100.0, "lane_change_relaxation", True),
+        (-0.1, 100.0, 600.0, "lane_change_relaxation", True),
+        (-0.1, 0.0, 100.0, "lane_change_relaxation", False),
+        (0.1, 200.0, 300.0, "lane_change_relaxation", False),
+        (0.1, 0.0, 100.0, "time_of_day", False),
+    ],
+)
+def test_who_pushes_behind_the_entry_may_relax_from_a_change_before_it(value, low, high, accepted, unseen):
+    bins = [Atom("location", low=100.0 * n, high=100.0 * (n + 1)) for n in range(6)]
+    place = Candidate("location", value, 0.01, 9.0, 1e-9, Atom("location", low=low, high=high))
+    assert gates.is_past_unseen(place, replace(evidence(0.0), atoms=bins), {accepted}) is unseen

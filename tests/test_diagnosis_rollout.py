@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
@@ -61,15 +63,22 @@ def by_hand(windows: w.Windows, theta: np.ndarray, m: np.ndarray) -> np.ndarray:
     for i, seen in enumerate(windows.seen):
         x, v = seen[w.LEAD, w.X], seen[w.LEAD, w.V]
         past = np.stack([seen[:, w.REAR] - seen[:, w.X], seen[:, w.V], seen[:, w.V] - seen[:, w.SPEED]], axis=1)
-        out[i, 0] = x
-        for k in range(w.LEAD, len(seen) - 1):
+        out[i, 0], where = x, seen[:, w.X].copy()
+        for k in range(len(seen) - 1):
             row = seen[k]
-            past[k] = row[w.REAR] - x, v, v - row[w.SPEED]
+            if k >= w.LEAD:
+                past[k], where[k] = (row[w.REAR] - x, v, v - row[w.SPEED]), x
+            if row[w.SINCE] == 0.0 and m[slots.NEW_LEADER_KNOWN]:
+                for j in range(k):
+                    past[j, 0] = row[w.REAR] - 0.1 * (k - j) * row[w.SPEED] - where[j]
+                    past[j, 2] = past[j, 1] - row[w.SPEED]
+            if k < w.LEAD:
+                continue
             gap, rate = (recall(past, column, k, m[slots.DELAY], 0.1) for column in (0, 2))
             speed = recall(past, 1, k, m[slots.DELAY] * (1.0 - m[slots.OWN_SPEED_KNOWN]), 0.1)
             see = Sight(
                 x, row[w.TIME], row[w.ACCELERATION], row[w.KIND], row[w.OWN_KIND], row[w.LANE], row[w.SECOND] - x,
-                row[w.SECOND_SPEED], row[w.ADJACENT], x - row[w.BEHIND], row[w.JUMP], row[w.SINCE], row[w.UNTIL_CUT_IN],
+                row[w.SECOND_SPEED], row[w.ADJACENT], x - row[w.BEHIND], row[w.JUMP], row[w.SINCE], row[w.ACCEPTED], row[w.UNTIL_CUT_IN],
                 row[w.UNTIL_OWN], row[w.MEAN_SPEED],
             )  # fmt: skip
             own = theta[windows.driver[i]]
@@ -77,6 +86,30 @@ def by_hand(windows: w.Windows, theta: np.ndarray, m: np.ndarray) -> np.ndarray:
             x, v = x + 0.05 * (v + max(v + 0.1 * a, 0.0)), max(v + 0.1 * a, 0.0)
             out[i, k + 1 - w.LEAD] = x
     return out[:, w.EVERY :: w.EVERY]
+
+
+def with_another_leader(windows: w.Windows, frame: int) -> w.Windows:
+    """Return the windows with a new leader, 4 m nearer and 1 m/s slower, from a frame on."""
+    seen = windows.seen.copy()
+    seen[:, frame:, w.REAR] -= 4.0 + 0.1 * np.arange(seen.shape[1] - frame)
+    seen[:, frame:, w.SPEED] -= 1.0
+    seen[:, frame:, w.SINCE] = 0.1 * np.arange(seen.shape[1] - frame)
+    return replace(windows, seen=seen)
+
+
+@pytest.mark.parametrize(("frame", "soon"), [(w.LEAD - 3, 1), (w.LEAD + 40, 4)])
+def test_a_new_leaders_past_counts_where_it_is_known(plain, frame, soon):
+    windows, theta = plain
+    windows = with_another_leader(windows.of_drivers(np.arange(4)), frame)
+    late, known = np.zeros((2, slots.COUNT))
+    late[slots.DELAY] = known[slots.DELAY] = 0.8
+    known[slots.NEW_LEADER_KNOWN] = 1.0
+    one, other = (np.tile(m, (9, 1)) for m in (late, known))
+    beside = ro.positions_otherwise(windows, theta[:4], [one, other])
+    np.testing.assert_allclose(beside[:, :, 0], by_hand(windows, theta[:4], late), atol=1e-9)
+    np.testing.assert_allclose(beside[:, :, 1], by_hand(windows, theta[:4], known), atol=1e-9)
+    np.testing.assert_array_equal(ro.positions(windows, theta[:4], other), beside[:, :, 1])
+    assert (beside[:, soon, 1] < beside[:, soon, 0]).all()  # who knows of it brakes sooner
 
 
 @pytest.mark.parametrize(("delay", "known"), [(0.0, 0.0), (0.37, 0.0), (0.37, 0.6)])

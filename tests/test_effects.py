@@ -9,7 +9,7 @@ from hypothesis import strategies as st
 
 from idm_sumo import idm
 from idm_sumo.effects import BLIND, BY_NAME, CATALOGUE, Cause, ExtendedModel, Sight, extended_acceleration, slots
-from idm_sumo.effects.reaction_delay import recall
+from idm_sumo.effects.reaction_delay import REMEMBERED, follow_another, recall
 from idm_sumo.errors import InputError
 from idm_sumo.idm import IDMParameters
 
@@ -17,7 +17,7 @@ DRIVER = (1.2, 1.8, 1.3, 2.0, 0.4)
 LIMIT = 25.0
 SEEN = Sight(
     x=100.0, t=50.0, leader_acceleration=0.8, leader_class=3.0, own_class=3.0, lane=2.0, second_gap=40.0,
-    second_speed=9.0, adjacent_speed=6.0, rear_gap=5.0, jump=12.0, since_change=4.0, until_cut_in=2.0,
+    second_speed=9.0, adjacent_speed=6.0, rear_gap=5.0, jump=12.0, since_change=4.0, accepted_headway=0.6, until_cut_in=2.0,
     until_own_change=2.0, mean_speed=8.0,
 )  # fmt: skip
 
@@ -132,6 +132,37 @@ def test_what_was_before_the_past_is_its_first_row():
     assert recall(past, 1, 1, 5.0, 0.1) == 1.0
 
 
+@given(st.floats(2.0, 20.0), st.floats(5.0, 60.0), st.integers(1, 29))
+def test_a_new_leader_is_put_into_the_past_where_it_came_from(ahead, gap_now, now):
+    speed = 0.3 + 0.2 * np.arange(30.0)
+    x = np.concatenate([[0.0], np.cumsum(0.05 * (speed[1:] + speed[:-1]))])
+    gap, rate = np.full(30, 99.0), np.full(30, -9.0)
+    gap[now], rate[now] = gap_now, speed[now] - ahead
+    follow_another(gap, speed, rate, now, 0.1)
+    rewritten = slice(max(now - REMEMBERED, 0), now)
+    rear = x[now] + gap_now - ahead * 0.1 * (now - np.arange(30))
+    np.testing.assert_allclose(gap[rewritten], (rear - x)[rewritten], atol=1e-9)
+    np.testing.assert_allclose(rate[rewritten], speed[rewritten] - ahead, atol=1e-9)
+    assert (gap[now + 1 :] == 99.0).all()
+    assert (gap[: rewritten.start] == 99.0).all()
+
+
+@given(st.floats(0.0, 30.0), st.floats(0.1, 1.0), st.floats(0.2, 3.0))
+def test_an_accepted_headway_returns_to_the_drivers_own(since, share, accepted):
+    m = only("lane_change_relaxation", kappa=share, tau_r=10.0, phi=1.0)
+    see = SEEN._replace(since_change=since, accepted_headway=accepted)
+    less = share * np.exp(-since / 10.0) * max(0.0, 1.4 - accepted)
+    found = extended_acceleration(12.0, 0.5, 15.0, see, 1.2, 1.8, 1.4, 2.0, 0.0, 28.0, m)
+    expected = extended_acceleration(12.0, 0.5, 15.0, see, 1.2, 1.8, 1.4 - less, 2.0, 0.0, 28.0, none())
+    assert found == pytest.approx(expected, abs=1e-9)
+
+
+def test_a_change_to_a_longer_gap_leaves_the_headway_as_it_is():
+    m, see = only("lane_change_relaxation", kappa=1.0, tau_r=10.0, phi=1.0), SEEN._replace(jump=0.0)
+    given_up = extended_acceleration(12.0, 0.5, 15.0, see, 1.2, 1.8, 1.4, 2.0, 0.0, 28.0, m)
+    assert given_up == extended_acceleration(12.0, 0.5, 15.0, see, 1.2, 1.8, 1.4, 2.0, 0.0, 28.0, none())
+
+
 def test_every_magnitude_has_a_slot_of_its_own():
     used = [p.slot for e in CATALOGUE for p in e.parameters]
     assert sorted(used) == list(range(slots.COUNT))
@@ -145,7 +176,7 @@ def test_confusable_names_are_in_the_catalogue():
 def test_a_model_survives_its_file(tmp_path):
     model = ExtendedModel(
         IDMParameters(1.1, 1.7, 1.2, 2.0, 0.0), 27.0,
-        (Cause("reaction_delay", {"tau": 0.4, "eta": 1.0}), Cause("location", {"alpha": -0.1, "x_1": 200.0, "x_2": 350.0}, (2, 3))), "here",
+        (Cause("reaction_delay", {"tau": 0.4, "eta": 1.0, "zeta": 0.0}), Cause("location", {"alpha": -0.1, "x_1": 200.0, "x_2": 350.0}, (2, 3))), "here",
     )  # fmt: skip
     model.write(tmp_path / "model.json")
     back = ExtendedModel.read(tmp_path / "model.json")

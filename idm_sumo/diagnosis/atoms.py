@@ -34,8 +34,19 @@ SECANTS: tuple[tuple[str, int, tuple[float, ...], tuple[tuple[int, float], ...]]
     ("multi_leader_anticipation", slots.SECOND_LEADER, (0.2,), ()),
     ("perception_threshold", slots.BAND, (0.3, 0.6, 1.0), ()),
     ("reaction_delay", slots.DELAY, (0.3, 0.7), ((slots.OWN_SPEED_KNOWN, 1.0),)),
+    ("reaction_delay", slots.DELAY, DELAYS, ((slots.NEW_LEADER_KNOWN, 1.0),)),
+    ("reaction_delay", slots.DELAY, (0.3, 0.7), ((slots.OWN_SPEED_KNOWN, 1.0), (slots.NEW_LEADER_KNOWN, 1.0))),
     ("multi_leader_anticipation", slots.SECOND_LEADER, (0.2,), ((slots.SECOND_SPEED_ONLY, 1.0),)),
     *(("lane_change_relaxation", slots.RELAXATION, (0.5,), ((slots.RELAXATION_TIME, s),)) for s in RECOVERIES),
+    *(
+        (
+            "lane_change_relaxation",
+            slots.RELAXATION,
+            (0.5,),
+            ((slots.RELAXATION_TIME, s), (slots.HEADWAY_ACCEPTED, 1.0)),
+        )
+        for s in RECOVERIES[1:]
+    ),
 )
 
 

@@ -38,6 +38,7 @@ STRONGEST = 3.0  # m/s² (per s): of the model's own acceleration and its change
 ACCELERATION, HEADWAY, RESPONSE, DELAY = "", "headway", "response", "delay"
 CHANGES = (RESPONSE, DELAY)
 IN_LANE = " in lane "
+REGION = "position and time"
 HELD = ("position", "time")  # by the catalogue, as location and time of day
 # Along covariates the response and its delay are what another car-following model looks like.
 ALONG_COVARIATES, ALONG_REGIONS = (ACCELERATION, HEADWAY), (ACCELERATION, RESPONSE, DELAY)
@@ -136,7 +137,7 @@ def _partitions(known: dict[str, Floats], grid: Grid) -> Iterator[tuple[str, tup
     yield "time", (times,), j
     xs, ts = _coarser(grid.place, BLOCKS), _coarser(grid.time, BLOCKS)
     a, b = numbered(x, xs), numbered(known["time"], ts)
-    yield "position and time", (xs, ts), np.where((a >= 0) & (b >= 0), a * (len(ts) - 1) + b, -1)
+    yield REGION, (xs, ts), np.where((a >= 0) & (b >= 0), a * (len(ts) - 1) + b, -1)
     if len(grid.lanes) > 1:
         yield "lane", (grid.lanes,), np.searchsorted(grid.lanes, known["lane"])
         for lane in grid.lanes:

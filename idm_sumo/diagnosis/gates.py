@@ -2,9 +2,13 @@
 
 from __future__ import annotations
 
+from collections.abc import Container
+
+import numpy as np
+
 from idm_sumo.diagnosis import evidence as ev
 from idm_sumo.diagnosis import hypotheses as hy
-from idm_sumo.diagnosis.free_fields import CHANGES, DOUBTFUL, HELD
+from idm_sumo.diagnosis.free_fields import CHANGES, DOUBTFUL, HELD, REGION
 from idm_sumo.diagnosis.hypotheses import Candidate
 from idm_sumo.diagnosis.left_over import LeftOver
 from idm_sumo.diagnosis.result import Gain
@@ -33,7 +37,11 @@ FREE_CLEAR, FREE_CHANGED, FREE_DOUBTFUL = 5.5, 6.5, 9.0
 # Times the best cause's squared z, and more, from which on the catalogue does not hold it. A response that changes from place to
 # place, or with time, is what goes beyond the same change everywhere, and has to be only half as sure as that.
 FREE_EXCESS, FREE_CHANGE, FREE_MORE = 1.5, 0.5, 25.0
-FREE_STILL = 0.5  # of its squared z, that is left of it with the best cause in the model
+# Of its squared z, that is left of it with the best cause in the model; less suffices of a place and time: what a place does at all
+# times a location takes away, and what a location leaves there is not its form.
+FREE_STILL, REGION_STILL = 0.5, 0.3
+# What is free and yet only shows what a significant effect of the catalogue does, by its sign.
+SHOWS = {("since_change", 1.0): "lane_change_relaxation", ("headway over since_change", -1.0): "lane_change_relaxation"}
 
 
 def is_likely(candidate: Candidate) -> bool:
@@ -67,7 +75,7 @@ def is_faint_beside(candidate: Candidate, first: Candidate) -> bool:
     return candidate.z**2 < FURTHER_SHARE * first.z**2
 
 
-def is_worth_it(gain: Gain, tried: Tried, first: Tried | None) -> bool:
+def is_worth_it(gain: Gain, tried: Tried, first: Tried | None, strongest: float = 0.0) -> bool:
     """Return whether rollouts are better for a cause: clearly; at all, if it is surely there; not worse, if beyond doubt.
 
     What something else looks like, too, must make them better clearly. A further cause must, nine to one, unless it is beyond doubt and about as sure as the first: what the first
@@ -80,6 +88,9 @@ def is_worth_it(gain: Gain, tried: Tried, first: Tried | None) -> bool:
     tried : Tried
     first : Tried or None
         The first cause, for a further one.
+    strongest : float
+        Standard errors of the surest there is, those included that cannot be (a negative delay). What is less sure and does not
+        gain may be what that looks like.
     """
     candidate, share = tried.candidate, gain.difference / gain.base
     z, enough = abs(candidate.z), share >= LEAST_GAIN
@@ -87,9 +98,10 @@ def is_worth_it(gain: Gain, tried: Tried, first: Tried | None) -> bool:
     if candidate.name in ev.ENDOGENOUS:
         return clearly and share >= UNTWINNED_GAIN
     like_no_other = candidate.name not in SURER
-    beyond_doubt = like_no_other and z > BEYOND_DOUBT and share > -CHANCE
+    surest = like_no_other and z >= strongest
+    beyond_doubt = surest and z > BEYOND_DOUBT and share > -CHANCE
     if first is None:
-        return clearly or (like_no_other and z > SURE and share > 0.0) or beyond_doubt
+        return clearly or (surest and z > SURE and share > 0.0) or beyond_doubt
     if is_faint_beside(candidate, first.candidate):
         return clearly and share >= FAINT_GAIN
     return (enough and gain.is_likely) or (beyond_doubt and tried.support > AS_SURE * first.support)
@@ -123,15 +135,34 @@ def stands_out(free: LeftOver) -> bool:
 
 def outside(evidence: ev.Evidence) -> tuple[LeftOver, ...]:
     """Return what is free and says more than any significant effect of the catalogue."""
-    best = max((c.z**2 for c in hy.candidates(evidence) if is_significant(c)), default=0.0)
+    significant = [c for c in hy.candidates(evidence) if is_significant(c)]
+    best, names = max((c.z**2 for c in significant), default=0.0), {c.name for c in significant}
 
     def needed(one: LeftOver) -> float:
         return FREE_MORE + best * (FREE_CHANGE if one.covariate.startswith(CHANGES) else FREE_EXCESS)
 
-    new = (one for one in evidence.free if best == 0.0 or one.covariate not in HELD)
+    def is_new(one: LeftOver) -> bool:
+        return one.covariate not in HELD and SHOWS.get((one.covariate, float(np.sign(one.value)))) not in names
+
+    new = (one for one in evidence.free if best == 0.0 or is_new(one))
     return tuple(one for one in new if stands_out(one) and one.z**2 > needed(one))
 
 
 def is_left(strange: LeftOver, evidence: ev.Evidence) -> bool:
     """Return whether, with the best cause in the model, what the catalogue does not hold is still about as strange."""
-    return any(one.z**2 > FREE_STILL * strange.z**2 for one in outside(evidence))
+    still = REGION_STILL if strange.covariate == REGION else FREE_STILL
+    return any(one.z**2 > still * strange.z**2 for one in outside(evidence))
+
+
+def is_past_unseen(candidate: Candidate, evidence: ev.Evidence, accepted: Container[str]) -> bool:
+    """Return whether a further location is what relaxation leaves that began before vehicles came into sight.
+
+    Who changed lanes before accepts a short gap still, and nobody has seen why: behind the entry all seem to push, or farther on
+    all seem to hold back.
+    """
+    if candidate.name != "location" or "lane_change_relaxation" not in accepted:
+        return False
+    bins = [atom for atom in evidence.atoms if atom.name == "location"]
+    if candidate.value > 0.0:
+        return candidate.atom.low <= min(one.low for one in bins)
+    return candidate.atom.high >= max(one.high for one in bins)

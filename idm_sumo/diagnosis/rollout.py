@@ -12,7 +12,7 @@ from idm_sumo import idm
 from idm_sumo.diagnosis import windows as w
 from idm_sumo.effects import slots
 from idm_sumo.effects.acceleration import Moment, Sight, behaved, moment_of
-from idm_sumo.effects.reaction_delay import between, moment_ago, own_delay
+from idm_sumo.effects.reaction_delay import between, follow_another, knows_new_leader, moment_ago, own_delay
 from idm_sumo.road import FRAME_STEP
 from idm_sumo.threads import in_threads
 
@@ -31,7 +31,7 @@ def _moment(row, m):  # type: ignore[no-untyped-def]
     see = Sight(
         x, row[w.TIME], row[w.ACCELERATION], row[w.KIND], row[w.OWN_KIND], row[w.LANE],
         row[w.SECOND] - x, row[w.SECOND_SPEED], row[w.ADJACENT], x - row[w.BEHIND],
-        row[w.JUMP], row[w.SINCE], row[w.UNTIL_CUT_IN], row[w.UNTIL_OWN], row[w.MEAN_SPEED],
+        row[w.JUMP], row[w.SINCE], row[w.ACCEPTED], row[w.UNTIL_CUT_IN], row[w.UNTIL_OWN], row[w.MEAN_SPEED],
     )  # fmt: skip
     return moment_of(see, m)
 
@@ -51,17 +51,27 @@ def _noted(of, n):  # type: ignore[no-untyped-def]
     """Return the moment that was noted."""
     return Moment(
         of[0, n], of[1, n], of[2, n], of[3, n], of[4, n], of[5, n], of[6, n], of[7, n], of[8, n], of[9, n], of[10, n],
-        of[11, n], of[12, n], of[13, n], of[14, n], of[15, n], of[16, n], of[17, n],
+        of[11, n], of[12, n], of[13, n], of[14, n], of[15, n], of[16, n], of[17, n], of[18, n], of[19, n],
     )  # fmt: skip
 
 
 @njit(cache=True, error_model="numpy")
-def _remember(seen, gap, speed, rate, begin):  # type: ignore[no-untyped-def]
-    """Fill the past with what the recorded twin did before the start."""
+def _remember(seen, gap, speed, rate, models, begin):  # type: ignore[no-untyped-def]
+    """Fill the past with what the recorded twin did before the start; the last axis is of rollouts side by side."""
     for k in range(begin):
         gap[k] = seen[k, w.REAR] - seen[k, w.X]
         speed[k] = seen[k, w.V]
         rate[k] = seen[k, w.V] - seen[k, w.SPEED]
+        _meet(seen[k], gap, speed, rate, models, k)
+
+
+@njit(cache=True, error_model="numpy")
+def _meet(row, gap, speed, rate, models, now):  # type: ignore[no-untyped-def]
+    """Where the leader of a frame is new, rewrite the past of those who know where it was."""
+    if row[w.SINCE] == 0.0:
+        for n in range(gap.shape[1]):
+            if knows_new_leader(models[n if len(models) > 1 else 0, int(row[w.LANE])]):
+                follow_another(gap[:, n], speed[:, n], rate[:, n], now, FRAME_STEP)
 
 
 @njit(cache=True, nogil=True, error_model="numpy")
@@ -81,7 +91,7 @@ def _drive(first, last, seen, driver, theta, models, start, pushed, begin, every
     of = np.empty((len(BLANK), beside))
     for i in range(first, last):
         one, own = seen[i], theta[driver[i]]
-        _remember(one, gap, speed, rate, begin)
+        _remember(one, gap, speed, rate, models, begin)
         for n in range(beside):
             who = 0 if same_driver else n
             a[n], headway[n], jam[n], limit[n] = own[0, who], own[2, who], own[3, who], own[4, who]
@@ -97,6 +107,7 @@ def _drive(first, last, seen, driver, theta, models, start, pushed, begin, every
                 gap[now, n] = rear - here[n]
                 speed[now, n] = fast[n]
                 rate[now, n] = fast[n] - ahead
+            _meet(row, gap, speed, rate, models, now)
             if same_model:
                 moment = _moment(row, models[0, lane])
                 ago, after, share = moment_ago(now, models[0, lane, slots.DELAY], FRAME_STEP)
@@ -215,11 +226,13 @@ SOONER = NUDGE * np.array([0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 1.0, -1.0])
 @njit(cache=True, nogil=True, error_model="numpy")
 def _respond(first, last, seen, driver, theta, by_lane, response, state):  # type: ignore[no-untyped-def]
     steps, pulses = state.shape[1], response.shape[2]
-    gaps, speeds, rates = np.empty(seen.shape[1]), np.empty(seen.shape[1]), np.empty(seen.shape[1])
+    gap_of, speed_of, rate_of = np.empty((seen.shape[1], 1)), np.empty((seen.shape[1], 1)), np.empty((seen.shape[1], 1))
+    gaps, speeds, rates = gap_of[:, 0], speed_of[:, 0], rate_of[:, 0]
+    models = by_lane.reshape((1, *by_lane.shape))
     looked = np.empty(len(FARTHER))
     for i in range(first, last):
         one, own = seen[i], theta[driver[i]]
-        _remember(one, gaps, speeds, rates, w.LEAD)
+        _remember(one, gap_of, speed_of, rate_of, models, w.LEAD)
         x, v, weight = one[w.LEAD, w.X], one[w.LEAD, w.V], idm.closing_weight(own[0], own[1])
         dx, dv = np.zeros((steps + 1, pulses)), np.zeros((steps + 1, pulses))
         for k in range(steps):
@@ -228,6 +241,7 @@ def _respond(first, last, seen, driver, theta, by_lane, response, state):  # typ
             m = by_lane[int(row[w.LANE])]
             moment = _moment(row, m)
             gaps[now], speeds[now], rates[now] = row[w.REAR] - x, v, v - row[w.SPEED]
+            _meet(row, gap_of, speed_of, rate_of, models, now)
             ago, after, share = moment_ago(now, m[slots.DELAY], FRAME_STEP)
             gap, rate = between(gaps[ago], gaps[after], share), between(rates[ago], rates[after], share)
             ago, after, share = moment_ago(now, own_delay(m), FRAME_STEP)

@@ -130,7 +130,7 @@ def _in_one_lane(
 ) -> Accepted | None:
     """Return the location in one lane only that what is strange is, if it passes the gates."""
     candidate = hy.in_one_lane(strange[0])
-    return None if candidate is None else _judged(subject, fit, [candidate], None, rng)[1]
+    return None if candidate is None else _judged(subject, fit, [candidate], None, abs(candidate.z), rng)[1]
 
 
 def _next(
@@ -142,14 +142,16 @@ def _next(
     What is there without gain is added to ``without``.
     """
     used = {a.candidate.name for a in accepted} | {c.name for c in without}
-    open_ = [c for c in hy.candidates(evidence) if c.name not in used and gates.is_likely(c)]
+    there = [c for c in hy.candidates(evidence) if c.name not in used]
+    strongest = max((abs(c.z) for c in there), default=0.0)
+    open_ = [c for c in there if gates.is_likely(c)]
     if accepted:
-        open_ = [c for c in open_ if gates.is_clear_beside(c)]
+        open_ = [c for c in open_ if gates.is_clear_beside(c) and not gates.is_past_unseen(c, evidence, used)]
     refused = 0.0  # support of what was there and no cause
     while open_:
         close = [c for c in open_ if c.z**2 > CLOSE * open_[0].z ** 2][:TRIED]
         forms = [form for c in close for form in hy.forms(evidence, c)]
-        best, chosen = _judged(subject, fit, forms, accepted[0].tried if accepted else None, rng)
+        best, chosen = _judged(subject, fit, forms, accepted[0].tried if accepted else None, strongest, rng)
         if chosen is not None:
             return chosen if chosen.tried.support > SHADOW * refused else None
         refused = max(refused, best.support)
@@ -160,14 +162,14 @@ def _next(
 
 
 def _judged(
-    subject: Subject, fit: Fit, forms: list[Candidate], first: Tried | None, rng: np.random.Generator
-) -> tuple[Tried, Accepted | None]:
+    subject: Subject, fit: Fit, forms: list[Candidate], first: Tried | None, strongest: float, rng: np.random.Generator
+) -> tuple[Tried, Accepted | None]:  # fmt: skip
     """Return the best of several candidates, and it as a cause if it passes every gate."""
     best, rivals = _strongest(subject, fit, forms, rng)
     best = replace(best, fit=anew(subject, best.fit))
     gain = gain_of(subject, fit, best.fit, rng)
     candidate = best.candidate
-    passes = gates.is_there(best) and gates.is_worth_it(gain, best, first)
+    passes = gates.is_there(best) and gates.is_worth_it(gain, best, first, strongest)
     return best, Accepted(best, candidate.value, candidate.error, gain, rivals) if passes else None
 
 

@@ -82,12 +82,14 @@ def _cause(fit: Fit, accepted: Accepted, share: float) -> CauseFound:
     return CauseFound(candidate.name, parameters, region, candidate.p, share, _sentence(accepted), accepted.rivals)
 
 
+EITHER_OR = ("eta", "phi", "zeta")  # companions that say which of two forms it is
+
+
 def _slack(symbol: str, value: float) -> float:
     """Return half of the width within which a companion parameter was not told apart: half a bin of a scan, or the grid."""
     place, time = 0.5 * at.PLACE_BIN, 0.5 * at.TIME_BIN
-    return {"x_1": place, "x_2": place, "t_1": time, "t_2": time, "tau_r": 0.5 * value, "eta": 0.5, "phi": 0.5}.get(
-        symbol, 0.0
-    )
+    slack = {"x_1": place, "x_2": place, "t_1": time, "t_2": time, "tau_r": 0.5 * value}
+    return 0.5 if symbol in EITHER_OR else slack.get(symbol, 0.0)
 
 
 def _edges(fit: Fit, candidate: Candidate) -> tuple[float, float]:

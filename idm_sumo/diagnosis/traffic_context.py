@@ -11,7 +11,7 @@ import pandas as pd
 from idm_sumo import columns as c
 from idm_sumo import road
 from idm_sumo.effects.adjacent_lane_friction import BESIDE
-from idm_sumo.effects.lane_change_relaxation import LARGEST_JUMP
+from idm_sumo.effects.lane_change_relaxation import LARGEST_JUMP, headway_after
 from idm_sumo.effects.leader_class import TRUCK
 from idm_sumo.leaders import frame_code, row_ahead, row_of
 from idm_sumo.recording import Recording
@@ -143,6 +143,7 @@ class Events(NamedTuple):
 
     jump: Floats
     since: Floats
+    accepted: Floats  # time headway right after it, s
     until_cut_in: Floats
     until_own_change: Floats
 
@@ -163,7 +164,9 @@ def leader_events(table: pd.DataFrame, ahead: Ahead) -> Events:
     jump = np.where(last >= 0, np.clip(np.nan_to_num(step[last]), 0.0, LARGEST_JUMP), 0.0)
     jump = np.where(jump > LEAST_JUMP, jump, 0.0)
     cut_in = new_leader & ~near_own & (step > LEAST_JUMP)
-    return Events(jump, since, _until(cut_in, same), _until(own, same))
+    accepted = headway_after(np.nan_to_num(gap), table[c.SPEED].to_numpy(np.float64))
+    accepted = np.where(last >= 0, accepted[last], 0.0)
+    return Events(jump, since, accepted, _until(cut_in, same), _until(own, same))
 
 
 def _since(event: Flags, same: Flags) -> tuple[Floats, Integers]:

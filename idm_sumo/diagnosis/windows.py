@@ -33,8 +33,8 @@ NEAREST = 0.3  # m: a smaller recorded gap is an overlap of the measurement
 # Columns of `Windows.seen`.
 REAR, SPEED, ACCELERATION, KIND, SECOND, SECOND_SPEED, ADJACENT, BEHIND = range(8)
 JUMP, SINCE, UNTIL_CUT_IN, UNTIL_OWN, MEAN_SPEED, LANE, TIME, X, V, OWN_KIND = range(8, 18)
-TRUCKS_BESIDE, BRAKING_BESIDE, UNREST = 18, 19, 20
-COLUMNS = 21
+TRUCKS_BESIDE, BRAKING_BESIDE, UNREST, ACCEPTED = 18, 19, 20, 21
+COLUMNS = 22
 LEADERS = (REAR, SPEED, ACCELERATION, SECOND, SECOND_SPEED)  # of which a recording shows what smoothing leaves
 
 Floats = npt.NDArray[np.float64]
@@ -52,7 +52,7 @@ class Windows:
         for none) and speed; slower adjacent lane's speed (NaN for none); follower's front plus own length (m, minus
         infinite for none); jump (m) and time since the last leader change; time until the next cut-in and own
         change; running mean speed; lane; time (s); own position, speed, class; trucks beside and vehicles that brake in other lanes;
-        own mean absolute acceleration of late. The simulation starts at frame ``LEAD``.
+        own mean absolute acceleration of late; time headway (s) right after the last leader change. The simulation starts at frame ``LEAD``.
     blurred : float64, shape (windows, LEAD + horizon + 1, 5)
         The columns ``LEADERS``, smoothed once more: what a twin's measurement sees.
     driver : int64, shape (windows,)
@@ -175,7 +175,7 @@ def _columns(recording: Recording, ahead: Ahead) -> Floats:
     seen[:, SECOND], seen[:, SECOND_SPEED] = ahead.second_place, ahead.second_speed
     seen[:, ADJACENT] = adjacent_speed(table) if recording.has_leader_rows else np.nan
     seen[:, BEHIND] = ahead.follower_front + length
-    seen[:, [JUMP, SINCE, UNTIL_CUT_IN, UNTIL_OWN]] = np.stack(events, 1)
+    seen[:, [JUMP, SINCE, ACCEPTED, UNTIL_CUT_IN, UNTIL_OWN]] = np.stack(events, 1)
     seen[:, MEAN_SPEED] = _running_mean(v, same_run(table))
     if recording.has_leader_rows:
         seen[:, TRUCKS_BESIDE], seen[:, BRAKING_BESIDE] = trucks_beside(table), braking_beside(table)

@@ -8,7 +8,8 @@ How to drive with an extended model, step by step (0.1 s):
    (:data:`reaction_delay.LONGEST` seconds are enough). A rollout may keep all its steps.
 3. Per step write row ``now``; if ``m[slots.DELAY] > 0`` act on ``recall(past, 0|2, now, m[slots.DELAY], 0.1)`` for gap and
    approach rate and on ``recall(past, 1, now, own_delay(m), 0.1)`` for the own speed, else on row ``now``. (Where gap is
-   infinite at one of the two rows it is infinite.)
+   infinite at one of the two rows it is infinite.) Where the leader is another one than at row ``now - 1`` and
+   ``knows_new_leader(m)``, first ``follow_another(past[:, 0], past[:, 1], past[:, 2], now, 0.1)``.
 4. Fill a :class:`Sight` (unknown fields NaN: the effect that needs them is then silent; ``BLIND`` is all NaN) and call
    ``extended_acceleration(speed, approach_rate, gap, see, a, b, T, d0, d1, desired_speed, m)``: a plain njit function,
    callable from compiled loops and, slower, from Python.
@@ -16,7 +17,8 @@ How to drive with an extended model, step by step (0.1 s):
 ``Sight.t`` is the time since the first frame of the recording's period. What each cause must see is in its
 :class:`Effect` record (``must_see``), as is how plain SUMO can express it (``sumo``, None if only the Python-driven loop can).
 Events that lie ahead (``until_cut_in``, ``until_own_change``) are known in replay only: in a closed loop they are NaN.
-``jump`` is the old gap minus the new one (m) at the last change of leader, both at the moment of the change;
+``jump`` is the old gap minus the new one (m) at the last change of leader, both at the moment of the change, ``accepted_headway`` what
+:func:`~idm_sumo.effects.lane_change_relaxation.headway_after` makes of the new one and the speed;
 ``adjacent_speed`` the mean speed of the vehicles within :data:`~idm_sumo.effects.adjacent_lane_friction.BESIDE` m in the slower of the adjacent lanes.
 """
 

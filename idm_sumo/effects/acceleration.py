@@ -14,7 +14,7 @@ from idm_sumo.effects.courtesy_yielding import before_cut_in
 from idm_sumo.effects.desired_speed import in_lane
 from idm_sumo.effects.follower_pressure import pressed
 from idm_sumo.effects.hysteresis import in_phase
-from idm_sumo.effects.lane_change_relaxation import gap_credit
+from idm_sumo.effects.lane_change_relaxation import gap_credit, headway_given_up
 from idm_sumo.effects.leader_class import behind_truck
 from idm_sumo.effects.location import at_place
 from idm_sumo.effects.memory import resigned
@@ -45,6 +45,8 @@ class Sight(NamedTuple):
         Own rear bumper to the follower's front (m).
     jump, since_change : float
         By how much the last leader change shortened the gap (m), and the time since (s).
+    accepted_headway : float
+        Time headway right after it (s).
     until_cut_in, until_own_change : float
         Seconds until a vehicle is inserted ahead; until the own lane change.
     mean_speed : float
@@ -63,6 +65,7 @@ class Sight(NamedTuple):
     rear_gap: float
     jump: float
     since_change: float
+    accepted_headway: float
     until_cut_in: float
     until_own_change: float
     mean_speed: float
@@ -84,6 +87,8 @@ class Moment(NamedTuple):
         Factors of the time headway and of the desired speed.
     credit : float
         Added to the gap, m.
+    given_up, accepted : float
+        Share of what the own headway is longer than the accepted one; that (s).
     share, rate_share, second_speed : float
         Of the interaction, and of the approach rate, that the second leader has, zero if there is none; its speed (m/s).
     band, asymmetry, slope, pivot, memory, mean_speed : float
@@ -97,6 +102,8 @@ class Moment(NamedTuple):
     headway: float
     limit: float
     credit: float
+    given_up: float
+    accepted: float
     share: float
     rate_share: float
     second_speed: float
@@ -126,11 +133,14 @@ def moment_of(see, m):  # type: ignore[no-untyped-def]
         * before_cut_in(see.until_cut_in, m[slots.COURTESY])
         * before_own_change(see.until_own_change, m[slots.PRE_INSERTION])
     )
+    of_gap, of_headway = 1.0 - m[slots.HEADWAY_ACCEPTED], m[slots.HEADWAY_ACCEPTED]
+    given_up = headway_given_up(see.jump, see.since_change, m[slots.RELAXATION] * of_headway, m[slots.RELAXATION_TIME])
     share = m[slots.SECOND_LEADER] if see.second_gap < 1e6 else 0.0
     return Moment(
         headway,
         in_lane(see.lane, m[slots.DESIRED_SPEED], m[slots.DESIRED_SPEED_LANE]),
-        gap_credit(see.jump, see.since_change, m[slots.RELAXATION], m[slots.RELAXATION_TIME]),
+        gap_credit(see.jump, see.since_change, m[slots.RELAXATION] * of_gap, m[slots.RELAXATION_TIME]),
+        given_up, see.accepted_headway if given_up > 0.0 else 0.0,
         share * (1.0 - m[slots.SECOND_SPEED_ONLY]), share * m[slots.SECOND_SPEED_ONLY], see.second_speed,
         m[slots.BAND], m[slots.ASYMMETRY], m[slots.SPEED_HEADWAY], m[slots.PIVOT_SPEED],
         m[slots.MEMORY] if see.mean_speed == see.mean_speed else 0.0, see.mean_speed,
@@ -158,6 +168,7 @@ def behaved(speed, approach_rate, gap, x, second_gap, rear_gap, moment, a, weigh
     inverse = 1.0 / limit
     factor = at_speed(speed, moment.pivot, moment.slope) * resigned(moment.mean_speed, limit, moment.memory)
     headway = T * (moment.headway * factor)
+    headway -= moment.given_up * max(headway - moment.accepted, 0.0)
     rate = (
         shared_rate(approach_rate, speed - moment.second_speed, moment.rate_share)
         if moment.rate_share > 0.0

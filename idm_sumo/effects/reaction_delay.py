@@ -5,6 +5,10 @@ r"""Reaction delay: the driver acts on what was.
 With :math:`\eta = 0` everything is late; with :math:`\eta = 1` the own speed is known at once, as a driver who anticipates
 its own motion knows it (Treiber, Kesting and Helbing, 2006) and as the speedometer tells it.
 
+After a leader change gap and approach rate of a moment ago are those to the leader before, with :math:`\zeta = 0`: nobody has
+noticed the new one yet. With :math:`\zeta = 1` they are those that there were to the new one, as in simulators that remember
+where vehicles were, and as of a driver who saw the change coming.
+
 A driver keeps a short past of gap, speed and approach rate; :func:`recall` reads it at a time between frames.
 """
 
@@ -16,6 +20,7 @@ from idm_sumo.effects import slots
 from idm_sumo.effects.record import Effect, Parameter
 
 LONGEST = 1.5  # s, what a past has to hold
+REMEMBERED = 16  # moments of 0.1 s: as much, and the one before
 
 
 @njit(cache=True, error_model="numpy")
@@ -62,12 +67,37 @@ def acted_on(past, now, delay, own, step):  # type: ignore[no-untyped-def]
     return recall(past, 0, now, delay, step), recall(past, 1, now, own, step), recall(past, 2, now, delay, step)
 
 
+@njit(cache=True, error_model="numpy")
+def follow_another(gap, speed, rate, now, step):  # type: ignore[no-untyped-def]
+    """Rewrite a past as if the leader of row ``now``, who is new, had been followed before, at its present speed.
+
+    Parameters
+    ----------
+    gap, speed, rate : float64, shape (rows,)
+        Changed before row ``now`` as far back as a delay reaches: m, m/s, m/s.
+    now : int
+    step : float
+        s.
+    """
+    ahead, nearer = speed[now] - rate[now], 0.0
+    for row in range(now - 1, max(now - REMEMBERED, 0) - 1, -1):
+        nearer += (0.5 * (speed[row] + speed[row + 1]) - ahead) * step
+        gap[row], rate[row] = gap[now] + nearer, speed[row] - ahead
+
+
+@njit(cache=True, error_model="numpy")
+def knows_new_leader(m):  # type: ignore[no-untyped-def]
+    """Return whether a vector of magnitudes says that a new leader's past counts at once."""
+    return m[slots.DELAY] > 0.0 and m[slots.NEW_LEADER_KNOWN] > 0.5
+
+
 EFFECT = Effect(
     name="reaction_delay",
     summary="acts on what was a moment ago",
     parameters=(
         Parameter("tau", "s", slots.DELAY, 0.0, LONGEST, 0.4),
         Parameter("eta", "1", slots.OWN_SPEED_KNOWN, 0.0, 1.0, 0.0),
+        Parameter("zeta", "1", slots.NEW_LEADER_KNOWN, 0.0, 1.0, 0.0),
     ),
     must_see=(),
     confusable_with=("hysteresis", "multi_leader_anticipation", "measurement_artefact"),

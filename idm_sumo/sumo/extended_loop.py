@@ -14,7 +14,8 @@ from idm_sumo import driver_table as d
 from idm_sumo import road
 from idm_sumo.departures import DESTINATION, THROUGH
 from idm_sumo.effects import ExtendedModel, extended_acceleration, slots
-from idm_sumo.effects.reaction_delay import LONGEST, acted_on, own_delay
+from idm_sumo.effects.lane_change_relaxation import headway_after
+from idm_sumo.effects.reaction_delay import LONGEST, acted_on, follow_another, knows_new_leader, own_delay
 from idm_sumo.rollout import perceive
 from idm_sumo.sight import NOBODY_YET, Others, look
 from idm_sumo.traffic import NOBODY
@@ -36,8 +37,8 @@ class Memory(NamedTuple):
     moments : int64, shape (vehicles,)
         How many of them have been.
     leader : int64, shape (vehicles,)
-    changed : float64, shape (vehicles, 2)
-        By how much the last leader change shortened the gap (m), and when (s).
+    changed : float64, shape (vehicles, 3)
+        By how much the last leader change shortened the gap (m), when, and the time headway right after it (s).
     driven : float64, shape (vehicles,)
         Sum of speeds (m/s).
     speed : float64, shape (vehicles,)
@@ -89,7 +90,7 @@ class ModelDrivers:
         self._through = (demand[DESTINATION] == THROUGH).to_numpy()
         self._memory = Memory(
             np.full((n, PAST, 3), np.nan), np.zeros(n, dtype=np.int64), np.full(n, NOBODY_YET, dtype=np.int64),
-            np.full((n, 2), np.nan), np.zeros(n), np.full(n, np.nan),
+            np.full((n, 3), np.nan), np.zeros(n), np.full(n, np.nan),
         )  # fmt: skip
         self._ours: set[str] = set()
         self.driven_steps = 0  # vehicle-steps that we drove
@@ -146,13 +147,15 @@ def _decide_all(place, x, speed, length, lane, offsets, others, memory, magnitud
         row, gap = perceive(lane[i] - 1, x[i], others.who[i], offsets, x, length, others.who)
         leader_speed = speed[row] if row != NOBODY else speed[i]
         vehicle = place[i]
-        _remember(vehicle, gap, speed[i], speed[i] - leader_speed, others.who[row] if row != NOBODY else 0, now, memory)
+        m, own, past = magnitudes[lane[i]], theta[vehicle], memory.past[vehicle]
+        who = others.who[row] if row != NOBODY else 0
+        if _remember(vehicle, gap, speed[i], speed[i] - leader_speed, who, now, memory) and knows_new_leader(m):
+            follow_another(past[:, 0], past[:, 1], past[:, 2], PAST - 1, road.FRAME_STEP)
         see = look(
             offsets, x, speed, length, others.who, others, lane[i] - 1, 1, lane[i], False, others.who[i], length[i], x[i],
-            row, gap, now, others.vehicle_class[i], memory.changed[vehicle, 0], now - memory.changed[vehicle, 1], np.nan,
-            np.nan, memory.driven[vehicle] / memory.moments[vehicle],
+            row, gap, now, others.vehicle_class[i], memory.changed[vehicle, 0], now - memory.changed[vehicle, 1],
+            memory.changed[vehicle, 2], np.nan, np.nan, memory.driven[vehicle] / memory.moments[vehicle],
         )  # fmt: skip
-        m, own, past = magnitudes[lane[i]], theta[vehicle], memory.past[vehicle]
         delay, late = min(m[slots.DELAY], LONGEST), min(own_delay(m), LONGEST)
         then_gap, then_speed, then_rate = acted_on(past, PAST - 1, delay, late, road.FRAME_STEP)
         acceleration[i] = extended_acceleration(
@@ -163,10 +166,11 @@ def _decide_all(place, x, speed, length, lane, offsets, others, memory, magnitud
 
 @njit(cache=True)
 def _remember(vehicle, gap, speed, approach_rate, who, now, memory):  # type: ignore[no-untyped-def]
-    """Push the present into the past of a vehicle, and note a change of its leader."""
+    """Push the present into the past of a vehicle, note a change of its leader, and return whether there was one."""
     past = memory.past[vehicle]
-    if memory.leader[vehicle] > 0 and who > 0 and who != memory.leader[vehicle]:
-        memory.changed[vehicle] = (past[PAST - 1, 0] - gap, now)
+    another = memory.leader[vehicle] > 0 and who > 0 and who != memory.leader[vehicle]
+    if another:
+        memory.changed[vehicle] = (past[PAST - 1, 0] - gap, now, headway_after(gap, speed))
     memory.leader[vehicle] = who
     if memory.moments[vehicle] == 0:
         past[:] = np.array([gap, speed, approach_rate])  # before it came it saw what it sees first
@@ -174,3 +178,4 @@ def _remember(vehicle, gap, speed, approach_rate, who, now, memory):  # type: ig
     past[PAST - 1] = (gap, speed, approach_rate)
     memory.moments[vehicle] += 1
     memory.driven[vehicle] += speed
+    return another
