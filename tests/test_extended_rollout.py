@@ -54,15 +54,15 @@ def test_sumo_and_kernel_agree_on_every_effect(awkward, effect) -> None:
     assert np.abs(kernel.x - drive_idm(scenes, DRIVER).x).max() > 0.02  # it does something
 
 
-@pytest.mark.parametrize("known", [0.0, 1.0])
-def test_both_agree_behind_leaders_known_by_headway(known) -> None:
+@pytest.mark.parametrize(("known", "new_known", "of_headway"), [(0.0, 0.0, 0.0), (1.0, 0.0, 0.0), (0.0, 1.0, 1.0)])
+def test_both_agree_behind_leaders_known_by_headway(known, new_known, of_headway) -> None:
     time = np.arange(150) * road.FRAME_STEP
     headway = np.where(time < 8.0, 32.0, 21.0) + np.sin(time)  # somebody cuts in
     recording = Recording.from_table(vehicle(1, 40.0, -2.0, 9.0, frames=150, headway=headway), has_leader_rows=False)
     scenes, _ = build_scenes(recording, Window(observed=10, horizon=120))
     model = model_of(
-        Cause("reaction_delay", {"tau": 0.45, "eta": known}),
-        Cause("lane_change_relaxation", {"kappa": 0.8, "tau_r": 9.0}),
+        Cause("reaction_delay", {"tau": 0.45, "eta": known, "zeta": new_known}),
+        Cause("lane_change_relaxation", {"kappa": 0.8, "tau_r": 9.0, "phi": of_headway}),
     )
     kernel = drive_extended(scenes, recording, model, DRIVER)
     assert_same(replay(scenes, DRIVER, extension=(recording, model)), kernel)
@@ -82,6 +82,19 @@ def test_a_delay_of_whole_frames_repeats_the_past() -> None:
     late = drive_extended(scenes, recording, model_of(Cause("reaction_delay", {"tau": 1.0})), DRIVER)
     earlier, _ = build_scenes(recording, Window(observed=11, horizon=30), modelled=[1])
     np.testing.assert_allclose(late.acceleration[0, 0], drive_idm(earlier, DRIVER).acceleration[0, 0], rtol=1e-12)
+
+
+def test_who_knows_where_a_new_leader_was_brakes_at_once() -> None:
+    time = np.arange(150) * road.FRAME_STEP
+    recording = Recording.from_table(
+        vehicle(1, 40.0, -2.0, 9.0, frames=150, headway=np.where(time < 8.0, 32.0, 15.0)), has_leader_rows=False
+    )
+    scenes, _ = build_scenes(recording, Window(observed=10, horizon=120))
+    causes = (Cause("reaction_delay", {"tau": 0.6, "zeta": known}) for known in (0.0, 1.0))
+    late, known = (drive_extended(scenes, recording, model_of(cause), DRIVER).acceleration[0] for cause in causes)
+    cut_in = int(8.0 / road.FRAME_STEP) - scenes.start
+    np.testing.assert_array_equal(late[:cut_in], known[:cut_in])
+    assert (known[cut_in : cut_in + 5] < late[cut_in : cut_in + 5] - 0.3).all()
 
 
 def test_a_cause_of_one_lane_leaves_the_others_alone(awkward) -> None:
