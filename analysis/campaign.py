@@ -175,7 +175,7 @@ def _parser() -> argparse.ArgumentParser:
     parser.add_argument("--jobs", type=int, default=1, help="processes")
     parser.add_argument("--seed", type=int, default=0, help="other seeds, other recordings")
     parser.add_argument("--underlying", choices=_planting().MODELS, help="one car-following model (default: by turns)")
-    parser.add_argument("--form", choices=("usual", "other"), help="one form of the effects (default: drawn)")
+    parser.add_argument("--form", choices=_planting().FORMS, help="one form of the effects (default: drawn)")
     parser.add_argument("--drivers", type=int, default=500, help="vehicles a recording")
     return parser
 

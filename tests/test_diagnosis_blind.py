@@ -79,6 +79,17 @@ def test_a_delay_that_spares_the_own_speed_is_told_from_one_that_does_not(tmp_pa
 
 
 @pytest.mark.parametrize(
+    ("effect", "seed", "companion"), [("reaction_delay", 12, "zeta"), ("lane_change_relaxation", 18, "phi")]
+)
+def test_a_third_form_is_told_from_the_usual_one(effect, seed, companion, tmp_path):
+    third, usual = (
+        checked(diagnose(hidden(tmp_path, seed, effect, form=form))).causes[0] for form in ("third", "usual")
+    )
+    assert third.name == usual.name == effect
+    assert (third.parameters[companion].value, usual.parameters[companion].value) == (1.0, 0.0)
+
+
+@pytest.mark.parametrize(
     ("effect", "seed", "told"), [("throttle_wave", 17, "oscillation"), ("lane_enforcement", 16, "time in lane 1")]
 )
 def test_what_the_catalogue_does_not_hold_is_unknown_and_said_where(effect, seed, told, tmp_path):

@@ -7,16 +7,18 @@
     truth = achievable(simulate(chosen, remember=True))      # what the true model is better by, with and without it
 
 Own car-following (an IDM stepped by 0.05 s, ballistic, a full-velocity-difference model and Gipps's), own lane changes,
-own driver and measurement noise, and for each effect a usual and another form (:mod:`tests.planting.behaviour`).
+own driver and measurement noise, and for each effect a usual, another and
+for some a third form (:mod:`tests.planting.behaviour`).
 """
 
 from tests.planting.files import write
-from tests.planting.plans import CATALOGUE, MODELS, OUTSIDE, SIZES, Plan, plan
+from tests.planting.plans import CATALOGUE, FORMS, MODELS, OUTSIDE, SIZES, Plan, plan
 from tests.planting.simulation import Planted, simulate
 from tests.planting.truth import NOT_BEHAVIOUR, Achievable, achievable
 
 __all__ = [
     "CATALOGUE",
+    "FORMS",
     "MODELS",
     "NOT_BEHAVIOUR",
     "OUTSIDE",

@@ -76,7 +76,7 @@ def look_ahead(i, ahead, behind, x, v, acc, length, kind, seen):  # type: ignore
 
 @njit(cache=True)
 def run(  # type: ignore[no-untyped-def]
-    seed, model, other, theta, length, kind, lane, affected, effects, where, special_lane, only_lane, caps, section,
+    seed, model, form, theta, length, kind, lane, affected, effects, where, special_lane, only_lane, caps, section,
     before, after, frames, warm, lanes, noise, changing, log,
 ):  # fmt: skip
     """Return positions, speeds (NaN outside the section) and lanes (-1), each of shape (vehicles, frames).
@@ -92,6 +92,7 @@ def run(  # type: ignore[no-untyped-def]
     sees = np.zeros((n, act.SEEN))
     sees[:, act.MEAN_V], sees[:, act.SINCE], sees[:, act.BESIDE_V] = 12.0, 1e9, np.nan
     past_s, past_v, past_d = np.full((n, LAGS), 1e9), np.zeros((n, LAGS)), np.zeros((n, LAGS))
+    past_x = np.full((n, LAGS), -1e9)
     target, planned, changed, courteous = np.full(n, -1), np.zeros(n), np.full(n, -1e9), np.zeros(n, np.bool_)
     frozen, phase, freezes = np.zeros(n), np.random.rand(n) * 6.283, np.random.rand(n)
     queue, tail = np.zeros(lanes, np.int64), np.full(lanes, -1)
@@ -110,7 +111,7 @@ def run(  # type: ignore[no-untyped-def]
             fast = 14.0 if room > 200 else min(v[j] + 0.5, 14.0)
             if i < n and room > theta[i, 4] + 1.0 + theta[i, 1] * fast:
                 x[i], v[i], on[i], tail[k] = -before, fast, True, i
-                past_s[i], past_v[i] = room, fast
+                past_s[i], past_v[i], past_x[i] = room, fast, -before
                 queue[k] += 1
         order = np.argsort(-x)
         order = order[on[order]]
@@ -127,9 +128,10 @@ def run(  # type: ignore[no-untyped-def]
             seen[act.SINCE] += DT
             if j != before_ahead[i] and before_ahead[i] != -2:
                 seen[act.JUMP], seen[act.SINCE] = max(min(gap_was[i], 60.0) - s, 0.0), 0.0
+                seen[act.ACCEPTED_T] = max(s - theta[i, 4], 0.0) / max(v[i], 2.0)
             before_ahead[i], gap_was[i] = j, s
-            past_s[i, slot], past_v[i, slot], past_d[i, slot] = s, v[i], dv
-            seen[act.IN_TIME] = act.ramp(t, where[2], where[3], 20.0 if other else 0.1)
+            past_s[i, slot], past_v[i, slot], past_d[i, slot], past_x[i, slot] = s, v[i], dv, x[i]
+            seen[act.IN_TIME] = act.ramp(t, where[2], where[3], 20.0 if form == act.OTHER else 0.1)
             seen[act.AHEAD_SLOW_ACC] += DT / 1.0 * (seen[act.AHEAD_ACC] - seen[act.AHEAD_SLOW_ACC])
             seen[act.MEAN_V] += DT / 40.0 * (v[i] - seen[act.MEAN_V])
             seen[act.UNREST] += DT / 15.0 * ((2.5 if abs(acc[i]) > 0.8 else 0.0) - seen[act.UNREST])
@@ -142,9 +144,11 @@ def run(  # type: ignore[no-untyped-def]
             if delay > 0.0:
                 ago = (slot - round(delay / DT)) % LAGS
                 s, dv = past_s[i, ago], past_d[i, ago]
-                own = v[i] if other else past_v[i, ago]
+                if form == act.THIRD and j >= 0:  # where the leader of now was then, whoever was followed
+                    s, dv = past_x[j, ago] - length[j] - past_x[i, ago], past_v[i, ago] - past_v[j, ago]
+                own = v[i] if form == act.OTHER else past_v[i, ago]
             new = act.respond(
-                model, other, e, theta[i], limit_factor[lane[i]], kind[i] == 3, seen, where, x[i], v[i], own, s, dv
+                model, form, e, theta[i], limit_factor[lane[i]], kind[i] == 3, seen, where, x[i], v[i], own, s, dv
             )  # fmt: skip
             if freezes[i] < e[act.DISTRACT] and frozen[i] < 3.0 and x[i] > where[0]:
                 frozen[i] += DT

@@ -42,6 +42,7 @@ LEVELS = ("small", "mid", "large")
 MODELS = ("idm", "fvd", "gipps")
 UNDERLYING = MODELS[:2]  # that are drawn from the seed
 NOISES = ("white", "correlated")
+FORMS = ("usual", "other", "third")  # of an effect; a third form only where it is asked for
 DENSITIES = ("moderate", "congested")
 BUSIEST = 0.7  # vehicles a second and lane, those on the road at the beginning included
 
@@ -89,7 +90,7 @@ def plan(
         noise=str(rng.choice(NOISES)),
         sigma=float(rng.uniform(0.1, 0.5)),
         density=str(rng.choice(DENSITIES)),
-        form=str(rng.choice(["usual", "other"])),
+        form=str(rng.choice(FORMS[:2])),
         lanes=int(rng.integers(3, 6)),
         place=(begin, begin + rng.uniform(0.15, 0.3) * length),
         time=(start, start + rng.uniform(0.25, 0.4)),  # of the recording

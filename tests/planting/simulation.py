@@ -9,7 +9,7 @@ import numpy.typing as npt
 
 from tests.planting.behaviour import INDEX, SEEN
 from tests.planting.motion import DT, run
-from tests.planting.plans import MODELS, Plan
+from tests.planting.plans import FORMS, MODELS, Plan
 
 WARM_UP = 120.0  # s
 LEAST = 900  # frames: a long road is full from the start
@@ -54,7 +54,7 @@ def simulate(chosen: Plan, *, remember: bool = False) -> Planted:
     where = np.array([*chosen.place, *chosen.time])
     log = np.zeros((n, frames, SEEN) if remember else (0, 0, 0), dtype=np.float32)
     x, v, lanes = run(
-        int(rng.integers(2**31)), MODELS.index(chosen.underlying), chosen.form == "other", theta, length, kind,
+        int(rng.integers(2**31)), MODELS.index(chosen.underlying), FORMS.index(chosen.form), theta, length, kind,
         lane.astype(np.int64), affected, effects, where, chosen.lane, chosen.only_lane, caps, chosen.length,
         BEFORE, AFTER, frames, int(WARM_UP / DT), chosen.lanes, chosen.driver_noise, chosen.lane_changes, log,
     )  # fmt: skip

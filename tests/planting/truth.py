@@ -11,7 +11,7 @@ from scipy.signal import savgol_filter
 
 from tests.planting import behaviour as act
 from tests.planting.files import position_noise
-from tests.planting.plans import MODELS
+from tests.planting.plans import FORMS, MODELS
 from tests.planting.simulation import Planted
 
 FRAME = 0.1  # s
@@ -63,7 +63,7 @@ def achievable(planted: Planted, *, seconds: float = 10.0) -> Achievable:
         effects[act.INDEX[name]] = size
     shown = _as_measured(planted)
     ade = best_errors(
-        MODELS.index(chosen.underlying), chosen.form == "other", effects, planted.affected, planted.kind, planted.theta,
+        MODELS.index(chosen.underlying), FORMS.index(chosen.form), effects, planted.affected, planted.kind, planted.theta,
         np.array([*chosen.place, *chosen.time]), chosen.lane, chosen.only_lane, shown.x, shown.v, planted.lane,
         shown.sights, driver[some], start[some], round(seconds / FRAME), np.array(STARTS), np.array(STEPS),
     )  # fmt: skip
@@ -106,7 +106,7 @@ def _windows(planted: Planted, frames: int) -> tuple[npt.NDArray[np.int64], npt.
 
 @njit(cache=True)
 def best_errors(  # type: ignore[no-untyped-def]
-    model, other, effects, affected, kind, theta, where, special_lane, only_lane, x, v, lane, sights, driver, start,
+    model, form, effects, affected, kind, theta, where, special_lane, only_lane, x, v, lane, sights, driver, start,
     frames, starts, steps,
 ):  # fmt: skip
     """Return each driver's least mean error over its windows, shape (2, drivers): without and with the effect.
@@ -121,7 +121,7 @@ def best_errors(  # type: ignore[no-untyped-def]
             i = driver[first[n]]
             planted = effects * which if affected[i] else effects * 0.0
             given = (
-                model, other, planted, kind[i] == 3, where, special_lane, only_lane, x[i], v[i], lane[i], sights[i],
+                model, form, planted, kind[i] == 3, where, special_lane, only_lane, x[i], v[i], lane[i], sights[i],
                 start[first[n] : ends[n]], frames,
             )  # fmt: skip
             least = np.inf
@@ -163,18 +163,18 @@ def sweep(best, least, step, given):  # type: ignore[no-untyped-def]
 @njit(cache=True)
 def driver_error(theta, given):  # type: ignore[no-untyped-def]
     """Return the mean error (m) over a driver's windows."""
-    model, other, planted, truck, where, special_lane, only_lane, x, v, lane, sights, start, frames = given
+    model, form, planted, truck, where, special_lane, only_lane, x, v, lane, sights, start, frames = given
     total = 0.0
     for k in start:
         total += window_error(
-            model, other, planted, theta, truck, where, special_lane, only_lane, x, v, lane, sights, k, frames
+            model, form, planted, theta, truck, where, special_lane, only_lane, x, v, lane, sights, k, frames
         )
     return total / len(start)
 
 
 @njit(cache=True)
 def window_error(  # type: ignore[no-untyped-def]
-    model, other, planted, theta, own_truck, where, special_lane, only_lane, x, v, lane, sights, start, frames
+    model, form, planted, theta, own_truck, where, special_lane, only_lane, x, v, lane, sights, start, frames
 ):  # fmt: skip
     """Return the mean absolute position error (m) of one closed-loop window from the true state."""
     size = PAST + frames + 1
@@ -196,10 +196,16 @@ def window_error(  # type: ignore[no-untyped-def]
             total += abs(here - x[k])
         e = planted if only_lane < 0 or lane[k] == only_lane else none
         ago = n - round((e[act.DELAY] + e[act.LATE] * (seen[act.IN_TIME] > 0.5)) / FRAME)
-        own = speed if other else past_v[ago]
+        own = speed if form == act.OTHER else past_v[ago]
+        then_s, then_d = past_s[ago], past_d[ago]
+        if (
+            form == act.THIRD and seen[act.SINCE] < (n - ago) * FRAME
+        ):  # of a leader who was not followed yet, at its speed of now
+            then_s += seen[act.REAR] - (n - ago) * FRAME * seen[act.AHEAD_V] - sights[start - PAST + ago, act.REAR]
+            then_d = past_v[ago] - seen[act.AHEAD_V]
         limit = 1.0 - e[act.LIMIT] if lane[k] == special_lane else 1.0
         new = act.respond(
-            model, other, e, theta, limit, own_truck, seen, where, here, speed, own, past_s[ago], past_d[ago]
+            model, form, e, theta, limit, own_truck, seen, where, here, speed, own, then_s, then_d
         )  # fmt: skip
         new = min(max(new, -8.0), 4.0)
         time = -speed / new if new < 0.0 and speed + new * FRAME < 0.0 else FRAME
