@@ -30,8 +30,9 @@ EDGES: dict[str, tuple[float, ...]] = {
     "braking_beside": (0.5, 99.0),
     "unrest": (0.0, 0.4, 0.7, 1.0, 9.0),
 }
-# With another car-following model underneath, or noise in the leader's place, drivers seem to answer these otherwise.
-DOUBTFUL = ("leader_acceleration", "leader_gap", "adjacent_difference")
+# With another car-following model underneath, or noise in the leader's place, drivers seem to answer these otherwise; and who brakes
+# more than the model has the follower near.
+DOUBTFUL = ("leader_acceleration", "leader_gap", "adjacent_difference", "rear_gap")
 MOST_BINS, BLOCKS = 40, 10  # of a scan along the road or the time; of each side of the rectangles of both
 STRONGEST = 3.0  # m/s² (per s): of the model's own acceleration and its change
 # What may be different: some acceleration is added, the time headway is longer, the response is stronger, or later.
