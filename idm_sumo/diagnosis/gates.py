@@ -40,7 +40,7 @@ FREE_EXCESS, FREE_CHANGE, FREE_MORE = 1.5, 0.5, 25.0
 # Of its squared z, that is left of it with the best cause in the model; less suffices of a place and time: what a place does at all
 # times a location takes away, and what a location leaves there is not its form.
 FREE_STILL, REGION_STILL = 0.5, 0.3
-# What is free and yet only shows what a significant effect of the catalogue does, by its sign.
+# What is free and yet only shows what a likely effect of the catalogue does, by its sign.
 SHOWS = {("since_change", 1.0): "lane_change_relaxation", ("headway over since_change", -1.0): "lane_change_relaxation"}
 
 
@@ -135,17 +135,20 @@ def stands_out(free: LeftOver) -> bool:
 
 def outside(evidence: ev.Evidence) -> tuple[LeftOver, ...]:
     """Return what is free and says more than any significant effect of the catalogue."""
-    significant = [c for c in hy.candidates(evidence) if is_significant(c)]
-    best, names = max((c.z**2 for c in significant), default=0.0), {c.name for c in significant}
+    every = hy.candidates(evidence)
+    best, likely = (
+        max((c.z**2 for c in every if is_significant(c)), default=0.0),
+        {c.name for c in every if is_likely(c)},
+    )
 
     def needed(one: LeftOver) -> float:
         return FREE_MORE + best * (FREE_CHANGE if one.covariate.startswith(CHANGES) else FREE_EXCESS)
 
     def is_new(one: LeftOver) -> bool:
-        return one.covariate not in HELD and SHOWS.get((one.covariate, float(np.sign(one.value)))) not in names
+        shown = SHOWS.get((one.covariate, float(np.sign(one.value)))) in likely
+        return not shown and (best == 0.0 or one.covariate not in HELD)
 
-    new = (one for one in evidence.free if best == 0.0 or is_new(one))
-    return tuple(one for one in new if stands_out(one) and one.z**2 > needed(one))
+    return tuple(one for one in evidence.free if is_new(one) and stands_out(one) and one.z**2 > needed(one))
 
 
 def is_left(strange: LeftOver, evidence: ev.Evidence) -> bool:
