@@ -70,7 +70,8 @@ def test_every_recovery_of_a_relaxation_is_as_sure_as_the_surest():
 
 
 def test_a_delay_is_tried_with_the_own_speed_late_and_known_each_at_the_size_that_agrees():
-    atoms = [atom for atom in SECANT_ATOMS if atom.name == "reaction_delay"][:5]
+    sizes, known = (0.2, 0.4, 0.8, 0.3, 0.7), ((slots.OWN_SPEED_KNOWN, 1.0),)
+    atoms = [Atom("reaction_delay", s, ((slots.DELAY, s), *(known if n > 2 else ()))) for n, s in enumerate(sizes)]
     count = len(atoms)
     gram, best = np.diag(np.full(count, 50.0)), np.array([0.25, 0.4, 0.3, 0.65, 0.75])
     u = np.tile(gram @ best / DRIVERS, (DRIVERS, 1)) + np.random.default_rng(0).standard_normal((DRIVERS, count)) * 0.05

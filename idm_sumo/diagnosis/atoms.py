@@ -26,26 +26,23 @@ Integers = npt.NDArray[np.int64]
 
 PLACE_BIN, TIME_BIN = 16.0, 12.0  # m, s
 MOST_BINS = 64  # of a long road or recording: edges are sharpened later
-DELAYS = (0.2, 0.4, 0.8)  # s
+DELAYS = (0.2, 0.4, 0.8)  # s, from which a climb begins
 RECOVERIES = (8.0, 12.5, 20.0)  # s, of a relaxation; faster is what another law does after a cut-in
 # Effect, slot and sizes of its magnitude, further values that it fixes.
 SECANTS: tuple[tuple[str, int, tuple[float, ...], tuple[tuple[int, float], ...]], ...] = (
-    ("reaction_delay", slots.DELAY, DELAYS, ()),
+    ("reaction_delay", slots.DELAY, (0.2, 0.6), ()),
     ("multi_leader_anticipation", slots.SECOND_LEADER, (0.2,), ()),
     ("perception_threshold", slots.BAND, (0.3, 0.6, 1.0), ()),
-    ("reaction_delay", slots.DELAY, (0.3, 0.7), ((slots.OWN_SPEED_KNOWN, 1.0),)),
-    ("reaction_delay", slots.DELAY, DELAYS, ((slots.NEW_LEADER_KNOWN, 1.0),)),
-    ("reaction_delay", slots.DELAY, (0.3, 0.7), ((slots.OWN_SPEED_KNOWN, 1.0), (slots.NEW_LEADER_KNOWN, 1.0))),
+    ("reaction_delay", slots.DELAY, (0.5,), ((slots.OWN_SPEED_KNOWN, 1.0),)),
+    ("reaction_delay", slots.DELAY, (0.4,), ((slots.NEW_LEADER_KNOWN, 1.0),)),
+    ("reaction_delay", slots.DELAY, (0.5,), ((slots.OWN_SPEED_KNOWN, 1.0), (slots.NEW_LEADER_KNOWN, 1.0))),
     ("multi_leader_anticipation", slots.SECOND_LEADER, (0.2,), ((slots.SECOND_SPEED_ONLY, 1.0),)),
     *(("lane_change_relaxation", slots.RELAXATION, (0.5,), ((slots.RELAXATION_TIME, s),)) for s in RECOVERIES),
-    *(
-        (
-            "lane_change_relaxation",
-            slots.RELAXATION,
-            (0.5,),
-            ((slots.RELAXATION_TIME, s), (slots.HEADWAY_ACCEPTED, 1.0)),
-        )
-        for s in RECOVERIES[1:]
+    (
+        "lane_change_relaxation",
+        slots.RELAXATION,
+        (0.5,),
+        ((slots.RELAXATION_TIME, 15.0), (slots.HEADWAY_ACCEPTED, 1.0)),
     ),
 )
 

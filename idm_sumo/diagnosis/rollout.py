@@ -62,16 +62,16 @@ def _remember(seen, gap, speed, rate, models, begin):  # type: ignore[no-untyped
         gap[k] = seen[k, w.REAR] - seen[k, w.X]
         speed[k] = seen[k, w.V]
         rate[k] = seen[k, w.V] - seen[k, w.SPEED]
-        _meet(seen[k], gap, speed, rate, models, k)
+        if seen[k, w.SINCE] == 0.0:
+            _meet(seen[k], gap, speed, rate, models, k)
 
 
 @njit(cache=True, error_model="numpy")
 def _meet(row, gap, speed, rate, models, now):  # type: ignore[no-untyped-def]
-    """Where the leader of a frame is new, rewrite the past of those who know where it was."""
-    if row[w.SINCE] == 0.0:
-        for n in range(gap.shape[1]):
-            if knows_new_leader(models[n if len(models) > 1 else 0, int(row[w.LANE])]):
-                follow_another(gap[:, n], speed[:, n], rate[:, n], now, FRAME_STEP)
+    """Rewrite the past of those who know where a frame's leader, who is new, was."""
+    for n in range(gap.shape[1]):
+        if knows_new_leader(models[n if len(models) > 1 else 0, int(row[w.LANE])]):
+            follow_another(gap[:, n], speed[:, n], rate[:, n], now, FRAME_STEP)
 
 
 @njit(cache=True, nogil=True, error_model="numpy")
@@ -81,6 +81,7 @@ def _drive(first, last, seen, driver, theta, models, start, pushed, begin, every
     An array for each quantity, so that the compiler sees loops over rollouts that it can turn into vector instructions.
     """
     frames, beside = seen.shape[1], x.shape[2]
+    remembers = models[:, :, slots.NEW_LEADER_KNOWN].max() > 0.0
     same_driver, same_model = theta.shape[2] == 1, len(models) == 1
     gap, speed, rate = np.empty((frames, beside)), np.empty((frames, beside)), np.empty((frames, beside))
     a, weight, headway, jam, limit = (
@@ -107,7 +108,8 @@ def _drive(first, last, seen, driver, theta, models, start, pushed, begin, every
                 gap[now, n] = rear - here[n]
                 speed[now, n] = fast[n]
                 rate[now, n] = fast[n] - ahead
-            _meet(row, gap, speed, rate, models, now)
+            if remembers and row[w.SINCE] == 0.0:
+                _meet(row, gap, speed, rate, models, now)
             if same_model:
                 moment = _moment(row, models[0, lane])
                 ago, after, share = moment_ago(now, models[0, lane, slots.DELAY], FRAME_STEP)
@@ -241,7 +243,8 @@ def _respond(first, last, seen, driver, theta, by_lane, response, state):  # typ
             m = by_lane[int(row[w.LANE])]
             moment = _moment(row, m)
             gaps[now], speeds[now], rates[now] = row[w.REAR] - x, v, v - row[w.SPEED]
-            _meet(row, gap_of, speed_of, rate_of, models, now)
+            if row[w.SINCE] == 0.0:
+                _meet(row, gap_of, speed_of, rate_of, models, now)
             ago, after, share = moment_ago(now, m[slots.DELAY], FRAME_STEP)
             gap, rate = between(gaps[ago], gaps[after], share), between(rates[ago], rates[after], share)
             ago, after, share = moment_ago(now, own_delay(m), FRAME_STEP)
