@@ -81,7 +81,7 @@ def _drive(first, last, seen, driver, theta, models, start, pushed, begin, every
     An array for each quantity, so that the compiler sees loops over rollouts that it can turn into vector instructions.
     """
     frames, beside = seen.shape[1], x.shape[2]
-    remembers = models[:, :, slots.NEW_LEADER_KNOWN].max() > 0.0
+    remembers = models[:, :, slots.NEW_LEADER_KNOWN].sum() > 0.0  # zero models may stand side by side
     same_driver, same_model = theta.shape[2] == 1, len(models) == 1
     gap, speed, rate = np.empty((frames, beside)), np.empty((frames, beside)), np.empty((frames, beside))
     a, weight, headway, jam, limit = (
