@@ -184,7 +184,7 @@ def _named(said: Said, looks: int) -> LeftOver:
              for e, a, b in zip(family.edges, stretch.first, stretch.last, strict=True)]  # fmt: skip
     covariate = f"{family.content} over {family.covariate}" if family.content else family.covariate
     place = edges[0] if family.covariate.startswith("position") else None
-    time = edges[-1] if family.covariate.startswith(("time", "position and time")) else None
+    time = edges[-1] if family.covariate.startswith(("time", ff.REGION)) else None
     p = float(min(1.0, looks * 2.0 * norm.sf(abs(z))))
     lane = int(family.covariate.partition(ff.IN_LANE)[2] or 0)
     large_enough = abs(value) >= LEAST[family.content]

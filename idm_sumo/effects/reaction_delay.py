@@ -18,9 +18,10 @@ from numba import njit
 
 from idm_sumo.effects import slots
 from idm_sumo.effects.record import Effect, Parameter
+from idm_sumo.road import FRAME_STEP
 
 LONGEST = 1.5  # s, what a past has to hold
-REMEMBERED = 16  # moments of 0.1 s: as much, and the one before
+REMEMBERED = round(LONGEST / FRAME_STEP) + 1  # moments: as much, and the one before
 
 
 @njit(cache=True, error_model="numpy")

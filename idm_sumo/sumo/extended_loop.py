@@ -15,7 +15,7 @@ from idm_sumo import road
 from idm_sumo.departures import DESTINATION, THROUGH
 from idm_sumo.effects import ExtendedModel, extended_acceleration, slots
 from idm_sumo.effects.lane_change_relaxation import headway_after
-from idm_sumo.effects.reaction_delay import LONGEST, acted_on, follow_another, knows_new_leader, own_delay
+from idm_sumo.effects.reaction_delay import LONGEST, REMEMBERED, acted_on, follow_another, knows_new_leader, own_delay
 from idm_sumo.rollout import perceive
 from idm_sumo.sight import NOBODY_YET, Others, look
 from idm_sumo.traffic import NOBODY
@@ -23,7 +23,7 @@ from idm_sumo.traffic import NOBODY
 Floats = npt.NDArray[np.float64]
 Integers = npt.NDArray[np.int64]
 
-PAST = round(LONGEST / road.FRAME_STEP) + 2  # moments that a delay can reach back to
+PAST = REMEMBERED + 1  # moments: that a delay can reach back to, and the present
 OURS, SUMOS = 0, 31  # SUMO's speed modes: no check of its own; all of them
 
 
