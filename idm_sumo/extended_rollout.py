@@ -162,13 +162,13 @@ def _remember_observed(minds, ground, body, x, speed):  # type: ignore[no-untype
             leader_speed = ground.speed[row] if row != NOBODY else speed[i, k]
             past[k] = (gap, speed[i, k], speed[i, k] - leader_speed)
             who = ground.others.who[row] if row != NOBODY else 0
-            _meet(past, k, before, who, minds.magnitudes[i])
+            meet(past, k, before, who, minds.magnitudes[i])
             before = who
         minds.leader[i] = before
 
 
 @njit(cache=True)
-def _meet(past, now, before, who, m):  # type: ignore[no-untyped-def]
+def meet(past, now, before, who, m):  # type: ignore[no-untyped-def]
     """Return whether the leader is another one; who knows where that was has it in the past."""
     another = before > 0 and who > 0 and who != before
     if another and knows_new_leader(m):
@@ -198,7 +198,7 @@ def decide(i, k, front, speed, row, gap, minds, ground, body):  # type: ignore[n
     past[now] = (gap, speed, speed - leader_speed)
     who = ground.others.who[row] if row != NOBODY else 0
     gap_before = past[now - 1, 0]
-    if _meet(past, now, minds.leader[i], who, m):
+    if meet(past, now, minds.leader[i], who, m):
         minds.changed[i] = (gap_before - gap, elapsed, headway_after(gap, speed))
     minds.leader[i] = who
     minds.driven[i, 0] += speed

@@ -15,7 +15,8 @@ from idm_sumo import road
 from idm_sumo.departures import DESTINATION, THROUGH
 from idm_sumo.effects import ExtendedModel, extended_acceleration, slots
 from idm_sumo.effects.lane_change_relaxation import headway_after
-from idm_sumo.effects.reaction_delay import LONGEST, REMEMBERED, acted_on, follow_another, knows_new_leader, own_delay
+from idm_sumo.effects.reaction_delay import LONGEST, REMEMBERED, acted_on, own_delay
+from idm_sumo.extended_rollout import meet
 from idm_sumo.rollout import perceive
 from idm_sumo.sight import NOBODY_YET, Others, look
 from idm_sumo.traffic import NOBODY
@@ -149,8 +150,7 @@ def _decide_all(place, x, speed, length, lane, offsets, others, memory, magnitud
         vehicle = place[i]
         m, own, past = magnitudes[lane[i]], theta[vehicle], memory.past[vehicle]
         who = others.who[row] if row != NOBODY else 0
-        if _remember(vehicle, gap, speed[i], speed[i] - leader_speed, who, now, memory) and knows_new_leader(m):
-            follow_another(past[:, 0], past[:, 1], past[:, 2], PAST - 1, road.FRAME_STEP)
+        _remember(vehicle, gap, speed[i], speed[i] - leader_speed, who, now, memory, m)
         see = look(
             offsets, x, speed, length, others.who, others, lane[i] - 1, 1, lane[i], False, others.who[i], length[i], x[i],
             row, gap, now, others.vehicle_class[i], memory.changed[vehicle, 0], now - memory.changed[vehicle, 1],
@@ -165,17 +165,16 @@ def _decide_all(place, x, speed, length, lane, offsets, others, memory, magnitud
 
 
 @njit(cache=True)
-def _remember(vehicle, gap, speed, approach_rate, who, now, memory):  # type: ignore[no-untyped-def]
-    """Push the present into the past of a vehicle, note a change of its leader, and return whether there was one."""
+def _remember(vehicle, gap, speed, approach_rate, who, now, memory, m):  # type: ignore[no-untyped-def]
+    """Push the present into the past of a vehicle, and note a change of its leader."""
     past = memory.past[vehicle]
-    another = memory.leader[vehicle] > 0 and who > 0 and who != memory.leader[vehicle]
-    if another:
-        memory.changed[vehicle] = (past[PAST - 1, 0] - gap, now, headway_after(gap, speed))
-    memory.leader[vehicle] = who
+    gap_before = past[PAST - 1, 0]
     if memory.moments[vehicle] == 0:
         past[:] = np.array([gap, speed, approach_rate])  # before it came it saw what it sees first
     past[:-1] = past[1:].copy()
     past[PAST - 1] = (gap, speed, approach_rate)
+    if meet(past, PAST - 1, memory.leader[vehicle], who, m):
+        memory.changed[vehicle] = (gap_before - gap, now, headway_after(gap, speed))
+    memory.leader[vehicle] = who
     memory.moments[vehicle] += 1
     memory.driven[vehicle] += speed
-    return another
