@@ -43,11 +43,12 @@ def one_after_the_other(by_lane: np.ndarray) -> w.Windows:
     return replace(windows, seen=seen)
 
 
-@pytest.mark.parametrize(("name", "size", "ends", "width"), [
-    ("location", -0.4, (45.0, 97.0), at.PLACE_BIN), ("time_of_day", 0.4, (31.0, 66.0), at.TIME_BIN),
+@pytest.mark.parametrize(("name", "symbol", "size", "ends", "width"), [
+    ("location", "alpha", -0.4, (45.0, 97.0), at.PLACE_BIN), ("location", "theta", 0.6, (45.0, 97.0), at.PLACE_BIN),
+    ("time_of_day", "theta", 0.4, (31.0, 66.0), at.TIME_BIN),
 ])  # fmt: skip
-def test_edges_are_found_between_those_of_bins(name, size, ends, width):
-    magnitude, begin, end = (parameter.slot for parameter in BY_NAME[name].parameters)
+def test_edges_are_found_between_those_of_bins(name, symbol, size, ends, width):
+    magnitude, begin, end = (parameter.slot for parameter in BY_NAME[name].named_by([symbol]))
     planted = ro.PLAIN.copy()
     planted[:, [magnitude, begin, end]] = size, *ends
     windows = one_after_the_other(planted)

@@ -18,23 +18,24 @@ from idm_sumo.diagnosis.fit import fit_drivers
 from idm_sumo.diagnosis.hypotheses import Candidate
 from idm_sumo.diagnosis.look import Subject
 from idm_sumo.diagnosis.luck import Noises, draws
-from idm_sumo.diagnosis.sizes import STEEPEST, Stride, TwinScore, climbed, magnitude_of, refined, with_cause, with_value
-from idm_sumo.effects import slots
+from idm_sumo.diagnosis.sizes import STEEPEST, Stride, TwinScore, climbed, refined, with_cause, with_value
+from idm_sumo.effects import BY_NAME, slots
 from tests.test_diagnosis_rollout import QUIET, followers
 
 NAME = "perception_threshold"
+FIRST = BY_NAME[NAME].parameters[0]
 
 
 def test_short_steps_that_go_one_way_arrive_sooner_than_they_would_alone():
     stride, value = Stride(), 0.2
     for _ in range(8):
-        value = stride.moved(NAME, value, 0.08 * (0.6 - value))
+        value = stride.moved(FIRST, value, 0.08 * (0.6 - value))
     assert value > 0.45 > 0.2 + 0.4 * (1 - 0.92**8)
 
 
 def test_a_step_the_other_way_shortens_the_next():
     stride, value = Stride(), 0.5
-    values = [value := stride.moved(NAME, value, step) for step in (0.05, 0.05, 0.05, -0.05, 0.05)]
+    values = [value := stride.moved(FIRST, value, step) for step in (0.05, 0.05, 0.05, -0.05, 0.05)]
     moves = np.abs(np.diff([0.5, *values]))
     assert moves[1] > moves[0]
     assert moves[3] < moves[2]
@@ -42,17 +43,16 @@ def test_a_step_the_other_way_shortens_the_next():
 
 @given(st.floats(0.01, 2.0), st.floats(-1e6, 1e6, allow_nan=False))
 def test_a_magnitude_stays_within_its_bounds_and_off_zero(value, step):
-    first = magnitude_of(NAME)
-    moved = Stride().moved(NAME, value, step)
-    assert first.lower <= moved <= first.upper
+    moved = Stride().moved(FIRST, value, step)
+    assert FIRST.lower <= moved <= FIRST.upper
     assert moved != 0.0
 
 
 def test_a_small_step_has_settled():
     stride = Stride()
-    stride.moved(NAME, 0.5, 0.1)
+    stride.moved(FIRST, 0.5, 0.1)
     assert not stride.settled
-    stride.moved(NAME, 0.5, 0.001)
+    stride.moved(FIRST, 0.5, 0.001)
     assert stride.settled
 
 

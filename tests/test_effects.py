@@ -114,10 +114,10 @@ def test_anticipation_of_speeds_is_an_approach_to_the_mean_of_both_leaders(speed
     assert drive(m, speed=speed, rate=rate, gap=gap) == pytest.approx(expected, abs=1e-9)
 
 
-@given(st.floats(-3.0, 3.0), st.floats(0.1, 2.0))
-def test_a_dead_band_hides_small_rates_only(rate, band):
-    m = only("perception_threshold", delta=band)
-    seen = 0.0 if abs(rate) < band else rate
+@given(st.floats(-3.0, 3.0), st.floats(0.1, 2.0), st.sampled_from([0.0, 1.0]))
+def test_a_dead_band_hides_small_rates_only_or_all_rates_by_as_much(rate, band, taken):
+    m = only("perception_threshold", delta=band, phi=taken)
+    seen = 0.0 if abs(rate) < band else rate - taken * np.sign(rate) * band
     assert drive(m, rate=rate) == drive(none(), rate=seen)
 
 
@@ -164,9 +164,18 @@ def test_a_change_to_a_longer_gap_leaves_the_headway_as_it_is():
 
 
 def test_every_magnitude_has_a_slot_of_its_own():
-    used = [p.slot for e in CATALOGUE for p in e.parameters]
+    used = [p.slot for e in CATALOGUE for p in e.every]
     assert sorted(used) == list(range(slots.COUNT))
-    assert all(p.lower <= p.typical <= p.upper for e in CATALOGUE for p in e.parameters)
+    assert all(p.lower <= p.typical <= p.upper for e in CATALOGUE for p in e.every)
+
+
+@given(st.floats(0.0, 100.0), st.floats(-0.5, 1.0))
+def test_a_place_where_the_headway_is_another(x, share):
+    m, see = none(), SEEN._replace(x=x)
+    Cause("location", {"theta": share, "x_1": 30.0, "x_2": 60.0}).fill(m)
+    there = 1.4 * (1.0 + share) if 30.0 <= x < 60.0 else 1.4
+    found = extended_acceleration(12.0, 0.5, 15.0, see, 1.2, 1.8, 1.4, 2.0, 0.0, 28.0, m)
+    assert found == pytest.approx(extended_acceleration(12.0, 0.5, 15.0, see, 1.2, 1.8, there, 2.0, 0.0, 28.0, none()))
 
 
 def test_confusable_names_are_in_the_catalogue():

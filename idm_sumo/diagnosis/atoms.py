@@ -8,7 +8,7 @@ from __future__ import annotations
 
 import itertools
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import NamedTuple
 
 import numpy as np
@@ -27,12 +27,13 @@ Integers = npt.NDArray[np.int64]
 PLACE_BIN, TIME_BIN = 16.0, 12.0  # m, s
 MOST_BINS = 64  # of a long road or recording: edges are sharpened later
 DELAYS = (0.2, 0.4, 0.8)  # s, from which a climb begins
-RECOVERIES = (8.0, 12.5, 20.0)  # s, of a relaxation; faster is what another law does after a cut-in
+RECOVERIES = (9.0, 16.0)  # s, of a relaxation, from which it is refined; faster is what another law does after a cut-in
 # Effect, slot and sizes of its magnitude, further values that it fixes.
 SECANTS: tuple[tuple[str, int, tuple[float, ...], tuple[tuple[int, float], ...]], ...] = (
     ("reaction_delay", slots.DELAY, (0.2, 0.6), ()),
     ("multi_leader_anticipation", slots.SECOND_LEADER, (0.2,), ()),
-    ("perception_threshold", slots.BAND, (0.3, 0.6, 1.0), ()),
+    ("perception_threshold", slots.BAND, (0.4, 0.9), ()),
+    ("perception_threshold", slots.BAND, (0.5,), ((slots.BAND_TAKEN, 1.0),)),
     ("reaction_delay", slots.DELAY, (0.5,), ((slots.OWN_SPEED_KNOWN, 1.0),)),
     ("reaction_delay", slots.DELAY, (0.4,), ((slots.NEW_LEADER_KNOWN, 1.0),)),
     ("reaction_delay", slots.DELAY, (0.5,), ((slots.OWN_SPEED_KNOWN, 1.0), (slots.NEW_LEADER_KNOWN, 1.0))),
@@ -125,9 +126,11 @@ def build(windows: w.Windows, fit: Fit, answer: Answer, grid: Grid) -> tuple[lis
     return _columns(windows, fit, answer, range(len(LINEAR)), grid, _scans(windows, answer.state, grid), secants)
 
 
-def build_local(windows: w.Windows, fit: Fit, answer: Answer, grid: Grid) -> tuple[list[Atom], Floats]:
-    """Return, as :func:`build`, the accepted magnitudes' own atoms only, and the car-following's form."""
-    return _columns(windows, fit, answer, FORM, grid, [], local_atoms(fit.by_lane))
+def build_local(
+    windows: w.Windows, fit: Fit, answer: Answer, grid: Grid, more: Sequence[Atom] = ()
+) -> tuple[list[Atom], Floats]:  # fmt: skip
+    """Return, as :func:`build`, the accepted magnitudes' own atoms only, and the car-following's form; and more secants."""
+    return _columns(windows, fit, answer, FORM, grid, [], [*local_atoms(fit.by_lane), *more])
 
 
 class Scan(NamedTuple):
@@ -146,10 +149,12 @@ def _scans(windows: w.Windows, state: Floats, grid: Grid) -> list[Scan]:
     lanes = grid.lanes if len(grid.lanes) > 1 else grid.lanes[:0]
     lane = np.searchsorted(grid.lanes, seen[:, :, w.LANE]) if len(lanes) else np.full(time.shape, -1)
     by_place = [Atom("location", low=low, high=high) for low, high in itertools.pairwise(grid.place)]
+    of_headway = [replace(atom, fixed=((slots.PLACE_HEADWAY, 1.0),)) for atom in by_place]
     by_time = [Atom("time_of_day", low=low, high=high) for low, high in itertools.pairwise(grid.time)]
     return [
         Scan([Atom("desired_speed", lane=int(number)) for number in lanes], lane, state[:, :, ro.BY_V0]),
         Scan(by_place, place, None),
+        Scan(of_headway, place, state[:, :, ro.BY_T]),
         Scan(by_time, time, state[:, :, ro.BY_T]),
     ]
 
@@ -175,6 +180,7 @@ def _columns(
 # Of effects that are not linear near zero.
 SECANT_ATOMS = tuple(Atom(name, size, ((slot, size), *more)) for name, slot, sizes, more in SECANTS for size in sizes)
 LOCAL = "local:"  # marks an atom that is a small step of a magnitude already accepted
+OTHERWISE = "otherwise:"  # marks one that is an accepted magnitude with another companion
 
 
 def local_atoms(by_lane: Floats) -> list[Atom]:
@@ -183,7 +189,7 @@ def local_atoms(by_lane: Floats) -> list[Atom]:
     for effect in CATALOGUE:
         if not effect.parameters:
             continue
-        first = effect.parameters[0]
+        first = effect.acting(by_lane[0])[0]
         value = by_lane[0, first.slot]
         if value != 0.0:
             size = 0.25 * max(abs(value), 0.5 * first.typical)

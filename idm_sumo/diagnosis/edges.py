@@ -39,11 +39,14 @@ def sharpened(subject: Subject, fit: Fit, names: list[str]) -> Fit:
     pulses = pulses_of(subject.windows, fit, answer)
     by_lane = fit.by_lane.copy()
     for name in moving:
-        magnitude, begins, ends = (parameter.slot for parameter in BY_NAME[name].parameters)
-        where, value, width = _along(subject, answer.state, name)
+        acting = BY_NAME[name].acting(by_lane[0])
+        magnitude, begins, ends = (parameter.slot for parameter in acting)
+        is_share = acting[0].is_share
+        where, width = _along(subject, answer.state, name)
+        value = answer.state[:, :, ro.BY_T] if is_share else np.ones(where.shape)
         acts = at.acts(by_lane, magnitude)[subject.windows.seen[:, w.LEAD : -1, w.LANE].astype(np.int64)]
         begin, end = by_lane[0, begins], by_lane[0, ends]
-        size = by_lane[0, magnitude] if name == "location" else np.log1p(by_lane[0, magnitude])
+        size = np.log1p(by_lane[0, magnitude]) if is_share else by_lane[0, magnitude]
         slices = _slices(begin, end, width / SLICES)
         u, gram = pulses.along(np.where(acts, numbered(where, slices), -1), value, len(slices) - 1)
         first, last = best_edges(size * u.sum(axis=0)[:-1], size**2 * gram[:-1, :-1], slices, begin, end)
@@ -51,11 +54,11 @@ def sharpened(subject: Subject, fit: Fit, names: list[str]) -> Fit:
     return replace(fit, by_lane=by_lane)
 
 
-def _along(subject: Subject, state: Floats, name: str) -> tuple[Floats, Floats, float]:
-    """Return the coordinate of each frame, the acceleration by a unit of the effect, and the width of the scan's bins."""
+def _along(subject: Subject, state: Floats, name: str) -> tuple[Floats, float]:
+    """Return the coordinate of each frame, and the width of the scan's bins."""
     if name == "location":
-        return state[:, :, ro.BASE_X], np.ones(state.shape[:2]), _width(subject.grid.place)
-    return subject.windows.seen[:, w.LEAD : -1, w.TIME], state[:, :, ro.BY_T], _width(subject.grid.time)
+        return state[:, :, ro.BASE_X], _width(subject.grid.place)
+    return subject.windows.seen[:, w.LEAD : -1, w.TIME], _width(subject.grid.time)
 
 
 def _width(edges: Floats) -> float:

@@ -73,7 +73,7 @@ class Evidence:
 
     def inflation(self) -> float:
         """Return by how much the clustered variance exceeds the model's, the median over bins of place and time."""
-        bins = [n for n, atom in enumerate(self.atoms) if atom.name in ("location", "time_of_day")]
+        bins = [n for n, atom in enumerate(self.atoms) if atom.name in ("location", "time_of_day") and not atom.fixed]
         informative = [n for n in bins if self.gram[n, n] > 1e-9]
         if not informative:
             return 1.5

@@ -166,6 +166,7 @@ def is_past_unseen(candidate: Candidate, evidence: ev.Evidence, accepted: Contai
     if candidate.name != "location" or "lane_change_relaxation" not in accepted:
         return False
     bins = [atom for atom in evidence.atoms if atom.name == "location"]
-    if candidate.value > 0.0:
+    pushes = candidate.value > 0.0 if not hy.acting_of(candidate)[0].is_share else candidate.value < 0.0
+    if pushes:
         return candidate.atom.low <= min(one.low for one in bins)
     return candidate.atom.high >= max(one.high for one in bins)

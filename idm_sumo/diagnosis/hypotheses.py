@@ -13,7 +13,7 @@ from idm_sumo.diagnosis.evidence import Evidence
 from idm_sumo.diagnosis.free_fields import IN_LANE
 from idm_sumo.diagnosis.left_over import LeftOver
 from idm_sumo.diagnosis.scans import best_stretch
-from idm_sumo.effects import BY_NAME, slots
+from idm_sumo.effects import BY_NAME, Parameter, slots
 
 Floats = npt.NDArray[np.float64]
 
@@ -114,12 +114,15 @@ def local(evidence: Evidence, name: str) -> Candidate | None:
 def forms(evidence: Evidence, candidate: Candidate) -> list[Candidate]:
     """Return the candidate in each form between which its score alone does not decide.
 
-    Those with another companion parameter; and where less is done somewhere, more is done beside it: an interval of each sign.
+    Those with another companion parameter, or another kind of shift; and where less is done somewhere, more is done beside it: an
+    interval of each sign.
     """
     rows = _informative(evidence, candidate.name)
     if candidate.name in SCANNED:
-        other = _scan(evidence, candidate.name, rows, -np.sign(candidate.value))
-        return [candidate] if other is None or other.z**2 < RESEMBLING * candidate.z**2 else [candidate, other]
+        kind = candidate.atom.fixed
+        others = [c for c in _scans(evidence, candidate.name, rows, -np.sign(candidate.value)) if c.atom.fixed == kind]
+        others += [c for c in _scans(evidence, candidate.name, rows) if c.atom.fixed != kind]
+        return [candidate, *(other for other in others if other.z**2 >= RESEMBLING * candidate.z**2)]
     every = [_consistent(form) for form in _by_companions(_each(evidence, candidate.name, rows)).values()]
     # That it is there at all, the strongest form says.
     return [replace(form, z=candidate.z, p=candidate.p) for form in every] if len(every) > 1 else [candidate]
@@ -155,7 +158,7 @@ def _best(evidence: Evidence, name: str) -> Candidate | None:
     if not rows:
         return None
     if name in SCANNED:
-        return _scan(evidence, name, rows)
+        return max(_scans(evidence, name, rows), key=lambda c: abs(c.z), default=None)
     forms = _by_companions(_each(evidence, name, rows)).values()
     return _consistent(max(forms, key=lambda form: max(abs(c.z) for c in form)))
 
@@ -188,9 +191,21 @@ def _candidate(evidence: Evidence, name: str, mix: Floats, atom: Atom, looks: in
     )
 
 
-def _scan(evidence: Evidence, name: str, rows: list[int], sign: float = 0.0) -> Candidate | None:
-    """Return the interval of place or time with the largest score over its standard error; of one sign if that is not zero."""
+def _scans(evidence: Evidence, name: str, rows: list[int], sign: float = 0.0) -> list[Candidate]:
+    """Return, for each kind of shift, the interval of place or time with the largest score over its standard error.
+
+    Of one sign if that is not zero.
+    """
+    kinds: dict[tuple[tuple[int, float], ...], list[int]] = {}
+    for n in rows:
+        kinds.setdefault(evidence.atoms[n].fixed, []).append(n)
+    each = (_scan(evidence, kind, sign, 40 * len(rows)) for kind in kinds.values())
+    return [one for one in each if one is not None]
+
+
+def _scan(evidence: Evidence, rows: list[int], sign: float, looks: int) -> Candidate | None:
     bins = [evidence.atoms[n] for n in rows]
+    name = bins[0].name
     narrowest = int(np.ceil(NARROWEST[name] / (bins[0].high - bins[0].low) - 1e-6))
     best = best_stretch(
         evidence.total()[rows], evidence.gram[np.ix_(rows, rows)], (len(rows),), narrowest, WIDEST, sign
@@ -199,8 +214,15 @@ def _scan(evidence: Evidence, name: str, rows: list[int], sign: float = 0.0) -> 
         return None
     mix = np.zeros(len(evidence.atoms))
     mix[rows] = best.inside((len(rows),))
-    atom = Atom(name, low=float(bins[best.first[0]].low), high=float(bins[best.last[0] - 1].high))
-    return _candidate(evidence, name, mix, atom, 40 * len(rows))
+    atom = replace(bins[0], low=float(bins[best.first[0]].low), high=float(bins[best.last[0] - 1].high))
+    return _candidate(evidence, name, mix, atom, looks)
+
+
+def acting_of(candidate: Candidate) -> tuple[Parameter, ...]:
+    """Return the parameters of the form that a candidate has, its magnitude first."""
+    effect = BY_NAME[candidate.name]
+    moved = {slot for slot, _ in candidate.atom.fixed[:1]}
+    return effect.named_by({p.symbol for p in effect.every if p.slot in moved})
 
 
 def lanes_of(candidate: Candidate) -> list[int] | slice:
@@ -210,11 +232,12 @@ def lanes_of(candidate: Candidate) -> list[int] | slice:
 
 def slots_of(candidate: Candidate) -> list[tuple[int, float]]:
     """Return the slots and values that put the candidate into a model, its first parameter first and never zero: it is there."""
-    first = BY_NAME[candidate.name].parameters[0]
+    acting = acting_of(candidate)
+    first = acting[0]
     value = float(np.clip(candidate.value, first.lower, first.upper))
     values = [(first.slot, value or NEXT_TO_NOTHING * first.typical)]
     if candidate.name in SCANNED:
-        _, begin, end = BY_NAME[candidate.name].parameters
+        _, begin, end = acting
         values += [(begin.slot, candidate.atom.low), (end.slot, candidate.atom.high)]
     if candidate.name == "desired_speed":
         values.append((slots.DESIRED_SPEED_LANE, float(candidate.atom.lane)))

@@ -26,7 +26,7 @@ MOST_CAUSES = 3
 CLOSE = 0.3  # of the best's squared z: from there on causes are brought to their sizes and compared
 TRIED = 3
 FIRST_TWINS, TWINS = 5, 3  # whether anything is there at all is looked at more closely than how much
-SHADOW = 0.5  # of the support of what was refused: with less, another may be no more than its shadow
+SHADOW = 0.7  # of the support of what was refused: with less, another may be no more than its shadow
 RIVAL = 0.85  # of the best cause's support: one with as much cannot be told apart
 
 
@@ -99,7 +99,7 @@ def left_without_causes(first: ev.Evidence) -> tuple[LeftOver, ...]:
 def _measured(cause: Accepted, fit: Fit, evidence: ev.Evidence) -> Accepted:
     """Return the cause with its refined size and its standard error there."""
     there = hy.local(evidence, cause.candidate.name)
-    value = float(fit.by_lane[0, magnitude_of(cause.candidate.name).slot])
+    value = float(fit.by_lane[0, magnitude_of(fit, cause.candidate.name).slot])
     return replace(cause, value=value, error=cause.error if there is None else there.error)
 
 

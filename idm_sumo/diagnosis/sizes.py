@@ -15,6 +15,7 @@ from idm_sumo.diagnosis.gain import compare, driven
 from idm_sumo.diagnosis.hypotheses import Candidate
 from idm_sumo.diagnosis.look import Look, Subject
 from idm_sumo.diagnosis.luck import Luck
+from idm_sumo.diagnosis.recovery import recovered
 from idm_sumo.diagnosis.result import Gain
 from idm_sumo.effects import BY_NAME, Parameter
 
@@ -38,7 +39,7 @@ def with_cause(fit: Fit, candidate: Candidate, value: float | None = None) -> Fi
 
 def with_value(fit: Fit, name: str, value: float) -> Fit:
     """Return the fit with another magnitude of a cause that is in it, the drivers not yet refitted."""
-    by_lane, slot = fit.by_lane.copy(), magnitude_of(name).slot
+    by_lane, slot = fit.by_lane.copy(), magnitude_of(fit, name).slot
     by_lane[at.acts(by_lane, slot), slot] = value
     return replace(fit, by_lane=by_lane)
 
@@ -82,7 +83,7 @@ def climbed(subject: Subject, fit: Fit, candidate: Candidate) -> Tried:
         before, score = value, free
         error = candidate.error * np.sqrt(candidate.information / max(step.information, 1e-9))
         path.append(Tried(replace(candidate, value=value, error=error), now, support))
-        value = stride.moved(candidate.name, value, free / max(step.information, 1e-9))
+        value = stride.moved(magnitude_of(now, candidate.name), value, free / max(step.information, 1e-9))
         if stride.settled:
             break
         now = refitted(subject, with_value(now, candidate.name, value), rounds=1)
@@ -116,7 +117,7 @@ def refined(subject: Subject, fit: Fit, names: list[str], lucks: list[Luck], rng
     begin = fit
     heard: dict[str, TwinScore] = {}
     for _ in range(ROUNDS_OF_TWINS):
-        fit = refitted(subject, sharpened(subject, fit, names), rounds=1)
+        fit = refitted(subject, recovered(subject, sharpened(subject, fit, names)), rounds=1)
         here = ev.look_here(subject, fit)
         biases = ev.local_biases(subject, fit, here, lucks)
         heard = {name: TwinScore.at(_value(fit, name), biases[name], heard.get(name)) for name in names}
@@ -136,7 +137,8 @@ def _settle(subject: Subject, fit: Fit, here: Look, heard: dict[str, TwinScore])
         for name, stride in strides.items():
             value = _value(fit, name)
             free = found[name].score - heard[name].expected(value)
-            fit = with_value(fit, name, stride.moved(name, value, free / max(found[name].information, 1e-9)))
+            step = free / max(found[name].information, 1e-9)
+            fit = with_value(fit, name, stride.moved(magnitude_of(fit, name), value, step))
         fit = refitted(subject, fit, rounds=1)
         if all(stride.settled for stride in strides.values()):
             return fit, number == 0
@@ -144,7 +146,7 @@ def _settle(subject: Subject, fit: Fit, here: Look, heard: dict[str, TwinScore])
 
 
 def _value(fit: Fit, name: str) -> float:
-    return float(fit.by_lane[0, magnitude_of(name).slot])
+    return float(fit.by_lane[0, magnitude_of(fit, name).slot])
 
 
 @dataclass(frozen=True)
@@ -186,19 +188,18 @@ class Stride:
         self.settled = False
         self._factor, self._last = 0.5, 0.0
 
-    def moved(self, name: str, value: float, step: float) -> float:
+    def moved(self, first: Parameter, value: float, step: float) -> float:
         """Return the magnitude after a step: within its bounds, and off zero, where no further step could be taken."""
         same = step * self._last > 0.0
         self._factor = (
             min(2.0 * self._factor, LARGEST_FACTOR) if same or not self._last else max(0.25 * self._factor, 0.5)
         )
         self._last, self.settled = step, abs(step) < SETTLED * abs(value)
-        first = magnitude_of(name)
         longest = LONGEST_MOVE * abs(value)
         moved = value + float(np.clip(self._factor * step, -longest, longest))
         return float(np.clip(moved, first.lower, first.upper)) or hy.NEXT_TO_NOTHING * first.typical
 
 
-def magnitude_of(name: str) -> Parameter:
-    """Return the first parameter of an effect: at zero the effect is not there."""
-    return BY_NAME[name].parameters[0]
+def magnitude_of(fit: Fit, name: str) -> Parameter:
+    """Return the first parameter of an effect in the form that acts in a fit: at zero the effect is not there."""
+    return BY_NAME[name].acting(fit.by_lane[0])[0]

@@ -40,13 +40,13 @@ def model_of(fit: Fit, accepted: tuple[Accepted, ...], source: str) -> ExtendedM
 
 
 def _values(fit: Fit, name: str) -> dict[str, float]:
-    return {p.symbol: float(fit.by_lane[0, p.slot]) for p in BY_NAME[name].parameters}
+    return {p.symbol: float(fit.by_lane[0, p.slot]) for p in BY_NAME[name].acting(fit.by_lane[0])}
 
 
 def without_cause(by_lane: npt.NDArray[np.float64], name: str) -> npt.NDArray[np.float64]:
     """Return magnitudes with one cause taken out."""
     left = by_lane.copy()
-    for parameter in BY_NAME[name].parameters:
+    for parameter in BY_NAME[name].every:
         left[:, parameter.slot] = 0.0
     return left
 
@@ -70,10 +70,10 @@ def seam_cause(seam: Seam) -> CauseFound:
 
 def _cause(fit: Fit, accepted: Accepted, share: float) -> CauseFound:
     candidate = accepted.candidate
-    first = BY_NAME[candidate.name].parameters[0]
+    first, *others = BY_NAME[candidate.name].acting(fit.by_lane[0])
     half = Z95 * float(np.hypot(accepted.error, FORM_DOUBT * accepted.value))
     parameters = {first.symbol: Estimate(accepted.value, first.unit, (accepted.value - half, accepted.value + half))}
-    for parameter in BY_NAME[candidate.name].parameters[1:]:
+    for parameter in others:
         value = float(fit.by_lane[0, parameter.slot])
         slack = _slack(parameter.symbol, value)
         within = max(value - slack, parameter.lower), min(value + slack, parameter.upper)
@@ -96,7 +96,7 @@ def _edges(fit: Fit, candidate: Candidate) -> tuple[float, float]:
     """Return where a cause of the model begins and ends."""
     if candidate.name not in hy.SCANNED:
         return candidate.atom.low, candidate.atom.high
-    _, begin, end = BY_NAME[candidate.name].parameters
+    _, begin, end = BY_NAME[candidate.name].acting(fit.by_lane[0])
     return float(fit.by_lane[0, begin.slot]), float(fit.by_lane[0, end.slot])
 
 
@@ -113,7 +113,7 @@ def _region(candidate: Candidate, edges: tuple[float, float]) -> Region | None:
 def _sentence(accepted: Accepted) -> str:
     """Return the evidence in one sentence."""
     c = accepted.candidate
-    first = BY_NAME[c.name].parameters[0]
+    first = hy.acting_of(c)[0]
     late = (
         "; it rests on what happens later, so a replay can have it and a forecast cannot"
         if BY_NAME[c.name].hindsight
@@ -131,7 +131,7 @@ def without_gain(found: Found) -> tuple[CauseFound, ...]:
     """Return what is there but makes no rollout better."""
     out = []
     for c in found.without_gain:
-        first = BY_NAME[c.name].parameters[0]
+        first = hy.acting_of(c)[0]
         estimate = Estimate(c.value, first.unit, (c.value - Z95 * c.error, c.value + Z95 * c.error))
         sentence = f"present ({abs(c.z):.1f} standard errors) without making rollouts better"
         out.append(
@@ -154,7 +154,7 @@ def ruled_out(found: Found) -> tuple[RuledOut, ...]:
             continue
         effect = BY_NAME[c.name]
         half = Z95 * c.error
-        estimate = Estimate(c.value, effect.parameters[0].unit, (c.value - half, c.value + half))
+        estimate = Estimate(c.value, hy.acting_of(c)[0].unit, (c.value - half, c.value + half))
         out.append(RuledOut(c.name, c.p, effect.confusable_with, estimate))
     return tuple(out)
 
@@ -163,7 +163,7 @@ def power(found: Found) -> tuple[Power, ...]:
     """Return for every tested effect the size that would have been seen with a probability of 80 %."""
     out = []
     for c in hy.candidates(found.first):
-        first = BY_NAME[c.name].parameters[0]
+        first = hy.acting_of(c)[0]
         size = max((4.2 + Z80) * c.error, hy.LEAST[c.name])  # 4.2 standard errors pass the corrected threshold
         out.append(Power(c.name, first.symbol, first.unit, float(size), SHARE_SEEN))
     return tuple(out)
@@ -203,7 +203,7 @@ def scans(evidence: ev.Evidence) -> tuple[Scan, ...]:
     """Return the free acceleration along the road and the free headway along the time."""
     out = []
     for name, covariate, unit in (("location", "position_m", "m/s^2"), ("time_of_day", "time_s", "1")):
-        rows = [n for n, atom in enumerate(evidence.atoms) if atom.name == name]
+        rows = [n for n, atom in enumerate(evidence.atoms) if atom.name == name and not atom.fixed]
         gram = evidence.gram[np.ix_(rows, rows)]
         scale = np.sqrt(np.maximum(np.diag(gram), 1e-12))
         ridge = gram / np.outer(scale, scale) + 0.02 * np.eye(len(rows))

@@ -91,10 +91,10 @@ class Moment(NamedTuple):
         Share of what the own headway is longer than the accepted one; that (s).
     share, rate_share, second_speed : float
         Of the interaction, and of the approach rate, that the second leader has, zero if there is none; its speed (m/s).
-    band, asymmetry, slope, pivot, memory, mean_speed : float
-        Magnitudes, and the running mean speed (m/s).
-    place, begin, end : float
-        m/s², m, m.
+    band, taken, asymmetry, slope, pivot, memory, mean_speed : float
+        Magnitudes (m/s what is taken off the approach rate), and the running mean speed (m/s).
+    place, place_headway, begin, end : float
+        m/s², share, m, m.
     friction, adjacent_speed, pressure : float
         1/s, m/s, m/s².
     """
@@ -108,12 +108,14 @@ class Moment(NamedTuple):
     rate_share: float
     second_speed: float
     band: float
+    taken: float
     asymmetry: float
     slope: float
     pivot: float
     memory: float
     mean_speed: float
     place: float
+    place_headway: float
     begin: float
     end: float
     friction: float
@@ -142,9 +144,9 @@ def moment_of(see, m):  # type: ignore[no-untyped-def]
         gap_credit(see.jump, see.since_change, m[slots.RELAXATION] * of_gap, m[slots.RELAXATION_TIME]),
         given_up, see.accepted_headway if given_up > 0.0 else 0.0,
         share * (1.0 - m[slots.SECOND_SPEED_ONLY]), share * m[slots.SECOND_SPEED_ONLY], see.second_speed,
-        m[slots.BAND], m[slots.ASYMMETRY], m[slots.SPEED_HEADWAY], m[slots.PIVOT_SPEED],
+        m[slots.BAND], m[slots.BAND] * m[slots.BAND_TAKEN], m[slots.ASYMMETRY], m[slots.SPEED_HEADWAY], m[slots.PIVOT_SPEED],
         m[slots.MEMORY] if see.mean_speed == see.mean_speed else 0.0, see.mean_speed,
-        m[slots.PLACE], m[slots.PLACE_BEGIN], m[slots.PLACE_END],
+        m[slots.PLACE], m[slots.PLACE_HEADWAY], m[slots.PLACE_BEGIN], m[slots.PLACE_END],
         m[slots.FRICTION], see.adjacent_speed, m[slots.PRESSURE],
     )  # fmt: skip
 
@@ -167,6 +169,7 @@ def behaved(speed, approach_rate, gap, x, second_gap, rear_gap, moment, a, weigh
     limit = desired_speed * moment.limit
     inverse = 1.0 / limit
     factor = at_speed(speed, moment.pivot, moment.slope) * resigned(moment.mean_speed, limit, moment.memory)
+    factor *= 1.0 + at_place(x, moment.place_headway, moment.begin, moment.end)
     headway = T * (moment.headway * factor)
     headway -= moment.given_up * max(headway - moment.accepted, 0.0)
     rate = (
@@ -174,7 +177,7 @@ def behaved(speed, approach_rate, gap, x, second_gap, rear_gap, moment, a, weigh
         if moment.rate_share > 0.0
         else approach_rate
     )
-    seen = perceived(rate, moment.band)
+    seen = perceived(rate, moment.band, moment.taken)
     wanted = idm.desired_gap_of(speed, seen, weight, headway, d0, d1, inverse)
     ratio = wanted * (1.0 / max(gap + moment.credit, idm.SMALLEST_GAP))
     wanted = idm.desired_gap_of(speed, speed - moment.second_speed, weight, headway, d0, d1, inverse)

@@ -40,7 +40,7 @@ class Cause:
 
     def fill(self, m: npt.NDArray[np.float64]) -> None:
         """Write the values into a vector of magnitudes."""
-        for parameter in BY_NAME[self.name].parameters:
+        for parameter in BY_NAME[self.name].named_by(self.values):
             m[parameter.slot] = self.values.get(parameter.symbol, parameter.typical)
 
 
@@ -83,7 +83,7 @@ class ExtendedModel:
                 "name": cause.name,
                 "parameters": {
                     p.symbol: {"value": float(cause.values.get(p.symbol, p.typical)), "unit": p.unit}
-                    for p in BY_NAME[cause.name].parameters
+                    for p in BY_NAME[cause.name].named_by(cause.values)
                 },
                 "lanes": list(cause.lanes),
             }
@@ -146,7 +146,7 @@ def _cause(entry: dict[str, object], name: str) -> Cause:
     label = str(entry["name"])
     if label not in BY_NAME:
         raise InputError(f"{name}: cause {label!r} is unknown; use one of {', '.join(BY_NAME)}")
-    known = {p.symbol for p in BY_NAME[label].parameters}
+    known = {p.symbol for p in BY_NAME[label].every}
     given = entry["parameters"]
     if not isinstance(given, dict) or not set(given) <= known:
         raise InputError(f"{name}: cause {label!r} has the parameters {', '.join(sorted(known))}, not {given!r}")

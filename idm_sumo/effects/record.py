@@ -2,8 +2,12 @@
 
 from __future__ import annotations
 
+from collections.abc import Container
 from dataclasses import dataclass
 from typing import NamedTuple
+
+import numpy as np
+import numpy.typing as npt
 
 
 class Parameter(NamedTuple):
@@ -27,6 +31,11 @@ class Parameter(NamedTuple):
     upper: float
     typical: float
 
+    @property
+    def is_share(self) -> bool:
+        """Whether it is a share, of a time headway for a place or a time, and no acceleration."""
+        return self.unit == "1"
+
 
 @dataclass(frozen=True)
 class Effect:
@@ -40,6 +49,8 @@ class Effect:
         What the driver does, in a few words.
     parameters : tuple of Parameter
         The first is the magnitude: at zero the effect is not there. Empty for what is not behaviour.
+    instead : Parameter or None
+        A magnitude of another kind, which may act in place of the first.
     must_see : tuple of str
         Fields of :class:`~idm_sumo.effects.acceleration.Sight` (beside gap and leader's speed) that a
         recording must show for the effect to be testable.
@@ -60,3 +71,19 @@ class Effect:
     source: str
     sumo: str | None = None
     hindsight: bool = False
+    instead: Parameter | None = None
+
+    @property
+    def every(self) -> tuple[Parameter, ...]:
+        """All parameters, of whatever form."""
+        return self.parameters if self.instead is None else (*self.parameters, self.instead)
+
+    def named_by(self, symbols: Container[str]) -> tuple[Parameter, ...]:
+        """Return the parameters of the form that some symbols speak of, its magnitude first."""
+        if self.instead is None or self.instead.symbol not in symbols:
+            return self.parameters
+        return (self.instead, *self.parameters[1:])
+
+    def acting(self, m: npt.NDArray[np.float64]) -> tuple[Parameter, ...]:
+        """Return the parameters of the form that acts in a vector of magnitudes, its magnitude first."""
+        return self.named_by({p.symbol for p in self.every if m[p.slot] != 0.0})

@@ -108,6 +108,8 @@ def respond(model, form, e, theta, limit, own_truck, seen, where, x, v, own, s, 
         seen[COURTEOUS] > 0.0, seen[PREPARING] > 0.0,
     )  # fmt: skip
     T *= 1.0 + e[WEARY] * min(1.0, seen[UNREST])
+    if form == THIRD:  # keeps more distance there, in place of braking
+        T *= 1.0 + e[PLACE] * ramp(x, where[0], where[1], 0.1)
     T = resigned_to(T, e, seen[JUMP], seen[SINCE], seen[ACCEPTED_T], form)
     if form == OTHER and truck:
         s0 += e[TRUCK_AHEAD] * theta[1] * 9.0
@@ -124,10 +126,8 @@ def respond(model, form, e, theta, limit, own_truck, seen, where, x, v, own, s, 
             new = (1 - w) * new + w * base_acceleration(model, own, far, own - seen[SECOND_V], v0, T, a, b, s0)
     if e[ASYM] > 0.0 and new > 0.0:
         new *= 1.0 - e[ASYM] * (min(1.0, new / 0.3) if form == OTHER else 1.0)
-    if e[PLACE] > 0.0:
+    if e[PLACE] > 0.0 and form != THIRD:
         inside = ramp(x, where[0], where[1], 30.0 if form == OTHER else 0.1)
-        if form == THIRD and inside > 0.0:  # most in the middle
-            inside = 1.57 * np.sin(3.1416 * min(1.0, max(0.0, (x - where[0]) / (where[1] - where[0]))))
         new -= e[PLACE] * inside
     if v > seen[BESIDE_V]:
         new -= e[FRICTION] * (3.0 * np.tanh((v - seen[BESIDE_V]) / 3.0) if form == OTHER else v - seen[BESIDE_V])
