@@ -142,8 +142,18 @@ def test_held_out_drivers_are_few_and_what_is_sure_need_not_be_clear_on_them(dif
     ],
 )
 def test_what_is_looked_at_more_must_stand_out_more(covariate, z, stands_out):
-    assert gates.stands_out(free(covariate, -z)) is stands_out
-    assert not gates.stands_out(free(covariate, z, large_enough=False))
+    assert bool(gates.standing_out(evidence(0.0, free(covariate, -z)))) is stands_out
+    assert not gates.standing_out(evidence(0.0, free(covariate, z, large_enough=False)))
+
+
+@pytest.mark.parametrize(
+    ("covariate", "z"), [("unrest", 8.0), ("headway over rear_gap", 11.0), ("position", 8.0), ("delay over time", 8.0)]
+)
+def test_beside_what_cannot_be_what_a_driver_sees_must_be_half_as_sure(covariate, z):
+    is_where_or_when = covariate.endswith(("position", "time"))
+    assert gates.standing_out(evidence(-12.0, free(covariate, z)))
+    assert bool(gates.standing_out(evidence(-24.0, free(covariate, z)))) is is_where_or_when
+    assert gates.standing_out(evidence(24.0, free(covariate, z)))
 
 
 @pytest.mark.parametrize(

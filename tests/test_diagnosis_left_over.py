@@ -109,6 +109,17 @@ def test_an_own_oscillation_has_a_line_and_noise_of_some_memory_has_none():
     assert oscillation.line(power(0.0), twins).z < 4.0
 
 
+@pytest.mark.parametrize("period", [4.0, 40.0])
+def test_the_end_of_a_spectrum_that_smoothing_bent_is_no_line(period):
+    rng = np.random.default_rng(5)
+    bent = 1.0 + 3.0 * np.exp(-np.abs(np.log(oscillation.PERIODS / period)) / 0.3)
+    found = bent * rng.uniform(0.8, 1.2, (200, len(oscillation.PERIODS)))
+    assert oscillation.line(found, np.ones(len(bent))).ratio < oscillation.LEAST_RATIO
+    middle = found[:, ::-1] if period == 40.0 else found
+    swinging = np.where(np.arange(len(bent)) == 20, 2.5 * middle, middle)
+    assert oscillation.line(swinging, np.ones(len(bent))).ratio > oscillation.LEAST_RATIO
+
+
 def test_a_place_where_drivers_are_unsteady_is_found_by_its_variance_alone():
     rng = np.random.default_rng(6)
     counts = np.full((60, 30), 4.0)

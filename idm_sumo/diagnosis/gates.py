@@ -34,6 +34,7 @@ CHANCE = 0.01  # of the ADE
 # Standard errors from which on something free stands out; a response that changes, of which there are most looks, and what
 # another car-following model looks like, too, need more.
 FREE_CLEAR, FREE_CHANGED, FREE_DOUBTFUL = 5.5, 6.5, 9.0
+FREE_IMPOSSIBLE = 0.5  # of the z of what cannot be, for what is free along what a driver sees
 # Times the best cause's squared z, and more, from which on the catalogue does not hold it. A response that changes from place to
 # place, or with time, is what goes beyond the same change everywhere, and has to be only half as sure as that.
 FREE_EXCESS, FREE_CHANGE, FREE_MORE = 1.5, 0.5, 25.0
@@ -127,10 +128,21 @@ def is_confirmed(held_out: Gain, fitted: Gain, first: Candidate) -> bool:
     return held_out.is_likely or (z > SURE_AGAIN and fitted.ci95[0] > 0.0 and held_out.difference > 0.0)
 
 
-def stands_out(free: LeftOver) -> bool:
-    """Return whether something free may be told."""
-    usual = FREE_CHANGED if free.covariate.startswith(CHANGES) else FREE_CLEAR
-    return free.large_enough and abs(free.z) > (FREE_DOUBTFUL if free.covariate.endswith(DOUBTFUL) else usual)
+def standing_out(evidence: ev.Evidence) -> tuple[LeftOver, ...]:
+    """Return what is free and may be told, the most significant first.
+
+    Where something looks strong that cannot be (drivers who act before their leader does), the car-following is another law than the
+    model's. What that law makes of what a driver sees is then no effect, unless it is half as sure as that.
+    """
+    impossible = max((abs(c.z) for c in hy.candidates(evidence) if hy.is_impossible(c)), default=0.0)
+
+    def least(one: LeftOver) -> float:
+        if one.covariate.startswith(CHANGES):
+            return FREE_CHANGED
+        usual = FREE_DOUBTFUL if one.covariate.endswith(DOUBTFUL) else FREE_CLEAR
+        return max(usual, FREE_IMPOSSIBLE * impossible) if one.is_seen else usual
+
+    return tuple(one for one in evidence.free if one.large_enough and abs(one.z) > least(one))
 
 
 def outside(evidence: ev.Evidence) -> tuple[LeftOver, ...]:
@@ -148,7 +160,7 @@ def outside(evidence: ev.Evidence) -> tuple[LeftOver, ...]:
         shown = SHOWS.get((one.covariate, float(np.sign(one.value)))) in likely
         return not shown and (best == 0.0 or one.covariate not in HELD)
 
-    return tuple(one for one in evidence.free if is_new(one) and stands_out(one) and one.z**2 > needed(one))
+    return tuple(one for one in standing_out(evidence) if is_new(one) and one.z**2 > needed(one))
 
 
 def is_left(strange: LeftOver, evidence: ev.Evidence) -> bool:

@@ -98,6 +98,11 @@ def candidates(evidence: Evidence) -> list[Candidate]:
     return sorted(found, key=lambda c: -abs(c.z))
 
 
+def is_impossible(candidate: Candidate) -> bool:
+    """Return whether a candidate has the sign that its effect cannot have."""
+    return candidate.name not in EITHER_SIGN and candidate.value < 0.0
+
+
 def in_one_lane(left: LeftOver) -> Candidate | None:
     """Return the location that acts in one lane only, if that is what a free acceleration is."""
     if left.covariate != f"position{IN_LANE}{left.lane}" or left.position_m is None:

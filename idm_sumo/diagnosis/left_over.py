@@ -69,6 +69,11 @@ class LeftOver:
     score: float = 0.0
     bias: float = 0.0
 
+    @property
+    def is_seen(self) -> bool:
+        """Whether it lies along what a driver sees, and is no question of where or when."""
+        return self.covariate.split(" over ")[-1] in ff.EDGES
+
 
 @dataclass(frozen=True)
 class Heard:

@@ -20,7 +20,8 @@ from idm_sumo.road import FRAME_STEP
 Floats = npt.NDArray[np.float64]
 
 PERIODS = np.geomspace(4.0, 40.0, 40)  # s; faster swings are what unstable following and smoothing leave
-NEAR, AROUND = 2, 8  # periods that a line covers to each side, and with which it is compared
+NEAR, AROUND = 2, 8  # periods that a line covers to each side, and up to which it is compared
+LEAST_BESIDE = 3  # of them, on each side: at the end of a falling spectrum anything would be a line
 LEAST_RATIO = 1.45  # of a line to what is around it
 
 
@@ -36,6 +37,11 @@ def spectrum(pulses: Pulses) -> Floats:
     return np.asarray(power / np.maximum(power.sum(axis=1, keepdims=True), 1e-300))
 
 
+def _median(values: Floats) -> float:
+    """Return the median of periods on one side; infinite if they are too few to compare with."""
+    return float(np.median(values)) if len(values) >= LEAST_BESIDE else np.inf
+
+
 class Line(NamedTuple):
     """A line of the spectrum: edges of its period (s), its power over that around it, standard errors."""
 
@@ -46,7 +52,7 @@ class Line(NamedTuple):
 
 
 def line(found: Floats, twins: Floats) -> Line:
-    """Return the strongest line.
+    """Return the strongest line: what is more than the periods to either side of it are.
 
     Parameters
     ----------
@@ -57,9 +63,9 @@ def line(found: Floats, twins: Floats) -> Line:
     """
     excess = found.mean(axis=0) / np.maximum(twins, 1e-300)
     number = np.arange(len(excess))
-    far = np.abs(number[:, None] - number)
-    beside = (far > NEAR) & (far <= AROUND)
-    usual = np.array([np.median(excess[row]) for row in beside])
+    far = number - number[:, None]
+    sides = [(side * far > NEAR) & (side * far <= AROUND) for side in (-1, 1)]
+    usual = np.max([[_median(excess[row]) for row in side] for side in sides], axis=0)
     ratio = excess / usual
     error = found.std(axis=0) / np.sqrt(len(found)) / np.maximum(twins * usual, 1e-300)
     best = int(np.argmax(ratio))

@@ -26,7 +26,7 @@ MOST_CAUSES = 3
 CLOSE = 0.3  # of the best's squared z: from there on causes are brought to their sizes and compared
 TRIED = 3
 FIRST_TWINS, TWINS = 5, 3  # whether anything is there at all is looked at more closely than how much
-SHADOW = 0.7  # of the support of what was refused: with less, another may be no more than its shadow
+SHADOW = 0.65  # of the support of what was refused: with less, another may be no more than its shadow
 RIVAL = 0.85  # of the best cause's support: one with as much cannot be told apart
 
 
@@ -93,7 +93,7 @@ def with_its_noise(subject: Subject, fit: Fit, rng: np.random.Generator) -> Subj
 
 def left_without_causes(first: ev.Evidence) -> tuple[LeftOver, ...]:
     """Return what is worth telling of the first look if no cause is named."""
-    return told(tuple(one for one in first.free if gates.stands_out(one)))
+    return told(gates.standing_out(first))
 
 
 def _measured(cause: Accepted, fit: Fit, evidence: ev.Evidence) -> Accepted:
