@@ -13,6 +13,7 @@ from typing import NamedTuple
 
 import numpy as np
 import numpy.typing as npt
+from numba import njit
 
 from idm_sumo.diagnosis import rollout as ro
 from idm_sumo.diagnosis import windows as w
@@ -20,6 +21,7 @@ from idm_sumo.diagnosis.bins import edges_of, numbered, response_by_bin
 from idm_sumo.diagnosis.fit import Fit, Linear, linearise
 from idm_sumo.diagnosis.linear_pulses import GUARD, LINEAR, linear_pulses
 from idm_sumo.effects import CATALOGUE, slots
+from idm_sumo.threads import in_threads
 
 Floats = npt.NDArray[np.float64]
 Integers = npt.NDArray[np.int64]
@@ -73,10 +75,28 @@ def tamed(columns: Floats) -> Floats:
     Where a simulated vehicle nearly hits its leader, a little more of anything moves it by kilometres: without a limit a handful
     of such windows would be all the information there is.
     """
-    size = np.abs(columns).max(axis=1)
+    size, out = np.zeros((columns.shape[0], columns.shape[2])), np.empty_like(columns)
+    in_threads(_measure, len(columns), columns, size)
     usual = [float(np.percentile(one[one > NOTHING], 90)) if (one > NOTHING).any() else 1.0 for one in size.T]
-    limit = LONGEST_COLUMN * np.array(usual)
-    return np.asarray(columns * np.minimum(1.0, limit / np.maximum(size, NOTHING))[:, None, :])
+    in_threads(_shorten, len(columns), columns, size, LONGEST_COLUMN * np.array(usual), out)
+    return out
+
+
+@njit(cache=True, nogil=True, error_model="numpy")
+def _measure(first, last, columns, size):  # type: ignore[no-untyped-def]
+    for i in range(first, last):
+        for k in range(columns.shape[1]):
+            for n in range(columns.shape[2]):
+                size[i, n] = max(size[i, n], abs(columns[i, k, n]))
+
+
+@njit(cache=True, nogil=True, error_model="numpy")
+def _shorten(first, last, columns, size, limit, out):  # type: ignore[no-untyped-def]
+    for i in range(first, last):
+        factor = np.minimum(1.0, limit / np.maximum(size[i], NOTHING))
+        for k in range(columns.shape[1]):
+            for n in range(columns.shape[2]):
+                out[i, k, n] = columns[i, k, n] * factor[n]
 
 
 INSTANT = ("acceleration_asymmetry", "speed_dependent_headway", "perception_threshold")

@@ -26,6 +26,7 @@ MOST_CAUSES = 3
 CLOSE = 0.3  # of the best's squared z: from there on causes are brought to their sizes and compared
 TRIED = 3
 FIRST_TWINS, TWINS = 5, 3  # whether anything is there at all is looked at more closely than how much
+MANY = 750  # drivers; of more, fewer twins say as much
 SHADOW = 0.65  # of the support of what was refused: with less, another may be no more than its shadow
 RIVAL = 0.85  # of the best cause's support: one with as much cannot be told apart
 
@@ -64,7 +65,7 @@ def search(subject: Subject, base: Fit, rng: np.random.Generator, progress: Prog
     fit = base
     accepted: list[Accepted] = []
     without: list[Candidate] = []
-    first_lucks = draws(subject.windows, subject.noises, FIRST_TWINS, rng)
+    first_lucks = draws(subject.windows, subject.noises, _twins_of(subject, FIRST_TWINS), rng)
     first = last = ev.examine(subject, fit, first_lucks, progress=progress, stage="looking for causes", free=True)
     strange = _outside(subject, fit, first, first_lucks, progress)
     while len(accepted) < MOST_CAUSES:
@@ -77,12 +78,19 @@ def search(subject: Subject, base: Fit, rng: np.random.Generator, progress: Prog
         accepted.append(chosen)
         progress(f"refining {chosen.candidate.name}", 0, 1)
         subject = with_its_noise(subject, chosen.tried.fit, rng)
-        lucks = draws(subject.windows, subject.noises, TWINS, rng)  # not the luck that had a hand in the choice
+        lucks = draws(
+            subject.windows, subject.noises, _twins_of(subject, TWINS), rng
+        )  # not the luck that had a hand in the choice
         fit = refined(subject, chosen.tried.fit, [cause.candidate.name for cause in accepted], lucks, rng)
         last = ev.examine(subject, fit, lucks, progress=progress, stage="looking for further causes")
         accepted = [_measured(cause, fit, last) for cause in accepted]
     left = told(strange) if strange or accepted else left_without_causes(first)
     return Found(base, fit, tuple(accepted), tuple(without), first, last, left)
+
+
+def _twins_of(subject: Subject, most: int) -> int:
+    """Return how many twins to hear: the more drivers, the surer is each."""
+    return int(np.clip(round(most * MANY / subject.windows.drivers), 2, most))
 
 
 def with_its_noise(subject: Subject, fit: Fit, rng: np.random.Generator) -> Subject:
