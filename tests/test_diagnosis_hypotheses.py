@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
@@ -48,6 +50,25 @@ def test_where_less_is_done_at_a_place_more_is_done_beside_it():
     assert len(both) == 2
     assert both[0].value * both[1].value < 0.0
     assert sorted([one.atom.low for one in both]) == pytest.approx([0.0, 20 * WIDTH], abs=WIDTH)
+
+
+def test_a_place_is_looked_for_as_braking_and_as_headway():
+    braking = evidence(place(10, 20, -1.0), 0.0)
+    shift = ((slots.PLACE_HEADWAY, 1.0),)
+    atoms = [*braking.atoms, *(replace(atom, fixed=shift) for atom in braking.atoms)]
+    # What braking does there a longer headway does in part, and the other way round.
+    alike = np.array([[1.0, -0.8], [-0.8, 1.0]])
+    headway = evidence(place(10, 20, 1.0), 0.0)
+    u = np.hstack([-0.8 * headway.u, headway.u])
+    gram, twins = np.kron(alike, braking.gram), np.hstack([-0.8 * headway.twins, headway.twins])
+    both = Evidence(atoms, u, twins, gram, np.hstack([braking.part] * 2), braking.block)
+    found = hy.candidates(both)[0]
+    assert (found.name, found.atom.fixed, found.value > 0.0) == ("location", shift, True)
+    assert [p.symbol for p in hy.acting_of(found)] == ["theta", "x_1", "x_2"]
+    assert hy.slots_of(found)[0] == (slots.PLACE_HEADWAY, found.value)
+    other = hy.forms(both, found)[-1]
+    assert (other.atom.fixed, other.value < 0.0) == ((), True)
+    assert hy.slots_of(other)[0] == (slots.PLACE, other.value)
 
 
 def test_a_place_that_stands_alone_has_one_form():

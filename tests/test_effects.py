@@ -196,6 +196,14 @@ def test_a_model_survives_its_file(tmp_path):
     assert list(tmp_path.iterdir()) == [tmp_path / "model.json"]
 
 
+def test_a_place_of_another_headway_survives_its_file(tmp_path):
+    place = Cause("location", {"theta": 0.2, "x_1": 200.0, "x_2": 350.0})
+    ExtendedModel(IDMParameters(1.1, 1.7, 1.2, 2.0, 0.0), 27.0, (place,), "here").write(tmp_path / "model.json")
+    back = ExtendedModel.read(tmp_path / "model.json")
+    assert back.causes == (place,)
+    assert (back.magnitudes()[slots.PLACE], back.magnitudes()[slots.PLACE_HEADWAY]) == (0.0, 0.2)
+
+
 @pytest.mark.parametrize(
     "text",
     [
