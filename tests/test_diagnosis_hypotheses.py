@@ -69,6 +69,12 @@ def test_a_place_is_looked_for_as_braking_and_as_headway():
     other = hy.forms(both, found)[-1]
     assert (other.atom.fixed, other.value < 0.0) == ((), True)
     assert hy.slots_of(other)[0] == (slots.PLACE, other.value)
+    large = np.repeat([1.0, 100.0], BINS)  # a unit of headway does so much that what it takes of it is next to nothing
+    small = replace(
+        both, u=u * large, twins=twins * large, gram=gram * np.outer(large, large), part=both.part * large**2
+    )
+    assert hy.candidates(small)[0].atom.fixed == ()
+    assert all(form.atom.fixed == () for form in hy.forms(small, hy.candidates(small)[0]))
 
 
 def test_a_place_that_stands_alone_has_one_form():

@@ -126,7 +126,7 @@ def forms(evidence: Evidence, candidate: Candidate) -> list[Candidate]:
     if candidate.name in SCANNED:
         kind = candidate.atom.fixed
         others = [c for c in _scans(evidence, candidate.name, rows, -np.sign(candidate.value)) if c.atom.fixed == kind]
-        others += [c for c in _scans(evidence, candidate.name, rows) if c.atom.fixed != kind]
+        others += [c for c in _scans(evidence, candidate.name, rows) if c.atom.fixed != kind and c.near_enough]
         return [candidate, *(other for other in others if other.z**2 >= RESEMBLING * candidate.z**2)]
     every = [_consistent(form) for form in _by_companions(_each(evidence, candidate.name, rows)).values()]
     # That it is there at all, the strongest form says.
@@ -163,7 +163,7 @@ def _best(evidence: Evidence, name: str) -> Candidate | None:
     if not rows:
         return None
     if name in SCANNED:
-        return max(_scans(evidence, name, rows), key=lambda c: abs(c.z), default=None)
+        return max(_scans(evidence, name, rows), key=lambda c: (c.near_enough, abs(c.z)), default=None)
     forms = _by_companions(_each(evidence, name, rows)).values()
     return _consistent(max(forms, key=lambda form: max(abs(c.z) for c in form)))
 
