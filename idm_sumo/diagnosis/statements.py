@@ -7,7 +7,6 @@ from collections.abc import Mapping
 import numpy as np
 import numpy.typing as npt
 
-from idm_sumo.diagnosis import atoms as at
 from idm_sumo.diagnosis import evidence as ev
 from idm_sumo.diagnosis import hypotheses as hy
 from idm_sumo.diagnosis.artefact import Seam
@@ -53,7 +52,7 @@ def without_cause(by_lane: npt.NDArray[np.float64], name: str) -> npt.NDArray[np
 
 def causes(found: Found, shares: Mapping[str, float]) -> tuple[CauseFound, ...]:
     """Return the named causes, the one with the largest evidence first."""
-    named = [_cause(found.fit, a, shares[a.candidate.name]) for a in found.accepted]
+    named = [_cause(found, a, shares[a.candidate.name]) for a in found.accepted]
     return tuple(named)
 
 
@@ -68,28 +67,34 @@ def seam_cause(seam: Seam) -> CauseFound:
     )  # fmt: skip
 
 
-def _cause(fit: Fit, accepted: Accepted, share: float) -> CauseFound:
-    candidate = accepted.candidate
+def _cause(found: Found, accepted: Accepted, share: float) -> CauseFound:
+    fit, candidate = found.fit, accepted.candidate
     first, *others = BY_NAME[candidate.name].acting(fit.by_lane[0])
     half = Z95 * float(np.hypot(accepted.error, FORM_DOUBT * accepted.value))
     parameters = {first.symbol: Estimate(accepted.value, first.unit, (accepted.value - half, accepted.value + half))}
     for parameter in others:
         value = float(fit.by_lane[0, parameter.slot])
-        slack = _slack(parameter.symbol, value)
+        slack = _slack(parameter.symbol, value, _bin(found.first, candidate.name))
         within = max(value - slack, parameter.lower), min(value + slack, parameter.upper)
         parameters[parameter.symbol] = Estimate(value, parameter.unit, within)
     region = _region(candidate, _edges(fit, candidate))
     return CauseFound(candidate.name, parameters, region, candidate.p, share, _sentence(accepted), accepted.rivals)
 
 
+EDGES = ("x_1", "x_2", "t_1", "t_2")
 EITHER_OR = ("eta", "phi", "zeta")  # companions that say which of two forms it is
 
 
-def _slack(symbol: str, value: float) -> float:
+def _bin(evidence: ev.Evidence, name: str) -> float:
+    """Return the width of the bins in which an effect was looked for (m, s), zero for none."""
+    return next((atom.high - atom.low for atom in evidence.atoms if atom.name == name and np.isfinite(atom.low)), 0.0)
+
+
+def _slack(symbol: str, value: float, width: float) -> float:
     """Return half of the width within which a companion parameter was not told apart: half a bin of a scan, or the grid."""
-    place, time = 0.5 * at.PLACE_BIN, 0.5 * at.TIME_BIN
-    slack = {"x_1": place, "x_2": place, "t_1": time, "t_2": time, "tau_r": 0.5 * value}
-    return 0.5 if symbol in EITHER_OR else slack.get(symbol, 0.0)
+    if symbol in EDGES:
+        return 0.5 * width
+    return {"tau_r": 0.5 * value}.get(symbol, 0.5 if symbol in EITHER_OR else 0.0)
 
 
 def _edges(fit: Fit, candidate: Candidate) -> tuple[float, float]:
