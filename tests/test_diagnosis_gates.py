@@ -197,6 +197,8 @@ def test_who_drives_closer_after_a_change_relaxes_and_who_holds_back_does_someth
     [
         (0.1, 0.0, 100.0, "lane_change_relaxation", True),
         (-0.1, 100.0, 600.0, "lane_change_relaxation", True),
+        (-0.1, 100.0, 570.0, "lane_change_relaxation", True),
+        (-0.1, 100.0, 550.0, "lane_change_relaxation", False),
         (-0.1, 0.0, 100.0, "lane_change_relaxation", False),
         (0.1, 200.0, 300.0, "lane_change_relaxation", False),
         (0.1, 0.0, 100.0, "time_of_day", False),

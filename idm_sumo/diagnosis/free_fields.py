@@ -12,11 +12,13 @@ from idm_sumo.diagnosis import rollout as ro
 from idm_sumo.diagnosis import windows as w
 from idm_sumo.diagnosis.atoms import Grid
 from idm_sumo.diagnosis.bins import numbered
+from idm_sumo.effects.leader_class import TRUCK
 from idm_sumo.road import FRAME_STEP
 
 Floats = npt.NDArray[np.float64]
 Integers = npt.NDArray[np.int64]
 
+CROWDS = (-0.5, 1.5, 3.5, 5.5, 99.0)  # vehicles
 # Covariate, and the edges between which behaviour is free.
 EDGES: dict[str, tuple[float, ...]] = {
     "rear_gap": (-5.0, 6.0, 12.0, 25.0),
@@ -28,11 +30,14 @@ EDGES: dict[str, tuple[float, ...]] = {
     "adjacent_difference": (-40.0, -5.0, -2.0, 2.0, 5.0, 40.0),
     "trucks_beside": (0.5, 99.0),
     "braking_beside": (0.5, 99.0),
+    "truck_behind": (0.5, 99.0),
+    "crowd_left": CROWDS,
+    "crowd_right": CROWDS,
     "unrest": (0.0, 0.4, 0.7, 1.0, 9.0),
 }
 # With another car-following model underneath, or noise in the leader's place, drivers seem to answer these otherwise; and who brakes
 # more than the model has the follower near.
-DOUBTFUL = ("leader_acceleration", "leader_gap", "adjacent_difference", "rear_gap")
+DOUBTFUL = ("leader_acceleration", "leader_gap", "adjacent_difference", "rear_gap", "crowd_left", "crowd_right")
 MOST_BINS, BLOCKS = 40, 10  # of a scan along the road or the time; of each side of the rectangles of both
 STRONGEST = 3.0  # m/s² (per s): of the model's own acceleration and its change
 # What may be different: some acceleration is added, the time headway is longer, the response is stronger, or later.
@@ -103,6 +108,9 @@ def covariates(windows: w.Windows, state: Floats) -> dict[str, Floats]:
         "adjacent_difference": v - seen[:, :, w.ADJACENT],
         "trucks_beside": seen[:, :, w.TRUCKS_BESIDE],
         "braking_beside": seen[:, :, w.BRAKING_BESIDE],
+        "truck_behind": (seen[:, :, w.BEHIND_KIND] == TRUCK).astype(np.float64),
+        "crowd_left": seen[:, :, w.CROWD_LEFT],
+        "crowd_right": seen[:, :, w.CROWD_RIGHT],
         "unrest": seen[:, :, w.UNREST],
         "position": x,
         "time": seen[:, :, w.TIME],

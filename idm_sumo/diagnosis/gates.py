@@ -179,6 +179,7 @@ def is_past_unseen(candidate: Candidate, evidence: ev.Evidence, accepted: Contai
         return False
     bins = [atom for atom in evidence.atoms if atom.name == "location"]
     pushes = candidate.value > 0.0 if not hy.acting_of(candidate)[0].is_share else candidate.value < 0.0
+    slack = hy.NARROWEST[candidate.name]
     if pushes:
-        return candidate.atom.low <= min(one.low for one in bins)
-    return candidate.atom.high >= max(one.high for one in bins)
+        return candidate.atom.low <= min(one.low for one in bins) + slack
+    return candidate.atom.high >= max(one.high for one in bins) - slack

@@ -37,6 +37,7 @@ class Ahead(NamedTuple):
     second_place: Floats  # second leader's rear minus the first leader's length, infinite for none
     second_speed: Floats
     follower_front: Floats  # of the vehicle behind, minus infinity for none
+    follower_kind: Floats  # its class, 0 for none
 
 
 def look_around(recording: Recording) -> Ahead:
@@ -61,7 +62,7 @@ def _with_rows(table: pd.DataFrame) -> Ahead:
         rear=of(x - length, leader, np.nan), speed=of(speed, leader, np.nan),
         acceleration=of(acceleration, leader, np.nan), kind=of(table[c.CLASS].to_numpy(np.float64), leader, 0.0),
         second_place=of(x - length, second, np.inf) - of(length, leader, 0.0), second_speed=of(speed, second, 0.0),
-        follower_front=of(x, behind, -np.inf),
+        follower_front=of(x, behind, -np.inf), follower_kind=of(table[c.CLASS].to_numpy(np.float64), behind, 0.0),
     )  # fmt: skip
 
 
@@ -85,7 +86,7 @@ def _without_rows(recording: Recording) -> Ahead:
     return Ahead(
         identity=np.where(seen, np.cumsum(~same), -1), rear=front - leader_lengths(recording), speed=speed,
         acceleration=acceleration, kind=np.zeros(count), second_place=np.full(count, np.inf),
-        second_speed=np.zeros(count), follower_front=np.full(count, -np.inf),
+        second_speed=np.zeros(count), follower_front=np.full(count, -np.inf), follower_kind=np.zeros(count),
     )  # fmt: skip
 
 
@@ -107,6 +108,7 @@ def adjacent_speed(table: pd.DataFrame) -> Floats:
 
 HARD = 1.0  # m/s²: who brakes harder shows brake lights
 ALONGSIDE, LOOK_AHEAD = 20.0, 40.0  # m, ahead of the own front
+CROWD = 40.0  # m, to either side of it
 
 
 def trucks_beside(table: pd.DataFrame) -> Floats:
@@ -119,14 +121,24 @@ def braking_beside(table: pd.DataFrame) -> Floats:
     return _in_other_lanes(table, (table[c.ACCELERATION] < -HARD).to_numpy(), (2, 1, -1, -2), LOOK_AHEAD)
 
 
-def _in_other_lanes(table: pd.DataFrame, counted: Flags, sides: tuple[int, ...], reach: float) -> Floats:
+def crowd_beside(table: pd.DataFrame, side: int) -> Floats:
+    """Return how many vehicles of the adjacent lane (``side`` -1 left, 1 right) are within ``CROWD`` m; NaN without one; ``(rows,)``."""
+    lane = table[c.LANE].to_numpy(np.int64)
+    count = _in_other_lanes(table, np.ones(len(table), dtype=bool), (side,), CROWD, CROWD)
+    return np.where(np.isin(lane + side, np.unique(lane)), count, np.nan)
+
+
+def _in_other_lanes(
+    table: pd.DataFrame, counted: Flags, sides: tuple[int, ...], reach: float, back: float = 0.0
+) -> Floats:  # fmt: skip
+    """Return how many that are counted are in other lanes, from ``back`` m behind to ``reach`` m ahead."""
     place, stride = _laid_out(table)
     order = np.argsort(place, kind="stable")
     ordered, total = place[order], np.concatenate([[0.0], np.cumsum(counted[order])])
     out = np.zeros(len(table))
     for side in sides:
         begin = place + side * stride
-        out += total[np.searchsorted(ordered, begin + reach)] - total[np.searchsorted(ordered, begin)]
+        out += total[np.searchsorted(ordered, begin + reach)] - total[np.searchsorted(ordered, begin - back)]
     return out
 
 

@@ -14,6 +14,7 @@ from idm_sumo.diagnosis.traffic_context import (
     Ahead,
     adjacent_speed,
     braking_beside,
+    crowd_beside,
     leader_events,
     look_around,
     trucks_beside,
@@ -33,8 +34,8 @@ NEAREST = 0.3  # m: a smaller recorded gap is an overlap of the measurement
 # Columns of `Windows.seen`.
 REAR, SPEED, ACCELERATION, KIND, SECOND, SECOND_SPEED, ADJACENT, BEHIND = range(8)
 JUMP, SINCE, UNTIL_CUT_IN, UNTIL_OWN, MEAN_SPEED, LANE, TIME, X, V, OWN_KIND = range(8, 18)
-TRUCKS_BESIDE, BRAKING_BESIDE, UNREST, ACCEPTED = 18, 19, 20, 21
-COLUMNS = 22
+TRUCKS_BESIDE, BRAKING_BESIDE, UNREST, ACCEPTED, BEHIND_KIND, CROWD_LEFT, CROWD_RIGHT = range(18, 25)
+COLUMNS = 25
 LEADERS = (REAR, SPEED, ACCELERATION, SECOND, SECOND_SPEED)  # of which a recording shows what smoothing leaves
 
 Floats = npt.NDArray[np.float64]
@@ -52,7 +53,8 @@ class Windows:
         for none) and speed; slower adjacent lane's speed (NaN for none); follower's front plus own length (m, minus
         infinite for none); jump (m) and time since the last leader change; time until the next cut-in and own
         change; running mean speed; lane; time (s); own position, speed, class; trucks beside and vehicles that brake in other lanes;
-        own mean absolute acceleration of late; time headway (s) right after the last leader change. The simulation starts at frame ``LEAD``.
+        own mean absolute acceleration of late; time headway (s) right after the last leader change; follower's class; vehicles near in the
+        left and in the right adjacent lane (NaN without one). The simulation starts at frame ``LEAD``.
     blurred : float64, shape (windows, LEAD + horizon + 1, 5)
         The columns ``LEADERS``, smoothed once more: what a twin's measurement sees.
     driver : int64, shape (windows,)
@@ -179,8 +181,11 @@ def _columns(recording: Recording, ahead: Ahead) -> Floats:
     seen[:, MEAN_SPEED] = _running_mean(v, same_run(table))
     if recording.has_leader_rows:
         seen[:, TRUCKS_BESIDE], seen[:, BRAKING_BESIDE] = trucks_beside(table), braking_beside(table)
+        seen[:, CROWD_LEFT], seen[:, CROWD_RIGHT] = crowd_beside(table, -1), crowd_beside(table, 1)
     else:
         seen[:, [TRUCKS_BESIDE, BRAKING_BESIDE]] = 0.0
+        seen[:, [CROWD_LEFT, CROWD_RIGHT]] = np.nan
+    seen[:, BEHIND_KIND] = ahead.follower_kind
     seen[:, UNREST] = _running_mean(np.abs(table[c.ACCELERATION].to_numpy(np.float64)), same_run(table), OF_LATE)
     seen[:, LANE] = table[c.LANE].to_numpy(np.float64)
     seen[:, TIME] = _clock(recording)
