@@ -78,9 +78,8 @@ def search(subject: Subject, base: Fit, rng: np.random.Generator, progress: Prog
         accepted.append(chosen)
         progress(f"refining {chosen.candidate.name}", 0, 1)
         subject = with_its_noise(subject, chosen.tried.fit, rng)
-        lucks = draws(
-            subject.windows, subject.noises, _twins_of(subject, TWINS), rng
-        )  # not the luck that had a hand in the choice
+        count = _twins_of(subject, TWINS)
+        lucks = draws(subject.windows, subject.noises, count, rng)  # not the luck that had a hand in the choice
         fit = refined(subject, chosen.tried.fit, [cause.candidate.name for cause in accepted], lucks, rng)
         last = ev.examine(subject, fit, lucks, progress=progress, stage="looking for further causes")
         accepted = [_measured(cause, fit, last) for cause in accepted]
