@@ -17,6 +17,7 @@ from idm_sumo.diagnosis.bins import pulse_means
 from idm_sumo.diagnosis.fit import Fit, fit_drivers
 from idm_sumo.diagnosis.linear_pulses import GUARD, LINEAR
 from idm_sumo.diagnosis.pulses import Pulses, pulses_of
+from idm_sumo.diagnosis.scans import Stretch
 from tests.test_diagnosis_rollout import followers
 
 START = np.array([1e-4, 1e-4])
@@ -84,6 +85,16 @@ def test_what_one_place_does_is_found_there(driven):
     assert found.position_m == pytest.approx((60.0, 110.0), abs=20.0)
     assert found.time_s is None
     assert found.value == pytest.approx(-0.3, rel=0.4)
+
+
+@pytest.mark.parametrize(("content", "value", "told"), [
+    (ff.RESPONSE, 0.5, True), (ff.RESPONSE, 0.01, False), (ff.RESPONSE, 20.0, False), (ff.RESPONSE, -0.5, True),
+    (ff.ACCELERATION, 20.0, True),
+])  # fmt: skip
+def test_nobody_answers_many_times_as_strongly(content, value, told):
+    family = ff.Family("position", content, (np.arange(6.0),))
+    said = lo.Said(family, Stretch((1,), (3,), 10, 100.0 * value, 100.0), 9.0, 0.0)
+    assert lo._named(said, 10).large_enough is told
 
 
 def test_an_own_oscillation_has_a_line_and_noise_of_some_memory_has_none():

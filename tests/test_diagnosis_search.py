@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
@@ -53,6 +55,20 @@ def test_which_of_two_places_is_meant_support_alone_decides(monkeypatch):
 
     assert strongest("location", "location").value == -0.2
     assert strongest("location", "time_of_day").value == 0.1  # drives clearly nearer
+
+
+def test_of_an_effects_forms_only_those_count_that_are_there(monkeypatch):
+    windows, _ = followers(ro.PLAIN, np.random.default_rng(5))
+    base = fit_drivers(windows, ro.PLAIN.copy(), np.array([1e-4, 1e-4]), rounds=1)
+    sure, faint = candidate(6.0, "location", -0.15), replace(candidate(4.0, "location", 0.05), p=0.1)
+
+    def strongest(*each):
+        tried = [Tried(one, base, support) for one, support in each]
+        monkeypatch.setattr(search, "climbed", lambda *_: tried.pop(0))
+        return _strongest(None, base, [one for one, _ in each], np.random.default_rng(0))[0].candidate
+
+    assert strongest((sure, 60.0), (faint, 63.0)) is sure
+    assert strongest((faint, 63.0), (replace(faint, value=-0.05), 50.0)) is faint
 
 
 @pytest.mark.parametrize(("support", "named"), [(68.0, False), (120.0, True)])

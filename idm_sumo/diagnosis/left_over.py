@@ -29,6 +29,7 @@ NARROWEST, WIDEST = 2, 0.7  # bins; share of the road, of the time, of both
 CLUMSIEST = 1.5  # times the variance of the model that the clustered one may count
 PLAIN_BEFORE_BOTH = 8.0  # of squared z
 MOST_TOLD, NEARLY = 3, 0.4  # of the strongest's squared z
+LARGEST = 3.0  # as a share: where nobody answers anything, a response seems many times stronger
 LEAST = {ff.ACCELERATION: 0.04, ff.HEADWAY: 0.04, ff.RESPONSE: 0.05, ff.DELAY: 0.1}  # m/s², of log T, share, s
 
 
@@ -50,7 +51,7 @@ class LeftOver:
     p : float
         Corrected for everything looked at.
     large_enough : bool
-        Whether it may be reported at all.
+        Whether its size is such that it may be reported at all.
     lane : int
         In which alone it is; 0 for all, or if it is not a question of place or time.
     score, bias : float
@@ -192,7 +193,7 @@ def _named(said: Said, looks: int) -> LeftOver:
     time = edges[-1] if family.covariate.startswith(("time", ff.REGION)) else None
     p = float(min(1.0, looks * 2.0 * norm.sf(abs(z))))
     lane = int(family.covariate.partition(ff.IN_LANE)[2] or 0)
-    large_enough = abs(value) >= LEAST[family.content]
+    large_enough = abs(value) >= LEAST[family.content] and not (family.content == ff.RESPONSE and value > LARGEST)
     return LeftOver(covariate, edges[0], place, time, value, z, p, large_enough, lane, stretch.score, said.bias)
 
 

@@ -185,11 +185,14 @@ def _strongest(
 ) -> tuple[Tried, tuple[str, ...]]:
     """Bring each candidate to its size and return the best, and those of other names with nearly as much support.
 
-    The best has most support, unless another drives the vehicles clearly better: where no form is quite right, the likelihood
+    Of an effect's forms those count that are significant and large enough at their size, if any is. The best has most support, unless another drives the vehicles clearly better: where no form is quite right, the likelihood
     may hold on to how errors vary together more than to where the vehicles are. Which of two places (or times) is meant, support
     alone decides: what one has too much the other has too little.
     """
-    best, *others = sorted((climbed(subject, fit, c) for c in close), key=lambda t: -t.support)
+    each = [climbed(subject, fit, c) for c in close]
+    there = {tried.candidate.name for tried in each if gates.is_there(tried)}
+    believed = [tried for tried in each if gates.is_there(tried) or tried.candidate.name not in there]
+    best, *others = sorted(believed, key=lambda t: -t.support)
     rivals = {t.candidate.name for t in others if t.support > RIVAL * best.support}
     for other in others:
         name = other.candidate.name
