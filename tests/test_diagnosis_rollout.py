@@ -170,7 +170,7 @@ def test_models_side_by_side_are_each_alone(plain, delay):
     models[5][:, slots.SECOND_LEADER], models[5][:, slots.SECOND_SPEED_ONLY] = 0.3, 1.0
     models[4][:, slots.DELAY], models[4][:, slots.OWN_SPEED_KNOWN] = 0.5, 1.0
     models[1][:, slots.DELAY], models[2][:, [slots.BAND, slots.BAND_TAKEN]] = 0.73, (0.5, 1.0)
-    models[0][:, [slots.PLACE_HEADWAY, slots.PLACE_END]] = 0.5, 1e3
+    models[2][:, [slots.PLACE_HEADWAY, slots.PLACE_END]] = 0.5, 1e3
     models[3][:, [slots.HYSTERESIS, slots.PLACE, slots.PLACE_END]] = 0.2, -0.3, 1e3
     found = ro.positions_otherwise(windows, theta, models)
     for n, model in enumerate(models):
