@@ -66,11 +66,20 @@ def test_what_is_less_sure_than_something_impossible_must_gain_clearly():
     assert gates.is_worth_it(gain(0.02, 0.01), tried(5.0), None, 13.0)
 
 
+@pytest.mark.parametrize("name", ["leader_class", "location", "time_of_day"])
+def test_who_where_and_when_are_nothing_that_looks_like_something_impossible(name):
+    assert gates.is_worth_it(gain(0.001, 0.04), tried(5.0, name), None, 13.0)
+    assert not gates.is_worth_it(gain(-0.001, 0.04), tried(5.0, name), None, 13.0)
+    assert not gates.is_worth_it(gain(0.001, 0.04), tried(5.0, "adjacent_lane_friction"), None, 13.0)
+
+
 @pytest.mark.parametrize("name", ["multi_leader_anticipation", "lane_change_relaxation"])
-def test_what_something_else_looks_like_must_gain_clearly_however_sure(name):
+def test_what_something_else_looks_like_must_gain_clearly_unless_it_is_far_beyond_doubt(name):
     assert gates.is_worth_it(gain(0.02, 0.01), tried(9.0, name), None)
     assert not gates.is_worth_it(gain(0.02, 0.025), tried(9.0, name), None)
     assert not gates.is_worth_it(gain(-0.005, 0.04), tried(9.0, name), None)
+    assert gates.is_worth_it(gain(0.02, 0.025), tried(9.5, name), None)
+    assert not gates.is_worth_it(gain(0.02, 0.025), tried(9.5, name), None, 10.0)
 
 
 @pytest.mark.parametrize(
@@ -169,6 +178,18 @@ def test_beside_what_cannot_be_what_a_driver_sees_must_be_half_as_sure(covariate
 def test_what_says_more_than_the_catalogue_is_outside_it(delay, covariate, z, is_outside):
     one = free(covariate, z)
     assert gates.outside(evidence(delay, one)) == ((one,) if is_outside else ())
+
+
+@pytest.mark.parametrize(
+    ("covariate", "z", "p"),
+    [("position", 6.0, 1e-9), ("position", 5.0, 0.5), ("time", 6.0, 0.5), ("position and time", 6.0, 0.5)],
+)
+def test_a_place_that_stands_out_freely_is_that_of_the_catalogue(monkeypatch, covariate, z, p):
+    place = Candidate("location", -0.06, 0.01, -4.7, 0.5, Atom("location", low=100.0, high=200.0))
+    monkeypatch.setattr(gates.hy, "candidates", lambda _: [place])
+    (found,) = gates.believed(evidence(0.0, free(covariate, z)))
+    assert found == replace(place, p=p)
+    assert gates.outside(evidence(0.0, free("position", 6.0))) == ()
 
 
 def test_what_a_cause_takes_half_away_is_held_by_it():

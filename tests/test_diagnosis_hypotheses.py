@@ -68,6 +68,7 @@ def test_a_place_is_looked_for_as_braking_and_as_headway():
     assert hy.slots_of(found)[0] == (slots.PLACE_HEADWAY, found.value)
     other = hy.forms(both, found)[-1]
     assert (other.atom.fixed, other.value < 0.0) == ((), True)
+    assert (other.z, other.p) == (-found.z, found.p)  # that it is there at all, the surest kind says
     assert hy.slots_of(other)[0] == (slots.PLACE, other.value)
     large = np.repeat([1.0, 100.0], BINS)  # a unit of headway does so much that what it takes of it is next to nothing
     small = replace(

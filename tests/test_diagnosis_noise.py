@@ -64,6 +64,28 @@ def test_noise_is_stationary_from_the_first_step():
     np.testing.assert_allclose(drawn[:, [0, 29]].std(axis=0), 0.5, rtol=0.03)
 
 
+SMOOTH = no.Noise(0.01, np.array([0.2, 0.4]), np.array([0.5, 1.5]), np.array([False, True]))
+
+
+def test_noise_is_drawn_as_its_covariance_says():
+    drawn = SMOOTH.draw(40_000, 30, np.random.default_rng(1))
+    np.testing.assert_allclose(np.cov(drawn.T), SMOOTH.covariance(30), atol=0.012)
+
+
+def test_spectrum_and_covariance_say_the_same():
+    lags, omega = np.arange(-600, 601), np.linspace(0.05, np.pi, 40)
+    along = np.concatenate([(row := SMOOTH.covariance(601)[0])[:0:-1], row])
+    np.testing.assert_allclose(SMOOTH.spectrum(omega), np.cos(np.outer(omega, lags)) @ along, rtol=1e-6)
+
+
+def test_what_is_filtered_twice_has_no_jumps():
+    once, twice = (
+        no.Noise(0.0, np.array([0.4]), np.array([1.5]), np.array([is_smooth])).draw(2000, 100, np.random.default_rng(2))
+        for is_smooth in (False, True)
+    )
+    assert np.diff(twice, axis=1).std() < 0.3 * np.diff(once, axis=1).std()
+
+
 MOTION = no.Noise(0.0, np.array([0.4]), np.array([5.0]))
 ERRORS = no.Noise(0.04, np.array([0.02]), np.array([0.4]))
 
@@ -80,6 +102,17 @@ def test_own_motion_is_told_from_measurement_noise():
     found = no.motion_noise(given.with_table(given.table.assign(**{c.X: x})), ERRORS)
     for window in (21, 41):
         assert hidden_position(found, window) == pytest.approx(hidden_position(MOTION, window), rel=0.3)
+
+
+def test_motion_without_jumps_is_told_as_such():
+    rng = np.random.default_rng(6)
+    given, smooth = recording(ERRORS), no.Noise(0.0, np.array([0.6]), np.array([1.5]), np.array([True]))
+    x = 10.0 * given.table[c.TIME].to_numpy() + (moved(smooth, 60, 512, rng) + ERRORS.draw(60, 512, rng)).ravel()
+    found = no.motion_noise(given.with_table(given.table.assign(**{c.X: x})), ERRORS)
+    omega = 2.0 * np.pi * 0.1 * np.array([0.1, 0.16, 0.24, 0.32])
+    np.testing.assert_allclose(found.spectrum(omega), smooth.spectrum(omega), rtol=0.45)
+    jumping = no.Noise(0.0, np.array([0.6]), np.array([1.5]))
+    assert (found.spectrum(omega[2:]) < 0.6 * jumping.spectrum(omega[2:])).all()
 
 
 def hidden_position(motion: no.Noise, window: int) -> float:

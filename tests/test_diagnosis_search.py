@@ -19,6 +19,7 @@ from idm_sumo.diagnosis.result import Gain
 from idm_sumo.diagnosis.search import Accepted, _next, _strongest
 from idm_sumo.diagnosis.sizes import Tried, gain_of, with_cause
 from idm_sumo.effects import slots
+from tests.test_diagnosis_gates import evidence
 from tests.test_diagnosis_rollout import QUIET, followers
 
 
@@ -83,6 +84,26 @@ def test_the_shadow_of_what_was_refused_is_no_cause(monkeypatch, support, named)
     monkeypatch.setattr(search.hy, "forms", lambda _, one: [one])
     monkeypatch.setattr(search, "_judged", lambda *_: answers.pop(0))
     without = []
-    chosen = _next(None, fit, None, [], without, np.random.default_rng(0))
+    chosen = _next(None, fit, evidence(0.0), [], without, np.random.default_rng(0))
     assert (chosen is not None) is named
     assert [one.name for one in without] == ["hysteresis"]
+
+
+@pytest.mark.parametrize(
+    ("support", "margin", "named"), [(-80.0, 0.01, True), (-80.0, 0.04, False), (80.0, 0.04, True)]
+)
+def test_what_some_drivers_have_the_likelihood_may_refuse_but_they_drive_clearly_nearer(
+    monkeypatch, support, margin, named
+):
+    fit = fit_drivers(
+        followers(ro.PLAIN, np.random.default_rng(5))[0], ro.PLAIN.copy(), np.array([1e-4, 1e-4]), rounds=1
+    )
+    late = Tried(candidate(8.0, "reaction_delay", 0.4), fit, support)
+    gain = Gain("ade_m", 1.0, 0.97, 0.03, (0.03 - margin, 0.03 + margin), 100, False)
+    monkeypatch.setattr(search.hy, "candidates", lambda _: [late.candidate])
+    monkeypatch.setattr(search.hy, "forms", lambda _, one: [one])
+    monkeypatch.setattr(search, "_strongest", lambda *_: (late, ()))
+    monkeypatch.setattr(search, "anew", lambda _, fit: fit)
+    monkeypatch.setattr(search, "gain_of", lambda *_: gain)
+    chosen = _next(None, fit, evidence(0.0), [], [], np.random.default_rng(0))
+    assert (chosen is not None) is named

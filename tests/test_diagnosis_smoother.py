@@ -9,7 +9,7 @@ from hypothesis import strategies as st
 from scipy.signal import savgol_filter
 
 from idm_sumo.diagnosis.noise import Noise
-from idm_sumo.diagnosis.smoother import LONGEST, Smoother, local_cubic, posterior_mean, window_for
+from idm_sumo.diagnosis.smoother import LONGEST, Smoother, local_cubic, posterior_mean, travelled, window_for
 from idm_sumo.smoothing import WINDOW
 from tests.test_diagnosis_noise import ERRORS, MOTION
 
@@ -18,9 +18,12 @@ FILTERS = [local_cubic(21), posterior_mean(ERRORS, MOTION)]
 
 def measured_paths(rows: int, frames: int, rng: np.random.Generator) -> tuple[tuple[np.ndarray, ...], np.ndarray]:
     """Return positions, speeds and accelerations of vehicles, and the positions as measured."""
-    acceleration = MOTION.draw(rows, frames, rng)
-    speed = 12.0 + np.cumsum(acceleration, axis=1) * 0.1
-    path = np.cumsum(speed, axis=1) * 0.1
+    held = MOTION.draw(rows, frames, rng)  # from each frame to the next
+    speed, path = np.full((rows, frames), 12.0), np.zeros((rows, frames))
+    for k in range(frames - 1):
+        path[:, k + 1] = path[:, k] + speed[:, k] * 0.1 + 0.5 * held[:, k] * 0.1**2
+        speed[:, k + 1] = speed[:, k] + held[:, k] * 0.1
+    acceleration = np.concatenate([held[:, :1], 0.5 * (held[:, 1:] + held[:, :-1])], axis=1)
     return (path, speed, acceleration), path + ERRORS.draw(rows, frames, rng)
 
 
@@ -66,6 +69,26 @@ def test_paths_that_are_known_exactly_stay_what_they_are():
     x, v, _ = posterior_mean(Noise(0.0, np.zeros(1), np.ones(1)), MOTION).rows(truth[0])
     np.testing.assert_allclose(x, truth[0], atol=0.02)
     assert np.abs(v - truth[1]).mean() < 0.01
+
+
+@pytest.mark.parametrize("smoother", [local_cubic(5), posterior_mean(Noise(0.0, np.zeros(1), np.ones(1)), MOTION)])
+def test_speed_and_acceleration_are_those_of_the_frame_and_not_of_the_time_since_the_last(smoother: Smoother):
+    time = 0.1 * np.arange(300)
+    x, v, a = (part[20:-20] for part in smoother.rows(12.0 * time + 20.0 * np.sin(0.5 * time)))
+    inner = time[20:-20]
+    np.testing.assert_allclose(x, 12.0 * inner + 20.0 * np.sin(0.5 * inner), atol=0.01)
+    # Half a frame late they would be off by up to 0.25 m/s and 0.13 m/s².
+    np.testing.assert_allclose(v, 12.0 + 10.0 * np.cos(0.5 * inner), atol=0.02)
+    np.testing.assert_allclose(a, -5.0 * np.sin(0.5 * inner), atol=0.06)
+
+
+def test_what_has_travelled_is_where_constant_accelerations_lead():
+    x, v, a = travelled(np.array([[2.0] * 11, [2.0, 0.0] + [0.0] * 9]))
+    time = 0.1 * np.arange(11)
+    np.testing.assert_allclose(x[0], time**2)
+    np.testing.assert_allclose(v[0], 2.0 * time)
+    np.testing.assert_allclose(x[1], np.where(time > 0.0, 0.01 + 0.2 * (time - 0.1), 0.0))
+    np.testing.assert_allclose(a[1], [2.0, 1.0] + [0.0] * 9)
 
 
 def test_no_other_filter_is_nearer_to_what_vehicles_did():

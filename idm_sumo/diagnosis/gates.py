@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Container
+from dataclasses import replace
 
 import numpy as np
 
@@ -18,6 +19,9 @@ SIGNIFICANT = 1e-3  # corrected p of a cause
 # Standard errors. What smoothing hides of a leader is in part its answer to the second one, and the twins' leaders do not follow; what
 # drivers of another law do after a cut-in looks a little like relaxation. Without a clear gain neither is believed, however sure.
 SURER = {"multi_leader_anticipation": 7.0, "lane_change_relaxation": 7.0}
+SUREST = 9.0  # standard errors, from which on they are believed as others are
+# Of these the covariate is no motion of the driver's: whatever the car-following's law, it does not make them up.
+SITUATED = ("leader_class", "location", "time_of_day")
 # The score near zero underrates these, the more the farther the car-following is from the model's: at their size the likelihood
 # says more (twice its logarithm's gain).
 UNDERRATED = ("reaction_delay", "perception_threshold", "lane_change_relaxation")
@@ -43,6 +47,20 @@ FREE_EXCESS, FREE_CHANGE, FREE_MORE = 1.5, 0.5, 25.0
 FREE_STILL, REGION_STILL = 0.5, 0.3
 # What is free and yet only shows what a likely effect of the catalogue does, by its sign.
 SHOWS = {("since_change", 1.0): "lane_change_relaxation", ("headway over since_change", -1.0): "lane_change_relaxation"}
+
+
+def believed(evidence: ev.Evidence) -> list[Candidate]:
+    """Return every effect in its best form, the most significant first.
+
+    A place or a time that stands out freely, whatever is different there, is that of the catalogue: its form is then as sure as that.
+    """
+    free = {one.covariate: one for one in evidence.free if one.large_enough and abs(one.z) > FREE_CLEAR}
+    every = hy.candidates(evidence)
+    for number, candidate in enumerate(every):
+        seen = free.get(dict(zip(hy.SCANNED, HELD, strict=True)).get(candidate.name, ""))
+        if seen is not None and abs(candidate.z) > LIKELY:
+            every[number] = replace(candidate, p=min(candidate.p, seen.p))
+    return every
 
 
 def is_likely(candidate: Candidate) -> bool:
@@ -91,15 +109,15 @@ def is_worth_it(gain: Gain, tried: Tried, first: Tried | None, strongest: float 
         The first cause, for a further one.
     strongest : float
         Standard errors of the surest there is, those included that cannot be (a negative delay). What is less sure and does not
-        gain may be what that looks like.
+        gain may be what that looks like, unless it is a question of who, where or when.
     """
     candidate, share = tried.candidate, gain.difference / gain.base
     z, enough = abs(candidate.z), share >= LEAST_GAIN
     clearly = enough and gain.ci95[0] > 0.0
     if candidate.name in ev.ENDOGENOUS:
         return clearly and share >= UNTWINNED_GAIN
-    like_no_other = candidate.name not in SURER
-    surest = like_no_other and z >= strongest
+    like_no_other = candidate.name not in SURER or z > SUREST
+    surest = like_no_other and (candidate.name in SITUATED or z >= strongest)
     beyond_doubt = surest and z > BEYOND_DOUBT and share > -CHANCE
     if first is None:
         return clearly or (surest and z > SURE and share > 0.0) or beyond_doubt
@@ -147,7 +165,7 @@ def standing_out(evidence: ev.Evidence) -> tuple[LeftOver, ...]:
 
 def outside(evidence: ev.Evidence) -> tuple[LeftOver, ...]:
     """Return what is free and says more than any significant effect of the catalogue."""
-    every = hy.candidates(evidence)
+    every = believed(evidence)
     best, likely = (
         max((c.z**2 for c in every if is_significant(c)), default=0.0),
         {c.name for c in every if is_likely(c)},

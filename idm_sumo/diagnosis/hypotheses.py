@@ -19,7 +19,7 @@ Floats = npt.NDArray[np.float64]
 
 # Smaller than this an effect is neither worth a name nor safe from what the car-following underneath gets wrong.
 LEAST = {
-    "reaction_delay": 0.05, "multi_leader_anticipation": 0.085, "lane_change_relaxation": 0.15,
+    "reaction_delay": 0.05, "multi_leader_anticipation": 0.07, "lane_change_relaxation": 0.15,
     "acceleration_asymmetry": 0.15, "leader_class": 0.09, "speed_dependent_headway": 0.05, "perception_threshold": 0.12,
     "hysteresis": 0.02, "adjacent_lane_friction": 0.012, "location": 0.035, "time_of_day": 0.04,
     "desired_speed": 0.10, "follower_pressure": 0.25, "courtesy_yielding": 0.20, "pre_insertion": 0.20,
@@ -124,13 +124,19 @@ def forms(evidence: Evidence, candidate: Candidate) -> list[Candidate]:
     """
     rows = _informative(evidence, candidate.name)
     if candidate.name in SCANNED:
+        # That it is there at all, the surest kind says; of which sign and where, each interval for itself.
         kind = candidate.atom.fixed
         others = [c for c in _scans(evidence, candidate.name, rows, -np.sign(candidate.value)) if c.atom.fixed == kind]
-        others += [c for c in _scans(evidence, candidate.name, rows) if c.atom.fixed != kind and c.near_enough]
-        return [candidate, *(other for other in others if other.z**2 >= RESEMBLING * candidate.z**2)]
+        kinds = [c for c in _scans(evidence, candidate.name, rows) if c.atom.fixed != kind and c.near_enough]
+        alike = [c for c in [*others, *kinds] if c.z**2 >= RESEMBLING * candidate.z**2]
+        return [candidate, *(c if c.atom.fixed == kind else _as_sure(c, candidate) for c in alike)]
     every = [_consistent(form) for form in _by_companions(_each(evidence, candidate.name, rows)).values()]
-    # That it is there at all, the strongest form says.
-    return [replace(form, z=candidate.z, p=candidate.p) for form in every] if len(every) > 1 else [candidate]
+    return [_as_sure(form, candidate) for form in every] if len(every) > 1 else [candidate]
+
+
+def _as_sure(form: Candidate, strongest: Candidate) -> Candidate:
+    """Return another form of an effect: that it is there at all, the strongest says."""
+    return replace(form, z=float(np.copysign(strongest.z, form.value)), p=strongest.p)
 
 
 def _by_companions(each: list[Candidate]) -> dict[tuple[tuple[int, float], ...], list[Candidate]]:

@@ -12,9 +12,8 @@ import numpy.typing as npt
 
 from idm_sumo.diagnosis.noise import Noise
 from idm_sumo.diagnosis.rollout import PARAMETERS
-from idm_sumo.diagnosis.smoother import Smoother
+from idm_sumo.diagnosis.smoother import Smoother, travelled
 from idm_sumo.diagnosis.windows import LEADERS, Windows
-from idm_sumo.road import FRAME_STEP
 from idm_sumo.smoothing import Path
 from idm_sumo.threads import each_in_threads
 
@@ -54,11 +53,9 @@ def hidden(noises: Noises, smoother: Smoother, rows: int, frames: int, rng: np.r
     if noises.leader is None:
         return (np.zeros((rows, frames)),) * 3, measured(noises.measurement, smoother, rows, frames, rng)
     longer = frames + 4 * smoother.half
-    acceleration = noises.leader.draw(rows, longer, rng)
-    speed = np.cumsum(acceleration, axis=1) * FRAME_STEP
-    position = np.cumsum(speed, axis=1) * FRAME_STEP
-    shown = smoother.rows(position + noises.measurement.draw(rows, longer, rng))
-    one, two, three = (true - part for true, part in zip((position, speed, acceleration), shown, strict=True))
+    path = travelled(noises.leader.draw(rows, longer, rng))
+    shown = smoother.rows(path[0] + noises.measurement.draw(rows, longer, rng))
+    one, two, three = (true - part for true, part in zip(path, shown, strict=True))
     truth = _inner((one, two, three), smoother)
     again = smoother.rows(truth[0] + noises.measurement.draw(rows, longer - 2 * smoother.half, rng))
     return _inner(truth, smoother), _inner(again, smoother)

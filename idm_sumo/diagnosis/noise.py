@@ -6,6 +6,7 @@ white noise and first-order autoregressive noises of several memories (non-negat
 
 from __future__ import annotations
 
+from collections.abc import Iterator
 from dataclasses import dataclass
 
 import numpy as np
@@ -19,6 +20,7 @@ from idm_sumo.road import FRAME_STEP
 from idm_sumo.smoothing import runs
 
 Floats = npt.NDArray[np.float64]
+Booleans = npt.NDArray[np.bool_]
 
 SEGMENT = 128  # frames of a periodogram
 LOWEST = 0.35  # Hz
@@ -27,40 +29,71 @@ LOWEST = 0.35  # Hz
 MEMORIES = np.array([0.1, 0.15, 0.25, 0.4, 0.6, 1.0])
 USUAL = 0.95  # of the segments at each frequency: the others are jumps of the tracking and hard braking
 DRIVER_MEMORIES = np.array([0.7, 2.0, 5.0, 12.0])  # s
-TYPICAL_MOTION = np.array([0.0, 0.0, 0.0, 0.5])  # m²/s⁴, of recordings too short to tell
+# Of vehicles' own accelerations: who follows smooths what the leader does, so that most of it has no jumps.
+MOTION_MEMORIES = np.array([1.4, 12.0, 0.7, 1.5, 3.0])  # s
+MOTION_TWICE = np.array([False, False, True, True, True])
+TYPICAL_MOTION = np.array([0.05, 0.25, 0.0, 0.0, 0.2])  # m²/s⁴, of recordings too short to tell
 
 
 @dataclass(frozen=True)
 class Noise:
-    """Variances of white noise and of autoregressive noises with memories ``memory`` (s)."""
+    """Variances of white noise and of autoregressive noises with memories ``memory`` (s).
+
+    Those that are ``twice`` filtered have no jumps: a first-order autoregressive noise drives another one of the same memory.
+    """
 
     white: float
     variance: Floats
     memory: Floats
+    twice: Booleans | None = None
 
     def draw(self, rows: int, steps: int, rng: np.random.Generator) -> Floats:
         """Return noise of shape ``(rows, steps)``, stationary from the first step."""
         total = np.sqrt(self.white) * rng.standard_normal((rows, steps)) if self.white > 0 else np.zeros((rows, steps))
-        for variance, memory in zip(self.variance, self.memory, strict=True):
-            if variance <= 0.0:
-                continue
-            kept = np.exp(-FRAME_STEP / memory)
-            normal = rng.standard_normal((rows, steps)) * np.sqrt(variance * (1.0 - kept * kept))
-            normal[:, 0] /= np.sqrt(1.0 - kept * kept)
-            total += lfilter([1.0], [1.0, -kept], normal, axis=1)
+        for variance, memory, twice in self._parts():
+            if variance > 0.0:
+                total += np.sqrt(variance) * (_drawn_twice if twice else _drawn)(memory, rows, steps, rng)
         return total
 
     def covariance(self, steps: int) -> Floats:
         """Return the covariance of ``steps`` frames in a row, shape ``(steps, steps)``."""
-        lag = np.abs(np.subtract.outer(np.arange(steps), np.arange(steps))) * FRAME_STEP
-        parts = zip(self.variance, self.memory, strict=True)
-        return self.white * np.eye(steps) + sum(
-            (one * np.exp(-lag / memory) for one, memory in parts), np.zeros(lag.shape)
-        )
+        lag = np.abs(np.subtract.outer(np.arange(steps), np.arange(steps)))
+        parts = (variance * _correlation(memory, lag, twice) for variance, memory, twice in self._parts())
+        return self.white * np.eye(steps) + sum(parts, np.zeros(lag.shape))
 
-    def scaled(self, factor: float) -> Noise:
-        """Return noise of ``factor`` times the variance."""
-        return Noise(self.white * factor, self.variance * factor, self.memory)
+    def spectrum(self, omega: Floats) -> Floats:
+        """Return the power at angular frequencies per frame."""
+        parts = (variance * _spectrum(memory, omega, twice) for variance, memory, twice in self._parts())
+        return self.white + sum(parts, np.zeros(omega.shape))
+
+    def _parts(self) -> Iterator[tuple[float, float, bool]]:
+        twice = np.zeros(len(self.memory), dtype=bool) if self.twice is None else self.twice
+        yield from zip(self.variance.tolist(), self.memory.tolist(), twice.tolist(), strict=True)
+
+
+def _drawn(memory: float, rows: int, steps: int, rng: np.random.Generator) -> Floats:
+    """Return autoregressive noise of variance one."""
+    kept = np.exp(-FRAME_STEP / memory)
+    normal = rng.standard_normal((rows, steps)) * np.sqrt(1.0 - kept * kept)
+    normal[:, 0] /= np.sqrt(1.0 - kept * kept)
+    return np.asarray(lfilter([1.0], [1.0, -kept], normal, axis=1))
+
+
+def _drawn_twice(memory: float, rows: int, steps: int, rng: np.random.Generator) -> Floats:
+    """Return noise of variance one that is filtered twice."""
+    kept = np.exp(-FRAME_STEP / memory)
+    next_to = _correlation(memory, np.array(1), twice=True)
+    before = rng.standard_normal((rows, 2)) @ np.array([[1.0, next_to], [0.0, np.sqrt(1.0 - next_to**2)]])
+    state = np.stack([2.0 * kept * before[:, 0] - kept**2 * before[:, 1], -(kept**2) * before[:, 0]], axis=1)
+    normal = rng.standard_normal((rows, steps)) * np.sqrt((1.0 - kept**2) ** 3 / (1.0 + kept**2))
+    return np.asarray(lfilter([1.0], [1.0, -2.0 * kept, kept**2], normal, axis=1, zi=state)[0])
+
+
+def _correlation(memory: float, lag: npt.NDArray[np.int64], twice: bool) -> Floats:
+    """Return how noise of variance one goes with itself so many frames later."""
+    kept = np.exp(-FRAME_STEP / memory)
+    more = lag * (1.0 - kept**2) / (1.0 + kept**2) if twice else 0.0
+    return np.asarray((1.0 + more) * kept**lag)
 
 
 QUIET = Noise(0.0, np.zeros(len(DRIVER_MEMORIES)), DRIVER_MEMORIES)
@@ -79,22 +112,23 @@ def motion_noise(recording: Recording, measurement: Noise, *, most: int = 3000) 
     """Return the spectrum of the vehicles' own accelerations (m²/s⁴): what the measurement noise leaves of the recorded ones."""
     found = _periodogram(recording, most)
     if found is None:
-        return Noise(0.0, TYPICAL_MOTION, DRIVER_MEMORIES)
+        return Noise(0.0, TYPICAL_MOTION, MOTION_MEMORIES, MOTION_TWICE)
     frequency, power = found
-    omega = 2.0 * np.pi * frequency[1:] * FRAME_STEP
-    gain = (2.0 - 2.0 * np.cos(omega)) ** 2
-    parts = zip(measurement.variance, measurement.memory, strict=True)
-    noise = gain * (measurement.white + sum(variance * _spectrum(memory, omega) for variance, memory in parts))
-    wanted = power.mean(axis=0)[1:]
-    design = np.stack([FRAME_STEP**4 * _spectrum(memory, omega) for memory in DRIVER_MEMORIES], 1)
-    solved, _ = nnls(design / wanted[:, None], (wanted - noise) / wanted)
-    return Noise(0.0, solved, DRIVER_MEMORIES)
+    omega = 2.0 * np.pi * frequency * FRAME_STEP
+    noise = (2.0 - 2.0 * np.cos(omega)) ** 2 * measurement.spectrum(omega)
+    shapes = [_spectrum(m, omega, t) for m, t in zip(MOTION_MEMORIES, MOTION_TWICE, strict=True)]
+    # A second difference is the mean of the accelerations before and after, each of which holds for a frame.
+    motion = FRAME_STEP**4 * 0.5 * (1.0 + np.cos(omega)) * np.stack(shapes)
+    smeared, wanted = _smeared(np.vstack([noise, motion]).T)[1:], power.mean(axis=0)[1:]
+    solved, _ = nnls(smeared[:, 1:] / wanted[:, None], 1.0 - smeared[:, 0] / wanted)
+    return Noise(0.0, solved, MOTION_MEMORIES, MOTION_TWICE)
 
 
-def _spectrum(memory: float, omega: Floats) -> Floats:
-    """Return the spectrum of a first-order autoregressive noise of variance one."""
+def _spectrum(memory: float, omega: Floats, twice: bool = False) -> Floats:
+    """Return the spectrum of an autoregressive noise of variance one."""
     kept = np.exp(-FRAME_STEP / memory)
-    return np.asarray((1.0 - kept * kept) / (1.0 - 2.0 * kept * np.cos(omega) + kept * kept))
+    once = 1.0 - 2.0 * kept * np.cos(omega) + kept * kept
+    return np.asarray((1.0 - kept**2) ** 3 / (1.0 + kept**2) / once**2 if twice else (1.0 - kept * kept) / once)
 
 
 def _periodogram(recording: Recording, most: int) -> tuple[Floats, Floats] | None:

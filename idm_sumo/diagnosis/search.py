@@ -119,7 +119,7 @@ def _outside(
     again: then it counts only if it is still there.
     """
     strange = gates.outside(first)
-    likely = [c for c in hy.candidates(first) if gates.is_likely(c)][:TRIED]
+    likely = [c for c in gates.believed(first) if gates.is_likely(c)][:TRIED]
     if not strange or not likely:
         return strange
     each = [climbed(subject, fit, form) for c in likely for form in hy.forms(first, c)]
@@ -149,7 +149,7 @@ def _next(
     What is there without gain is added to ``without``.
     """
     used = {a.candidate.name for a in accepted} | {c.name for c in without}
-    there = [c for c in hy.candidates(evidence) if c.name not in used]
+    there = [c for c in gates.believed(evidence) if c.name not in used]
     strongest = max((abs(c.z) for c in there), default=0.0)
     open_ = [c for c in there if gates.is_likely(c)]
     if accepted:
@@ -160,7 +160,7 @@ def _next(
         forms = [form for c in close for form in hy.forms(evidence, c)]
         best, chosen = _judged(subject, fit, forms, accepted[0].tried if accepted else None, strongest, rng)
         if chosen is not None:
-            return chosen if chosen.tried.support > SHADOW * refused else None
+            return chosen if not refused or chosen.tried.support > SHADOW * refused else None
         refused = max(refused, best.support)
         if gates.is_significant(best.candidate):
             without.append(best.candidate)
@@ -176,7 +176,9 @@ def _judged(
     best = replace(best, fit=anew(subject, best.fit))
     gain = gain_of(subject, fit, best.fit, rng)
     candidate = best.candidate
-    passes = gates.is_there(best) and gates.is_worth_it(gain, best, first, strongest)
+    # A likelihood that falls although vehicles are driven clearly better: not all drivers have it.
+    wanted = best.support > 0.0 or gain.ci95[0] > 0.0
+    passes = wanted and gates.is_there(best) and gates.is_worth_it(gain, best, first, strongest)
     return best, Accepted(best, candidate.value, candidate.error, gain, rivals) if passes else None
 
 
