@@ -28,6 +28,7 @@ TRIED = 3
 FIRST_TWINS, TWINS = 5, 3  # whether anything is there at all is looked at more closely than how much
 MANY = 750  # drivers; of more, fewer twins say as much
 SHADOW = 0.65  # of the support of what was refused: with less, another may be no more than its shadow
+FORM = 0.5  # of the best form's support: one of the same effect with less is not taken for it, however it drives
 RIVAL = 0.85  # of the best cause's support: one with as much cannot be told apart
 
 
@@ -189,7 +190,7 @@ def _strongest(
 
     Of an effect's forms those count that are significant and large enough at their size, if any is. The best has most support, unless another drives the vehicles clearly better: where no form is quite right, the likelihood
     may hold on to how errors vary together more than to where the vehicles are. Which of two places (or times) is meant, support
-    alone decides: what one has too much the other has too little.
+    alone decides: what one has too much the other has too little. So it does between forms of an effect of which one has far less.
     """
     each = [climbed(subject, fit, c) for c in close]
     there = {tried.candidate.name for tried in each if gates.is_there(tried)}
@@ -197,8 +198,13 @@ def _strongest(
     best, *others = sorted(believed, key=lambda t: -t.support)
     rivals = {t.candidate.name for t in others if t.support > RIVAL * best.support}
     for other in others:
-        name = other.candidate.name
-        places = name in hy.SCANNED and name == best.candidate.name
-        if not places and gain_of(subject, best.fit, other.fit, rng).ci95[0] > 0.0:
+        if not _support_decides(other, best) and gain_of(subject, best.fit, other.fit, rng).ci95[0] > 0.0:
             best = other
     return best, tuple(sorted(rivals - {best.candidate.name}))
+
+
+def _support_decides(other: Tried, best: Tried) -> bool:
+    """Return whether support alone decides between two candidates: of places or times, or where a form of an effect has far less."""
+    if other.candidate.name != best.candidate.name:
+        return False
+    return best.candidate.name in hy.SCANNED or other.support < FORM * best.support

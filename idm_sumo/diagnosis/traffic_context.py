@@ -1,4 +1,4 @@
-"""What each recorded driver sees, row by row: second leader, follower, adjacent lanes, leader changes."""
+"""What each recorded driver sees, row by row: leaders, follower, leader changes."""
 
 from __future__ import annotations
 
@@ -10,10 +10,8 @@ import pandas as pd
 
 from idm_sumo import columns as c
 from idm_sumo import road
-from idm_sumo.effects.adjacent_lane_friction import BESIDE
 from idm_sumo.effects.lane_change_relaxation import LARGEST_JUMP, headway_after
-from idm_sumo.effects.leader_class import TRUCK
-from idm_sumo.leaders import frame_code, row_ahead, row_of
+from idm_sumo.leaders import row_ahead, row_of
 from idm_sumo.recording import Recording
 from idm_sumo.smoothing import same_run
 from idm_sumo.twin_leaders import JUMP, leader_lengths, recorded_leaders
@@ -88,66 +86,6 @@ def _without_rows(recording: Recording) -> Ahead:
         acceleration=acceleration, kind=np.zeros(count), second_place=np.full(count, np.inf),
         second_speed=np.zeros(count), follower_front=np.full(count, -np.inf), follower_kind=np.zeros(count),
     )  # fmt: skip
-
-
-def adjacent_speed(table: pd.DataFrame) -> Floats:
-    """Return the mean speed (m/s) near each row in the slower adjacent lane, NaN beside empty lanes; shape ``(rows,)``."""
-    place, stride = _laid_out(table)
-    order = np.argsort(place, kind="stable")
-    ordered = place[order]
-    total = np.concatenate([[0.0], np.cumsum(table[c.SPEED].to_numpy(np.float64)[order])])
-    slowest = np.full(len(table), np.inf)
-    for side in (-1.0, 1.0):
-        first = np.searchsorted(ordered, place + side * stride - BESIDE)
-        last = np.searchsorted(ordered, place + side * stride + BESIDE)
-        with np.errstate(invalid="ignore", divide="ignore"):
-            mean = (total[last] - total[first]) / (last - first)
-        slowest = np.fmin(slowest, np.where(last > first, mean, np.inf))
-    return np.where(np.isfinite(slowest), slowest, np.nan)
-
-
-HARD = 1.0  # m/s²: who brakes harder shows brake lights
-ALONGSIDE, LOOK_AHEAD = 20.0, 40.0  # m, ahead of the own front
-CROWD = 40.0  # m, to either side of it
-
-
-def trucks_beside(table: pd.DataFrame) -> Floats:
-    """Return how many trucks in the adjacent lanes have their front between the own and ``ALONGSIDE`` m ahead; ``(rows,)``."""
-    return _in_other_lanes(table, (table[c.CLASS] == TRUCK).to_numpy(), (1, -1), ALONGSIDE)
-
-
-def braking_beside(table: pd.DataFrame) -> Floats:
-    """Return how many vehicles brake hard in other lanes within ``LOOK_AHEAD`` m ahead, of a smoothed table; ``(rows,)``."""
-    return _in_other_lanes(table, (table[c.ACCELERATION] < -HARD).to_numpy(), (2, 1, -1, -2), LOOK_AHEAD)
-
-
-def crowd_beside(table: pd.DataFrame, side: int) -> Floats:
-    """Return how many vehicles of the adjacent lane (``side`` -1 left, 1 right) are within ``CROWD`` m; NaN without one; ``(rows,)``."""
-    lane = table[c.LANE].to_numpy(np.int64)
-    count = _in_other_lanes(table, np.ones(len(table), dtype=bool), (side,), CROWD, CROWD)
-    return np.where(np.isin(lane + side, np.unique(lane)), count, np.nan)
-
-
-def _in_other_lanes(
-    table: pd.DataFrame, counted: Flags, sides: tuple[int, ...], reach: float, back: float = 0.0
-) -> Floats:  # fmt: skip
-    """Return how many that are counted are in other lanes, from ``back`` m behind to ``reach`` m ahead."""
-    place, stride = _laid_out(table)
-    order = np.argsort(place, kind="stable")
-    ordered, total = place[order], np.concatenate([[0.0], np.cumsum(counted[order])])
-    out = np.zeros(len(table))
-    for side in sides:
-        begin = place + side * stride
-        out += total[np.searchsorted(ordered, begin + reach)] - total[np.searchsorted(ordered, begin - back)]
-    return out
-
-
-def _laid_out(table: pd.DataFrame) -> tuple[Floats, float]:
-    """Return one coordinate that orders rows by frame, lane and position, and what one lane takes of it (m)."""
-    lane, x = table[c.LANE].to_numpy(np.int64), table[c.X].to_numpy(np.float64)
-    stride = float(np.ptp(x)) + 4.0 * BESIDE
-    _, dense = np.unique(frame_code(table), return_inverse=True)
-    return (dense * 16.0 + lane) * stride + (x - x.min()), stride
 
 
 class Events(NamedTuple):

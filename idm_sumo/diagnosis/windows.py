@@ -9,16 +9,9 @@ import numpy as np
 import numpy.typing as npt
 
 from idm_sumo import columns as c
+from idm_sumo.diagnosis.other_lanes import OtherLanes
 from idm_sumo.diagnosis.smoother import Smoother, smooth_along
-from idm_sumo.diagnosis.traffic_context import (
-    Ahead,
-    adjacent_speed,
-    braking_beside,
-    crowd_beside,
-    leader_events,
-    look_around,
-    trucks_beside,
-)
+from idm_sumo.diagnosis.traffic_context import Ahead, leader_events, look_around
 from idm_sumo.recording import Recording
 from idm_sumo.road import CAR_LENGTH, FRAME_STEP
 from idm_sumo.smoothing import same_run
@@ -175,16 +168,16 @@ def _columns(recording: Recording, ahead: Ahead) -> Floats:
     seen = np.empty((len(table), COLUMNS))
     seen[:, [REAR, SPEED, ACCELERATION, KIND]] = np.stack([ahead.rear, ahead.speed, ahead.acceleration, ahead.kind], 1)
     seen[:, SECOND], seen[:, SECOND_SPEED] = ahead.second_place, ahead.second_speed
-    seen[:, ADJACENT] = adjacent_speed(table) if recording.has_leader_rows else np.nan
     seen[:, BEHIND] = ahead.follower_front + length
     seen[:, [JUMP, SINCE, ACCEPTED, UNTIL_CUT_IN, UNTIL_OWN]] = np.stack(events, 1)
     seen[:, MEAN_SPEED] = _running_mean(v, same_run(table))
+    seen[:, [ADJACENT, CROWD_LEFT, CROWD_RIGHT]], seen[:, [TRUCKS_BESIDE, BRAKING_BESIDE]] = np.nan, 0.0
     if recording.has_leader_rows:
-        seen[:, TRUCKS_BESIDE], seen[:, BRAKING_BESIDE] = trucks_beside(table), braking_beside(table)
-        seen[:, CROWD_LEFT], seen[:, CROWD_RIGHT] = crowd_beside(table, -1), crowd_beside(table, 1)
-    else:
-        seen[:, [TRUCKS_BESIDE, BRAKING_BESIDE]] = 0.0
-        seen[:, [CROWD_LEFT, CROWD_RIGHT]] = np.nan
+        beside = OtherLanes(table)
+        seen[:, ADJACENT], seen[:, TRUCKS_BESIDE], seen[:, BRAKING_BESIDE] = (
+            beside.slower_speed(), beside.trucks(), beside.braking()
+        )  # fmt: skip
+        seen[:, CROWD_LEFT], seen[:, CROWD_RIGHT] = beside.crowd(-1), beside.crowd(1)
     seen[:, BEHIND_KIND] = ahead.follower_kind
     seen[:, UNREST] = _running_mean(np.abs(table[c.ACCELERATION].to_numpy(np.float64)), same_run(table), OF_LATE)
     seen[:, LANE] = table[c.LANE].to_numpy(np.float64)

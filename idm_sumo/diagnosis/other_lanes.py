@@ -1,0 +1,74 @@
+"""Who is in the other lanes at the same moment, row by row."""
+
+from __future__ import annotations
+
+import numpy as np
+import numpy.typing as npt
+import pandas as pd
+
+from idm_sumo import columns as c
+from idm_sumo.effects.adjacent_lane_friction import BESIDE
+from idm_sumo.effects.leader_class import TRUCK
+from idm_sumo.leaders import frame_code
+
+HARD = 1.0  # m/s²: who brakes harder shows brake lights
+ALONGSIDE, LOOK_AHEAD = 20.0, 40.0  # m, ahead of the own front
+CROWD = 40.0  # m, to either side of it
+
+Floats = npt.NDArray[np.float64]
+Integers = npt.NDArray[np.int64]
+
+
+class OtherLanes:
+    """The vehicles of a smoothed table, laid out once along one coordinate that orders them by frame, lane and position.
+
+    All methods return arrays of shape ``(rows,)``; lanes are counted from the left, so a side is -1 (left) or 1.
+    """
+
+    def __init__(self, table: pd.DataFrame) -> None:
+        self._table = table
+        self._lane, x = table[c.LANE].to_numpy(np.int64), table[c.X].to_numpy(np.float64)
+        self._stride = float(np.ptp(x)) + 4.0 * BESIDE  # what one lane takes of the coordinate, m
+        _, dense = np.unique(frame_code(table), return_inverse=True)
+        self._place = (dense * 16.0 + self._lane) * self._stride + (x - x.min())
+        self._order = np.argsort(self._place, kind="stable")
+        self._ordered = self._place[self._order]
+
+    def slower_speed(self) -> Floats:
+        """Return the mean speed (m/s) within ``BESIDE`` m in the slower adjacent lane, NaN beside empty lanes."""
+        speed = self._before(self._table[c.SPEED].to_numpy(np.float64))
+        slowest = np.full(len(self._place), np.inf)
+        for side in (-1, 1):
+            first, last = self._between(side, BESIDE, BESIDE)
+            with np.errstate(invalid="ignore", divide="ignore"):
+                mean = (speed[last] - speed[first]) / (last - first)
+            slowest = np.fmin(slowest, np.where(last > first, mean, np.inf))
+        return np.where(np.isfinite(slowest), slowest, np.nan)
+
+    def trucks(self) -> Floats:
+        """Return how many trucks in the adjacent lanes have their front between the own and ``ALONGSIDE`` m ahead."""
+        return self._count((self._table[c.CLASS] == TRUCK).to_numpy(), (1, -1), ALONGSIDE)
+
+    def braking(self) -> Floats:
+        """Return how many vehicles brake hard in other lanes within ``LOOK_AHEAD`` m ahead."""
+        return self._count((self._table[c.ACCELERATION] < -HARD).to_numpy(), (2, 1, -1, -2), LOOK_AHEAD)
+
+    def crowd(self, side: int) -> Floats:
+        """Return how many vehicles of one adjacent lane are within ``CROWD`` m; NaN without such a lane."""
+        first, last = self._between(side, CROWD, CROWD)
+        return np.where(np.isin(self._lane + side, np.unique(self._lane)), last - first, np.nan)
+
+    def _count(self, counted: npt.NDArray[np.bool_], sides: tuple[int, ...], reach: float) -> Floats:
+        """Return how many that are counted are in other lanes, up to ``reach`` m ahead."""
+        before = self._before(counted.astype(np.float64))
+        rows = (self._between(side, 0.0, reach) for side in sides)
+        return np.asarray(sum(before[last] - before[first] for first, last in rows), dtype=np.float64)
+
+    def _before(self, values: Floats) -> Floats:
+        """Return the sums of values before each place in the order."""
+        return np.concatenate([[0.0], np.cumsum(values[self._order])])
+
+    def _between(self, side: int, back: float, reach: float) -> tuple[Integers, Integers]:
+        """Return the places in the order of those from ``back`` m behind to ``reach`` m ahead in another lane, the last exclusive."""
+        begin = self._place + side * self._stride
+        return np.searchsorted(self._ordered, begin - back), np.searchsorted(self._ordered, begin + reach)

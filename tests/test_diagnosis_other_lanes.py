@@ -1,0 +1,61 @@
+"""Other lanes: trucks beside, brake lights, crowds, and how fast the slower one is."""
+
+from __future__ import annotations
+
+import numpy as np
+import pandas as pd
+
+from idm_sumo import columns as c
+from idm_sumo.diagnosis.other_lanes import OtherLanes
+from idm_sumo.effects.leader_class import TRUCK
+
+
+def frame(**others: object) -> pd.DataFrame:
+    """Return one frame: a driver at 100 m in lane 2 as the first row, and one other vehicle."""
+    other = {c.X: 110.0, c.LANE: 3, c.CLASS: 2, c.ACCELERATION: 0.0, **others}
+    rows = [{c.X: 100.0, c.LANE: 2, c.CLASS: 2, c.ACCELERATION: 0.0}, other]
+    known = {c.FRAME: 7, c.VEHICLE: [1, 2], c.PERIOD: pd.Categorical(["p", "p"]), c.SPEED: [12.0, 8.0]}
+    return pd.DataFrame(rows).assign(**known)
+
+
+def beside(**others: object) -> OtherLanes:
+    return OtherLanes(frame(**others))
+
+
+def test_a_truck_counts_only_in_an_adjacent_lane_and_only_alongside():
+    assert beside(**{c.CLASS: TRUCK}).trucks()[0] == 1
+    for nothing in ({c.CLASS: 2}, {c.CLASS: TRUCK, c.LANE: 4}, {c.CLASS: TRUCK, c.LANE: 2}, {c.CLASS: TRUCK, c.X: 90.0},
+                    {c.CLASS: TRUCK, c.X: 130.0}):  # fmt: skip
+        assert beside(**nothing).trucks()[0] == 0
+
+
+def test_brake_lights_are_seen_two_lanes_over_but_not_in_the_own_lane_or_behind():
+    for lane in (1, 3, 4):
+        assert beside(**{c.LANE: lane, c.ACCELERATION: -1.5}).braking()[0] == 1
+    for nothing in ({c.LANE: 2}, {c.LANE: 5}, {c.X: 95.0}, {c.X: 145.0}):
+        assert beside(**{c.ACCELERATION: -1.5, **nothing}).braking()[0] == 0
+    assert beside(**{c.ACCELERATION: -0.5}).braking()[0] == 0
+
+
+def test_a_crowd_is_who_is_near_in_one_adjacent_lane_and_unknown_without_one():
+    for x in (65.0, 135.0):
+        assert beside(**{c.X: x}).crowd(1)[0] == 1
+    for nothing in ({c.X: 55.0}, {c.X: 145.0}):
+        assert beside(**nothing).crowd(1)[0] == 0
+    assert beside().crowd(-1)[1] == 1
+    assert np.isnan(beside().crowd(-1)[0])
+    assert np.isnan(beside(**{c.LANE: 4}).crowd(1)).all()
+
+
+def test_other_frames_do_not_count():
+    table = frame(**{c.CLASS: TRUCK})
+    table[c.FRAME] = [7, 8]
+    np.testing.assert_array_equal(OtherLanes(table).trucks(), 0.0)
+
+
+def test_the_slower_adjacent_lane_is_the_one_that_holds_back():
+    assert beside().slower_speed()[0] == 8.0
+    assert beside().slower_speed()[1] == 12.0
+    assert np.isnan(beside(**{c.X: 135.0}).slower_speed()).all()
+    third = pd.concat([frame(), frame().iloc[:1].assign(**{c.VEHICLE: 3, c.LANE: 1, c.SPEED: 6.0})], ignore_index=True)
+    assert OtherLanes(third).slower_speed()[0] == 6.0
