@@ -97,8 +97,8 @@ def is_faint_beside(candidate: Candidate, first: Candidate) -> bool:
 def is_worth_it(gain: Gain, tried: Tried, first: Tried | None, strongest: float = 0.0) -> bool:
     """Return whether rollouts are better for a cause: clearly; at all, if it is surely there; not worse, if beyond doubt.
 
-    What something else looks like, too, must make them better clearly. A further cause must, nine to one, unless it is beyond doubt and about as sure as the first: what the first
-    one's form leaves over is there, too.
+    What something else looks like, too, must make them better clearly, unless it is far beyond doubt. A further cause must, nine to
+    one, unless it is beyond doubt and about as sure as the first: what the first one's form leaves over is there, too.
 
     Parameters
     ----------

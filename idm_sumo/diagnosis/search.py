@@ -188,9 +188,10 @@ def _strongest(
 ) -> tuple[Tried, tuple[str, ...]]:
     """Bring each candidate to its size and return the best, and those of other names with nearly as much support.
 
-    Of an effect's forms those count that are significant and large enough at their size, if any is. The best has most support, unless another drives the vehicles clearly better: where no form is quite right, the likelihood
-    may hold on to how errors vary together more than to where the vehicles are. Which of two places (or times) is meant, support
-    alone decides: what one has too much the other has too little. So it does between forms of an effect of which one has far less.
+    Of an effect's forms those count that are significant and large enough at their size, if any is. The best has most support,
+    unless another drives the vehicles clearly better: where no form is quite right, the likelihood may hold on to how errors vary
+    together more than to where the vehicles are. Which of two places (or times) is meant, support alone decides: what one has too
+    much the other has too little. So it does between forms of an effect of which one has far less.
     """
     each = [climbed(subject, fit, c) for c in close]
     there = {tried.candidate.name for tried in each if gates.is_there(tried)}
