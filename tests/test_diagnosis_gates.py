@@ -168,7 +168,9 @@ def test_beside_what_cannot_be_what_a_driver_sees_must_be_half_as_sure(covariate
 @pytest.mark.parametrize(
     ("delay", "covariate", "z", "is_outside"),
     [
-        (0.0, "unrest", 6.0, True),
+        (0.0, "trucks_beside", 6.0, True),
+        (0.0, "unrest", 6.0, False),  # is of the driver's own motion
+        (0.0, "unrest", 7.0, True),
         (6.0, "unrest", 8.0, False),  # less than one and a half times the delay's, and 25
         (6.0, "unrest", 9.5, True),
         (6.0, "position", 9.5, False),  # location holds it

@@ -36,7 +36,7 @@ SURE_AGAIN = 6.0  # standard errors, from which on held-out drivers need not be 
 AS_SURE = 0.5  # of the first cause's support, for a further one beyond doubt
 CHANCE = 0.01  # of the ADE
 # Standard errors from which on something free stands out; a response that changes, of which there are most looks, and what
-# another car-following model looks like, too, need more.
+# another car-following model looks like, too, need more; a driver's own motion of late does so a little.
 FREE_CLEAR, FREE_CHANGED, FREE_DOUBTFUL = 5.5, 6.5, 9.0
 FREE_IMPOSSIBLE = 0.5  # of the z of what cannot be, for what is free along what a driver sees
 # Times the best cause's squared z, and more, from which on the catalogue does not hold it. A response that changes from place to
@@ -157,7 +157,8 @@ def standing_out(evidence: ev.Evidence) -> tuple[LeftOver, ...]:
     def least(one: LeftOver) -> float:
         if one.covariate.startswith(CHANGES):
             return FREE_CHANGED
-        usual = FREE_DOUBTFUL if one.covariate.endswith(DOUBTFUL) else FREE_CLEAR
+        own = one.covariate.endswith("unrest")
+        usual = FREE_DOUBTFUL if one.covariate.endswith(DOUBTFUL) else FREE_CHANGED if own else FREE_CLEAR
         return max(usual, FREE_IMPOSSIBLE * impossible) if one.is_seen else usual
 
     return tuple(one for one in evidence.free if one.large_enough and abs(one.z) > least(one))

@@ -205,7 +205,10 @@ def _strongest(
 
 
 def _support_decides(other: Tried, best: Tried) -> bool:
-    """Return whether support alone decides between two candidates: of places or times, or where a form of an effect has far less."""
+    """Return whether support alone decides between two candidates: of places or times, or where a form of an effect has far less.
+
+    Where no form has any, for only some drivers have the effect, it decides nothing.
+    """
     if other.candidate.name != best.candidate.name:
         return False
-    return best.candidate.name in hy.SCANNED or other.support < FORM * best.support
+    return best.candidate.name in hy.SCANNED or (best.support > 0.0 and other.support < FORM * best.support)
