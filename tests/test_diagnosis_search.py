@@ -58,16 +58,21 @@ def test_which_of_two_places_is_meant_support_alone_decides(monkeypatch):
     assert strongest("location", "time_of_day").value == 0.1  # drives clearly nearer
 
 
-@pytest.mark.parametrize(("name", "most", "support", "value"), [
-    ("perception_threshold", 100.0, 40.0, 0.6), ("perception_threshold", 100.0, 70.0, 0.3), ("hysteresis", 100.0, 40.0, 0.3),
-    ("perception_threshold", -100.0, -400.0, 0.3),  # of a few drivers only
-])  # fmt: skip
-def test_a_form_with_far_less_support_is_not_taken_however_it_drives(monkeypatch, name, most, support, value):
+@pytest.mark.parametrize(
+    ("first", "second", "support", "value"),
+    [
+        ("perception_threshold", "perception_threshold", 40.0, 0.6),
+        ("perception_threshold", "perception_threshold", 70.0, 0.3),
+        ("perception_threshold", "hysteresis", 40.0, 0.3),
+        ("reaction_delay", "reaction_delay", 10.0, 0.3),
+    ],
+)
+def test_a_form_with_far_less_support_is_not_taken_however_it_drives(monkeypatch, first, second, support, value):
     windows, _ = followers(ro.PLAIN, np.random.default_rng(5))
     base = fit_drivers(windows, ro.PLAIN.copy(), np.array([1e-4, 1e-4]), rounds=2)
     worse = with_cause(base, candidate(9.0, "acceleration_asymmetry", 0.8))
     subject = Subject(windows, Noises(QUIET, QUIET), at.grid_of(windows), True)
-    each = [Tried(candidate(9.0, value=0.6), worse, most), Tried(candidate(9.0, name, 0.3), base, support)]
+    each = [Tried(candidate(9.0, first, 0.6), worse, 100.0), Tried(candidate(9.0, second, 0.3), base, support)]
     monkeypatch.setattr(search, "climbed", lambda *_: each.pop(0))
     best, _ = _strongest(subject, base, [one.candidate for one in each], np.random.default_rng(0))
     assert best.candidate.value == value

@@ -207,8 +207,8 @@ def _strongest(
 def _support_decides(other: Tried, best: Tried) -> bool:
     """Return whether support alone decides between two candidates: of places or times, or where a form of an effect has far less.
 
-    Where no form has any, for only some drivers have the effect, it decides nothing.
+    Not between forms of a delay: drivers with one are far from those without, and what is gained on the way says little.
     """
-    if other.candidate.name != best.candidate.name:
-        return False
-    return best.candidate.name in hy.SCANNED or (best.support > 0.0 and other.support < FORM * best.support)
+    name = best.candidate.name
+    far_less = name != "reaction_delay" and other.support < FORM * best.support
+    return name == other.candidate.name and (name in hy.SCANNED or far_less)
