@@ -45,6 +45,7 @@ FREE_EXCESS, FREE_CHANGE, FREE_MORE = 1.5, 0.5, 25.0
 # Of its squared z, that is left of it with the best cause in the model; less suffices of a place and time: what a place does at all
 # times a location takes away, and what a location leaves there is not its form.
 FREE_STILL, REGION_STILL = 0.5, 0.3
+FREELY = dict(zip(hy.SCANNED, HELD, strict=True))  # what is free where a place or a time of the catalogue acts
 # What is free and yet only shows what a likely effect of the catalogue does, by its sign.
 SHOWS = {("since_change", 1.0): "lane_change_relaxation", ("headway over since_change", -1.0): "lane_change_relaxation"}
 
@@ -57,7 +58,7 @@ def believed(evidence: ev.Evidence) -> list[Candidate]:
     free = {one.covariate: one for one in evidence.free if one.large_enough and abs(one.z) > FREE_CLEAR}
     every = hy.candidates(evidence)
     for number, candidate in enumerate(every):
-        seen = free.get(dict(zip(hy.SCANNED, HELD, strict=True)).get(candidate.name, ""))
+        seen = free.get(FREELY.get(candidate.name, ""))
         if seen is not None and abs(candidate.z) > LIKELY:
             every[number] = replace(candidate, p=min(candidate.p, seen.p))
     return every

@@ -104,7 +104,7 @@ def posterior_mean(measurement: Noise, motion: Noise) -> Smoother:
 
 
 def _posterior_mean(measurement: Noise, motion: Noise, frames: int) -> Path:
-    to_speed, to_position = _integrals(frames)
+    to_position, to_speed, at_frames = (part.T for part in travelled(np.eye(frames)))
     with_position = motion.covariance(frames) @ to_position.T
     inverse = np.linalg.inv(
         to_position @ with_position + measurement.covariance(frames) + LEAST_ERROR**2 * np.eye(frames)
@@ -115,26 +115,15 @@ def _posterior_mean(measurement: Noise, motion: Noise, frames: int) -> Path:
     begin = np.linalg.solve(line.T @ inverse @ line, line.T @ inverse)
     acceleration = with_position @ inverse @ (np.eye(frames) - line @ begin)
     speed = to_speed @ acceleration + (begin[1] if frames > 1 else 0.0)
-    return line @ begin + to_position @ acceleration, speed, _at_frames(acceleration.T).T
-
-
-def _integrals(frames: int) -> tuple[Floats, Floats]:
-    """Return what makes speeds and positions at frames of accelerations, each of which holds until the next frame."""
-    to_speed = np.tril(np.full((frames, frames), FRAME_STEP), -1)
-    to_position = to_speed @ to_speed + 0.5 * FRAME_STEP * to_speed
-    return to_speed, to_position
+    return line @ begin + to_position @ acceleration, speed, at_frames @ acceleration
 
 
 def travelled(acceleration: Floats) -> Path:
     """Return position, speed and acceleration at frames, from rest, of accelerations along the last axis that hold until the next frame."""
     speed = (np.cumsum(acceleration, axis=-1) - acceleration) * FRAME_STEP
     position = (np.cumsum(speed, axis=-1) - 0.5 * speed) * FRAME_STEP
-    return position, speed, _at_frames(acceleration)
-
-
-def _at_frames(held: Floats) -> Floats:
-    """Return the means of what holds before and after each frame, along the last axis."""
-    return np.asarray(0.5 * (held + np.concatenate([held[..., :1], held[..., :-1]], axis=-1)))
+    before = np.concatenate([acceleration[..., :1], acceleration[..., :-1]], axis=-1)
+    return position, speed, np.asarray(0.5 * (before + acceleration))
 
 
 def smooth_along(recording: Recording, smoother: Smoother) -> Recording:
