@@ -16,6 +16,7 @@ from idm_sumo.diagnosis.hypotheses import Candidate
 from idm_sumo.diagnosis.left_over import LeftOver
 from idm_sumo.diagnosis.result import Gain
 from idm_sumo.diagnosis.sizes import Tried
+from idm_sumo.effects import slots
 
 FIT = Fit(np.zeros(5), np.eye(5), np.zeros((1, 5)), np.eye(1), np.ones(1), np.ones(2), ro.PLAIN)
 SURE_AS_THE_FIRST = 300.0
@@ -29,8 +30,8 @@ def tried(z, name="perception_threshold", value=0.5, support=100.0):
     return Tried(Candidate(name, value, 0.01, z, 1e-9, Atom(name, value), 1.0, 0.0), FIT, support)
 
 
-def free(covariate, z, *, large_enough=True):
-    return LeftOver(covariate, (0.0, 1.0), None, None, 0.2, z, 1e-9, large_enough)
+def free(covariate, z, *, is_credible=True):
+    return LeftOver(covariate, (0.0, 1.0), None, None, 0.2, z, 1e-9, is_credible)
 
 
 def evidence(delay, *left):
@@ -115,6 +116,8 @@ def test_what_has_no_null_twin_must_gain_more(difference, accepted):
         ("lane_change_relaxation", 3.0, 0.3, 300.0, False, True),
         ("hysteresis", 4.0, 0.01, 20.0, False, False),
         ("multi_leader_anticipation", 5.0, 0.2, 20.0, False, False),
+        ("desired_speed", 5.0, 0.2, 20.0, False, False),  # how drivers of another law come near to theirs
+        ("desired_speed", 8.0, 0.2, 20.0, True, True),
     ],
 )
 def test_what_is_underrated_near_zero_is_judged_at_its_size(name, z, value, support, likely, there):
@@ -152,7 +155,7 @@ def test_held_out_drivers_are_few_and_what_is_sure_need_not_be_clear_on_them(dif
 )
 def test_what_is_looked_at_more_must_stand_out_more(covariate, z, stands_out):
     assert bool(gates.standing_out(evidence(0.0, free(covariate, -z)))) is stands_out
-    assert not gates.standing_out(evidence(0.0, free(covariate, z, large_enough=False)))
+    assert not gates.standing_out(evidence(0.0, free(covariate, z, is_credible=False)))
 
 
 @pytest.mark.parametrize(
@@ -213,6 +216,23 @@ def test_who_drives_closer_after_a_change_relaxes_and_who_holds_back_does_someth
     relaxing = replace(evidence(8.0, after), atoms=[Atom("lane_change_relaxation", 0.2, ((2, 0.2),))])
     assert bool(gates.outside(relaxing)) is is_outside
     assert gates.outside(evidence(8.0, after))
+
+
+@pytest.mark.parametrize(
+    ("covariate", "seen", "value", "is_outside"),
+    [
+        ("leader_acceleration", (-20.0, -1.0), 0.3, False),  # pushes on behind a leader that brakes: a shorter headway
+        ("leader_acceleration", (1.0, 20.0), -0.3, False),
+        ("leader_acceleration", (-20.0, -1.0), -0.3, True),  # brakes more than the leader
+        ("headway over leader_acceleration", (-20.0, -1.0), -0.2, False),
+        ("headway over leader_acceleration", (-20.0, -1.0), 0.2, True),
+    ],
+)
+def test_headways_that_follow_the_leaders_acceleration_are_hysteresis(covariate, seen, value, is_outside):
+    one = replace(free(covariate, 18.0), range=seen, value=value)
+    hysteresis = replace(evidence(8.0, one), atoms=[Atom("hysteresis", 0.2, ((slots.HYSTERESIS, 0.2),))])
+    assert bool(gates.outside(hysteresis)) is is_outside
+    assert gates.outside(evidence(0.0, one))
 
 
 @pytest.mark.parametrize(

@@ -74,7 +74,7 @@ def strongest(windows: w.Windows, fit: Fit, grid: at.Grid, quiet: w.Windows) -> 
     """Return what says most, against a twin in which nothing is."""
     twin = lo.hear(quiet, fit, grid, at.answer_of(quiet, fit, grid.pivot))
     found = lo.left_over(windows, fit, grid, at.answer_of(windows, fit, grid.pivot), [twin], [twin], 1.0)
-    return next(one for one in found if one.large_enough)
+    return next(one for one in found if one.is_credible)
 
 
 def test_what_one_place_does_is_found_there(driven):
@@ -89,12 +89,27 @@ def test_what_one_place_does_is_found_there(driven):
 
 @pytest.mark.parametrize(("content", "value", "told"), [
     (ff.RESPONSE, 0.5, True), (ff.RESPONSE, 0.01, False), (ff.RESPONSE, 20.0, False), (ff.RESPONSE, -0.5, True),
-    (ff.ACCELERATION, 20.0, True),
+    (ff.RESPONSE, -1.5, False), (ff.DELAY, 0.8, True), (ff.DELAY, -1.3, False), (ff.ACCELERATION, 20.0, True),
 ])  # fmt: skip
-def test_nobody_answers_many_times_as_strongly(content, value, told):
+def test_nobody_answers_many_times_as_strongly_or_the_other_way_round(content, value, told):
     family = ff.Family("position", content, (np.arange(6.0),))
-    said = lo.Said(family, Stretch((1,), (3,), 10, 100.0 * value, 100.0), 9.0, 0.0)
-    assert lo._named(said, 10).large_enough is told
+    said = lo.Said(family, Stretch((1,), (3,), 10, 100.0 * value, 100.0), 9.0, 0.0, by_few=False)
+    assert lo._named(said, 10).is_credible is told
+    assert not lo._named(said._replace(by_few=True), 10).is_credible
+
+
+@pytest.mark.parametrize("platoon", [3, None])
+def test_what_one_block_of_neighbours_does_is_not_told(driven, platoon):
+    windows, fit, grid, _ = driven
+    time = windows.seen[:, w.LEAD : -1, w.TIME]
+    block = windows.platoon[windows.driver][:, None]
+    more = np.where((platoon is None) | (block == platoon), np.where(np.isfinite(time), -0.4, 0.0), 0.0)
+    place = windows.seen[:, w.LEAD : -1, w.X]
+    pushed_on = pushed(windows, fit, np.where((place > 60.0) & (place < 110.0), more, 0.0))
+    twin = lo.hear(windows, fit, grid, at.answer_of(windows, fit, grid.pivot))
+    found = lo.left_over(pushed_on, fit, grid, at.answer_of(pushed_on, fit, grid.pivot), [twin], [twin], 1.0)
+    where = next(one for one in found if one.covariate == "position")
+    assert where.is_credible is (platoon is None)
 
 
 def test_an_own_oscillation_has_a_line_and_noise_of_some_memory_has_none():

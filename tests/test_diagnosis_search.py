@@ -64,7 +64,7 @@ def test_which_of_two_places_is_meant_support_alone_decides(monkeypatch):
         ("perception_threshold", "perception_threshold", 40.0, 0.6),
         ("perception_threshold", "perception_threshold", 70.0, 0.3),
         ("perception_threshold", "hysteresis", 40.0, 0.3),
-        ("reaction_delay", "reaction_delay", 10.0, 0.3),
+        ("reaction_delay", "reaction_delay", 10.0, 0.6),
     ],
 )
 def test_a_form_with_far_less_support_is_not_taken_however_it_drives(monkeypatch, first, second, support, value):

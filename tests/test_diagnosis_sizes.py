@@ -12,6 +12,7 @@ from hypothesis import strategies as st
 from idm_sumo.diagnosis import atoms as at
 from idm_sumo.diagnosis import evidence as ev
 from idm_sumo.diagnosis import rollout as ro
+from idm_sumo.diagnosis import sizes
 from idm_sumo.diagnosis import windows as w
 from idm_sumo.diagnosis.atoms import Atom
 from idm_sumo.diagnosis.fit import fit_drivers
@@ -77,6 +78,18 @@ def test_a_form_that_the_data_want_the_other_way_climbs_nowhere():
     wrong = Candidate("lane_change_relaxation", -0.2, 0.1, -2.0, 0.5, Atom("lane_change_relaxation", 0.5, fixed), -20.0)
     tried = climbed(subject, fit, wrong)
     assert 0.0 < tried.candidate.value < 0.1
+
+
+@given(st.lists(st.floats(-2.0, 2.0).filter(bool), min_size=1, max_size=6, unique=True))
+def test_what_is_gained_on_the_way_is_the_area_under_the_score_however_the_climb_went(visited):
+    scores = {0.0: 40.0} | {value: 40.0 * (1.0 - value) for value in visited}
+    end = visited[-1]
+    assert sizes._integral(scores, end) == pytest.approx(40.0 * (end - 0.5 * end**2), rel=1e-9, abs=1e-9)
+
+
+def test_a_delay_that_climbs_back_to_nothing_has_gained_nothing():
+    scores = {0.0: 500.0, 0.2: 2000.0, 0.1: 300.0, 0.004: -100.0}
+    assert abs(sizes._integral(scores, 0.004)) < 2.0
 
 
 def test_twins_are_expected_on_the_line_through_two_magnitudes():

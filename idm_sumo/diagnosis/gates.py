@@ -17,8 +17,9 @@ from idm_sumo.diagnosis.sizes import Tried
 
 SIGNIFICANT = 1e-3  # corrected p of a cause
 # Standard errors. What smoothing hides of a leader is in part its answer to the second one, and the twins' leaders do not follow; what
-# drivers of another law do after a cut-in looks a little like relaxation. Without a clear gain neither is believed, however sure.
-SURER = {"multi_leader_anticipation": 7.0, "lane_change_relaxation": 7.0}
+# drivers of another law do after a cut-in looks a little like relaxation, how they come near to their desired speed like another one
+# in the fast lane. Without a clear gain none is believed, however sure.
+SURER = {"multi_leader_anticipation": 7.0, "lane_change_relaxation": 7.0, "desired_speed": 7.0}
 SUREST = 9.0  # standard errors, from which on they are believed as others are
 # Of these the covariate is no motion of the driver's: whatever the car-following's law, it does not make them up.
 SITUATED = ("leader_class", "location", "time_of_day")
@@ -46,8 +47,11 @@ FREE_EXCESS, FREE_CHANGE, FREE_MORE = 1.5, 0.5, 25.0
 # times a location takes away, and what a location leaves there is not its form.
 FREE_STILL, REGION_STILL = 0.5, 0.3
 FREELY = dict(zip(hy.SCANNED, HELD, strict=True))  # what is free where a place or a time of the catalogue acts
-# What is free and yet only shows what a likely effect of the catalogue does, by its sign.
-SHOWS = {("since_change", 1.0): "lane_change_relaxation", ("headway over since_change", -1.0): "lane_change_relaxation"}
+# What is free and yet only shows what a likely effect of the catalogue does, by its sign times that of the covariate.
+SHOWS = {
+    ("since_change", 1.0): "lane_change_relaxation", ("headway over since_change", -1.0): "lane_change_relaxation",
+    ("leader_acceleration", -1.0): "hysteresis", ("headway over leader_acceleration", 1.0): "hysteresis",
+}  # fmt: skip
 
 
 def believed(evidence: ev.Evidence) -> list[Candidate]:
@@ -55,7 +59,7 @@ def believed(evidence: ev.Evidence) -> list[Candidate]:
 
     A place or a time that stands out freely, whatever is different there, is that of the catalogue: its form is then as sure as that.
     """
-    free = {one.covariate: one for one in evidence.free if one.large_enough and abs(one.z) > FREE_CLEAR}
+    free = {one.covariate: one for one in evidence.free if one.is_credible and abs(one.z) > FREE_CLEAR}
     every = hy.candidates(evidence)
     for number, candidate in enumerate(every):
         seen = free.get(FREELY.get(candidate.name, ""))
@@ -162,7 +166,7 @@ def standing_out(evidence: ev.Evidence) -> tuple[LeftOver, ...]:
         usual = FREE_DOUBTFUL if one.covariate.endswith(DOUBTFUL) else FREE_CHANGED if own else FREE_CLEAR
         return max(usual, FREE_IMPOSSIBLE * impossible) if one.is_seen else usual
 
-    return tuple(one for one in evidence.free if one.large_enough and abs(one.z) > least(one))
+    return tuple(one for one in evidence.free if one.is_credible and abs(one.z) > least(one))
 
 
 def outside(evidence: ev.Evidence) -> tuple[LeftOver, ...]:
@@ -177,10 +181,15 @@ def outside(evidence: ev.Evidence) -> tuple[LeftOver, ...]:
         return FREE_MORE + best * (FREE_CHANGE if one.covariate.startswith(CHANGES) else FREE_EXCESS)
 
     def is_new(one: LeftOver) -> bool:
-        shown = SHOWS.get((one.covariate, float(np.sign(one.value)))) in likely
+        shown = SHOWS.get((one.covariate, _sign_of(one))) in likely
         return not shown and (best == 0.0 or one.covariate not in HELD)
 
     return tuple(one for one in standing_out(evidence) if is_new(one) and one.z**2 > needed(one))
+
+
+def _sign_of(one: LeftOver) -> float:
+    """Return the sign of what is free times that of the covariate where it is."""
+    return float(np.sign(one.value) * (1.0 if one.range is None else np.sign(sum(one.range))))
 
 
 def is_left(strange: LeftOver, evidence: ev.Evidence) -> bool:

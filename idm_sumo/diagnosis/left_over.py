@@ -27,9 +27,11 @@ Range = tuple[float, float]
 NO_TWIN = "rear_gap"  # the follower answers the real driver, not the twin
 NARROWEST, WIDEST = 2, 0.7  # bins; share of the road, of the time, of both
 CLUMSIEST = 1.5  # times the variance of the model that the clustered one may count
+BY_ONE = 0.5  # of the score: what one block of neighbours says more of is what happened to them
 PLAIN_BEFORE_BOTH = 8.0  # of squared z
 MOST_TOLD, NEARLY = 3, 0.4  # of the strongest's squared z
-LARGEST = 3.0  # as a share: where nobody answers anything, a response seems many times stronger
+# Where next to nothing is answered, or by few, a response seems many times stronger, or turned round; of a share, and of s of delay.
+LARGEST = {ff.RESPONSE: (-1.0, 3.0), ff.DELAY: (-1.0, 3.0)}
 LEAST = {ff.ACCELERATION: 0.04, ff.HEADWAY: 0.04, ff.RESPONSE: 0.05, ff.DELAY: 0.1}  # m/s², of log T, share, s
 
 
@@ -50,8 +52,8 @@ class LeftOver:
         Standard errors beyond the twins.
     p : float
         Corrected for everything looked at.
-    large_enough : bool
-        Whether its size is such that it may be reported at all.
+    is_credible : bool
+        Whether it may be told at all: large enough, no larger than can be, and not said by a single block of neighbours.
     lane : int
         In which alone it is; 0 for all, or if it is not a question of place or time.
     score, bias : float
@@ -65,7 +67,7 @@ class LeftOver:
     value: float
     z: float
     p: float
-    large_enough: bool
+    is_credible: bool
     lane: int = 0
     score: float = 0.0
     bias: float = 0.0
@@ -144,12 +146,13 @@ def _rank(one: LeftOver) -> float:
 
 
 class Said(NamedTuple):
-    """The best stretch of a family, its standard errors, and the twins' mean score there."""
+    """The best stretch of a family, its standard errors, the twins' mean score there, and whether few drivers say it all."""
 
     family: ff.Family
     stretch: Stretch
     z: float
     bias: float
+    by_few: bool
 
 
 def _of_family(
@@ -171,7 +174,10 @@ def _of_family(
     known = best.information * inflation * (1.0 + 1.0 / len(twins))
     clustered = float((blocks**2).sum() + (twins @ mix).var(ddof=min(1, len(twins) - 1)) / len(twins))
     z = best.score / np.sqrt(max(known, min(clustered, CLUMSIEST * known)))
-    return Said(family, best, float(z), float(twins.mean(axis=0) @ mix))
+    by_block = np.bincount(pulses.windows.platoon, own) * np.sign(best.score)
+    return Said(
+        family, best, float(z), float(twins.mean(axis=0) @ mix), bool(by_block.max() > BY_ONE * abs(best.score))
+    )
 
 
 def _limits(family: ff.Family) -> tuple[int, float]:
@@ -193,8 +199,9 @@ def _named(said: Said, looks: int) -> LeftOver:
     time = edges[-1] if family.covariate.startswith(("time", ff.REGION)) else None
     p = float(min(1.0, looks * 2.0 * norm.sf(abs(z))))
     lane = int(family.covariate.partition(ff.IN_LANE)[2] or 0)
-    large_enough = abs(value) >= LEAST[family.content] and not (family.content == ff.RESPONSE and value > LARGEST)
-    return LeftOver(covariate, edges[0], place, time, value, z, p, large_enough, lane, stretch.score, said.bias)
+    low, high = LARGEST.get(family.content, (-np.inf, np.inf))
+    is_credible = abs(value) >= LEAST[family.content] and low <= value <= high and not said.by_few
+    return LeftOver(covariate, edges[0], place, time, value, z, p, is_credible, lane, stretch.score, said.bias)
 
 
 def _unsteady(family: ff.Family, most: variance.Unsteady) -> LeftOver:
@@ -202,8 +209,8 @@ def _unsteady(family: ff.Family, most: variance.Unsteady) -> LeftOver:
     edges = (float(family.edges[0][most.first]), float(family.edges[0][most.last]))
     place, time = (edges, None) if family.covariate == "position" else (None, edges)
     p = float(min(1.0, most.looks * norm.sf(most.z)))
-    large_enough = most.ratio > variance.LEAST_RATIO
-    return LeftOver(f"variance over {family.covariate}", edges, place, time, most.ratio, most.z, p, large_enough)
+    is_credible = most.ratio > variance.LEAST_RATIO
+    return LeftOver(f"variance over {family.covariate}", edges, place, time, most.ratio, most.z, p, is_credible)
 
 
 def _swinging(swing: oscillation.Line, grid: Grid) -> LeftOver:

@@ -205,10 +205,6 @@ def _strongest(
 
 
 def _support_decides(other: Tried, best: Tried) -> bool:
-    """Return whether support alone decides between two candidates: of places or times, or where a form of an effect has far less.
-
-    Not between forms of a delay: drivers with one are far from those without, and what is gained on the way says little.
-    """
-    name = best.candidate.name
-    far_less = name != "reaction_delay" and other.support < FORM * best.support
-    return name == other.candidate.name and (name in hy.SCANNED or far_less)
+    """Return whether support alone decides between two candidates: of places or times, or where a form of an effect has far less."""
+    same = best.candidate.name == other.candidate.name
+    return same and (best.candidate.name in hy.SCANNED or other.support < FORM * best.support)

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -74,13 +75,12 @@ def climbed(subject: Subject, fit: Fit, candidate: Candidate) -> Tried:
     """
     delayed = candidate.name == "reaction_delay"
     now = _delayed(subject, fit, candidate) if delayed else refitted(subject, with_cause(fit, candidate), rounds=2)
-    value, before, score, support = _value(now, candidate.name), 0.0, candidate.score, 0.0
+    value, scores, support = _value(now, candidate.name), {0.0: candidate.score}, 0.0
     error, stride, path = candidate.error, Stride(), list[Tried]()
     for _ in range(CLIMBS):
         step = ev.local_scores(ev.look_here(subject, now))[candidate.name]
-        free = step.score - candidate.bias
-        support += (score + free) * (value - before)
-        before, score = value, free
+        free = scores[value] = step.score - candidate.bias
+        support = 2.0 * _integral(scores, value)
         error = candidate.error * np.sqrt(candidate.information / max(step.information, 1e-9))
         path.append(Tried(replace(candidate, value=value, error=error), now, support))
         value = stride.moved(magnitude_of(now, candidate.name), value, free / max(step.information, 1e-9))
@@ -89,6 +89,16 @@ def climbed(subject: Subject, fit: Fit, candidate: Candidate) -> Tried:
         now = refitted(subject, with_value(now, candidate.name, value), rounds=1)
     end = Tried(replace(candidate, value=value, error=error), now, support)
     return end if _ade(subject, now) < (1.0 + LARGEST_LOSS) * _ade(subject, path[0].fit) else path[0]
+
+
+def _integral(scores: Mapping[float, float], end: float) -> float:
+    """Return the integral from zero of scores known at some magnitudes, zero one of them.
+
+    In the order of the magnitudes, not of the climb: who comes back to where it began has gained nothing.
+    """
+    known = sorted(value for value in scores if min(0.0, end) <= value <= max(0.0, end))
+    area = float(np.trapezoid([scores[value] for value in known], known))
+    return area if end >= 0.0 else -area
 
 
 def _ade(subject: Subject, fit: Fit) -> float:
