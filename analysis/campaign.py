@@ -59,8 +59,13 @@ GIVEN = (
 def trials(cases: int, nulls: int, seed: int) -> list[dict[str, Any]]:
     """Return what to plant, one dict a trial. A trial's seed depends on its kind and number, not on how many there are."""
     planting = _planting()
-    plain = [{"group": NO_EFFECT, "effect": None, "size": "mid", **PLAIN[k % len(PLAIN)]} for k in range(nulls)]
+    of_sumo = itertools.cycle({"kind": "driven by SUMO", "underlying": model} for model in planting.SUMO_MODELS)
+    kinds = itertools.cycle([*PLAIN, {}])
+    plain = [
+        {"group": NO_EFFECT, "effect": None, "size": "mid", **(next(kinds) or next(of_sumo))} for _ in range(nulls)
+    ]
     hidden: list[dict[str, Any]] = []
+    models = itertools.cycle(planting.SUMO_MODELS)
     for _ in range(cases):
         hidden += [{"group": "single", "effect": name, "size": size} for size in LEVELS[:2] for name in SINGLE]
         hidden += [{"group": "pair", "effect": list(pair), "size": "large"} for pair in PAIRS]
@@ -68,6 +73,9 @@ def trials(cases: int, nulls: int, seed: int) -> list[dict[str, Any]]:
         hidden += [{"group": "some drivers", "effect": "reaction_delay", "size": "large", "share": 0.4},
                    {"group": "one lane", "effect": "location", "size": "large", "only_lane": 1}]  # fmt: skip
         hidden += [{"group": "single", "effect": name, "size": LEVELS[2]} for name in SINGLE]
+        # SUMO's drivers change their headways at a place, where ours brake: the third form.
+        hidden += [{"group": "in SUMO", "effect": name, "size": "large", "form": "third" if name == "location" else "usual",
+                    "underlying": next(models)} for name in planting.IN_SUMO]  # fmt: skip
     begin = 100_000 * (seed + 1)
     plain = [_conditions(trial, k, begin + k, planting) for k, trial in enumerate(plain)]
     hidden = [_conditions(trial, k, begin + 10_000 + k, planting) for k, trial in enumerate(hidden)]
@@ -106,7 +114,8 @@ def run_trial(trial: dict[str, Any], folder: Path) -> dict[str, Any]:
     effect = tuple(trial["effect"]) if isinstance(trial["effect"], list) else trial["effect"]
     given = {key: trial[key] for key in GIVEN if key in trial}
     chosen = planting.plan(trial["seed"], effect=effect, size=trial["size"], **given)
-    known = bool(chosen.effects) and not set(chosen.effects) & set(planting.NOT_BEHAVIOUR)
+    ours = chosen.underlying in planting.MODELS and not set(chosen.effects) & set(planting.NOT_BEHAVIOUR)
+    known = bool(chosen.effects) and ours
     planted = planting.simulate(chosen, remember=known)
     with tempfile.TemporaryDirectory() as scratch:
         file = planting.write(planted, Path(scratch) / "recording.parquet")
@@ -169,7 +178,7 @@ def _parser() -> argparse.ArgumentParser:
         prog="python -m analysis.campaign", description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter
     )
     parser.add_argument("-o", "--output", type=Path, required=True, metavar="DIR", help="tables, picture, cases/*.json")
-    parser.add_argument("--cases", type=int, default=1, help="rounds of every effect and size (about 47 trials each)")
+    parser.add_argument("--cases", type=int, default=1, help="rounds of every effect and size (about 51 trials each)")
     parser.add_argument("--nulls", type=int, default=40, help="recordings with nothing planted")
     parser.add_argument("--small", action="store_true", help="four short recordings instead")
     parser.add_argument("--jobs", type=int, default=1, help="processes")

@@ -90,7 +90,9 @@ def sized(trials: pd.DataFrame) -> pd.DataFrame:
 
     Effects that some drivers have only are left out: there the size of all drivers is another.
     """
-    everybodys = (trial for trial in trials.to_dict("records") if trial["group"] in ("single", "pair", "one lane"))
+    everybodys = (
+        trial for trial in trials.to_dict("records") if trial["group"] in ("single", "pair", "one lane", "in SUMO")
+    )
     return pd.DataFrame([row for trial in everybodys for row in _sizes(trial)], columns=SIZED)
 
 

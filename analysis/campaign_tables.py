@@ -23,6 +23,7 @@ EXPLAINED = {
     "Power": "Single effects; the last two columns are medians: what the true model gains, what the extended model gained.",
     "Confusion": "Rows: hidden. Columns: named first, or the verdict.",
     "Power by car-following": "The same by the car-following underneath, and by the form of the effect.",
+    "In SUMO": "One effect on the headway, large, in traffic that SUMO's own car-following drives.",
     "Pairs": "Two effects at once, both large.",
     "Outside": "Effects that the catalogue does not hold.",
     "Conditions": "Single effects.",
@@ -74,6 +75,7 @@ def tables(graded: pd.DataFrame, sizes: pd.DataFrame) -> dict[str, pd.DataFrame]
         "Power by car-following": _by(single, ("underlying", "form"), ("gain_class",)),
         "Power": power,
         "Confusion": confusion(graded),
+        "In SUMO": _by(graded[graded["group"] == "in SUMO"], ("name", "underlying")),
         "Pairs": pd.concat([counts(pairs, ["name"]), counts(pairs, ["underlying"]).rename(columns={"underlying": "name"})]),
         "Outside": counts(graded[graded["group"] == "outside"], ["name"]),
         "Conditions": _by(single, CONDITIONS),
@@ -106,7 +108,7 @@ def counts(graded: pd.DataFrame, keys: list[str], order: tuple[str, ...] = ()) -
 
 def confusion(graded: pd.DataFrame) -> pd.DataFrame:
     """Return what was said first (columns) of what was hidden (rows)."""
-    some = graded[graded["group"].isin(["none", "single", "outside", "some drivers", "one lane"])]
+    some = graded[graded["group"].isin(["none", "single", "outside", "some drivers", "one lane", "in SUMO"])]
     if some.empty:
         return pd.DataFrame()
     return pd.crosstab(some["name"], some["first"]).reset_index().rename(columns={"name": "hidden"})

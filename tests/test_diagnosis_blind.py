@@ -72,6 +72,18 @@ def test_a_place_where_the_headway_is_longer_is_told_from_one_where_drivers_brak
     assert better(found)
 
 
+@pytest.mark.parametrize("model", ["IDM", "Krauss"])
+def test_nothing_is_named_in_traffic_that_sumo_drives(model, tmp_path):
+    assert checked(diagnose(hidden(tmp_path, 21, None, underlying=f"SUMO {model}"))).verdict == "none"
+
+
+@pytest.mark.parametrize(("effect", "model", "drivers"), [("location", "EIDM", 200), ("time_of_day", "mixed", 350)])
+def test_what_sumos_drivers_do_at_a_place_or_for_a_time_is_named(effect, model, drivers, tmp_path):
+    found = checked(diagnose(hidden(tmp_path, 22, effect, underlying=f"SUMO {model}", drivers=drivers)))
+    assert found.causes[0].name == effect
+    assert found.causes[0].parameters["theta"].value == pytest.approx(0.25, rel=0.3)
+
+
 def test_what_is_hidden_in_one_lane_only_is_named_there(tmp_path):
     recording = hidden(tmp_path, 20, "location", form="usual", only_lane=1)
     found = checked(diagnose(recording))

@@ -11,7 +11,7 @@ import pytest
 
 from idm_sumo.cleaning import clean
 from idm_sumo.reading import read_recording
-from tests.planting import CATALOGUE, FORMS, MODELS, OUTSIDE, achievable, plan, simulate, write
+from tests.planting import CATALOGUE, FORMS, IN_SUMO, MODELS, OUTSIDE, SUMO_MODELS, achievable, plan, simulate, write
 from tests.planting import behaviour as act
 from tests.planting.behaviour import credit, dead, headway
 from tests.planting.files import _preceding, measured, position_noise
@@ -50,9 +50,48 @@ def test_traffic_is_plausible(underlying, density):
     assert planted.x[everyone, last][last < seen.shape[1] - 1].min() > 635.0, "whoever goes leaves downstream"
 
 
-def test_same_seed_same_recording():
-    once, again = (measured(simulate(plan(9, effect="drawn", **SHORT))) for _ in range(2))
+@pytest.mark.parametrize("underlying", ["idm", "SUMO mixed"])
+def test_same_seed_same_recording(underlying):
+    effect = "drawn" if underlying == "idm" else "time_of_day"
+    once, again = (measured(simulate(plan(9, effect=effect, underlying=underlying, **SHORT))) for _ in range(2))
     pd.testing.assert_frame_equal(once, again)
+
+
+@pytest.mark.parametrize("underlying", SUMO_MODELS)
+def test_traffic_that_sumo_drives_is_plausible(underlying):
+    planted = simulate(plan(4, effect=None, underlying=underlying, density="congested", **SHORT))
+    net, speed, _, _ = gaps(planted)
+    assert len(planted.x) >= SHORT["drivers"]
+    assert net.min() > 0.0
+    assert 2.0 < np.nanmean(planted.v) < 15.0
+    assert np.nanstd(planted.v) > 1.0, "waves run through"
+    assert 0.8 < np.median(net[speed > 3] / speed[speed > 3]) < 3.0
+    seen = np.isfinite(planted.x)
+    assert np.all(np.diff(seen.astype(int), axis=1).clip(0).sum(axis=1) <= 1), "nobody comes back"
+
+
+@pytest.mark.parametrize("effect", IN_SUMO)
+def test_sumos_drivers_keep_the_headway_that_is_hidden(effect):
+    given = {**SHORT, "underlying": "SUMO IDM", "density": "congested", "trucks": 0.15}
+    chosen = plan(6, effect=effect, size="large", **given)
+    before, after = (simulate(replace(chosen, effects=effects)) for effects in ({}, {effect: 0.5}))
+
+    def headways(planted):
+        net, speed, kind, frame = gaps(planted)
+        seconds = 0.1 * frame
+        acts = {
+            "time_of_day": (seconds > chosen.time[0] + 10.0) & (seconds < chosen.time[1]), "leader_class": kind == 3,
+            "speed_dependent_headway": speed > 11.0, "location": speed > 0.0,
+        }[effect]  # fmt: skip
+        some = acts & (speed > 3.0)
+        return np.median(net[some] / speed[some])
+
+    assert headways(after) > 1.04 * headways(before)
+
+
+def test_what_sumos_drivers_cannot_have_is_said():
+    with pytest.raises(ValueError, match="hysteresis: SUMO's drivers can have location"):
+        simulate(plan(6, effect="hysteresis", size="large", **{**SHORT, "underlying": "SUMO IDM"}))
 
 
 @pytest.mark.parametrize("kind", ["white", "correlated"])

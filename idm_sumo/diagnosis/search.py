@@ -10,6 +10,7 @@ import numpy.typing as npt
 from idm_sumo.diagnosis import evidence as ev
 from idm_sumo.diagnosis import gates
 from idm_sumo.diagnosis import hypotheses as hy
+from idm_sumo.diagnosis.edges import sharpened
 from idm_sumo.diagnosis.fit import Fit
 from idm_sumo.diagnosis.hypotheses import Candidate
 from idm_sumo.diagnosis.left_over import LeftOver, told
@@ -116,8 +117,9 @@ def _outside(
 ) -> tuple[LeftOver, ...]:
     """Return what is free and belongs to no effect of the catalogue.
 
-    Where the best effect, once at its size, says more than what is free, it is put into the model, and what is free is looked for
-    again: then it counts only if it is still there.
+    Where the best effect, once at its size, says more than what is free, it is put into the model, its edges where they belong (a
+    second beside, and drivers seem to answer otherwise there), and what is free is looked for again: then it counts only if it is
+    still there.
     """
     strange = gates.outside(first)
     likely = [c for c in gates.believed(first) if gates.is_likely(c)][:TRIED]
@@ -127,8 +129,9 @@ def _outside(
     best = max((one for one in each if gates.is_there(one)), key=lambda one: one.support, default=None)
     if best is None or best.support < strange[0].z ** 2:
         return strange
+    placed = sharpened(subject, best.fit, [best.candidate.name])
     with_best = ev.examine(
-        subject, anew(subject, best.fit), lucks, progress=progress, stage="looking for what is left", free=True
+        subject, anew(subject, placed), lucks, progress=progress, stage="looking for what is left", free=True
     )
     return strange if gates.is_left(strange[0], with_best) else ()
 

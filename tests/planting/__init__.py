@@ -7,11 +7,13 @@
     truth = achievable(simulate(chosen, remember=True))      # what the true model is better by, with and without it
 
 Own car-following (an IDM stepped by 0.05 s, ballistic, a full-velocity-difference model and Gipps's), own lane changes,
-own driver and measurement noise, and for each effect a usual, another and
-for some a third form (:mod:`tests.planting.behaviour`).
+own driver and measurement noise, and for each effect a usual, another and for some a third form
+(:mod:`tests.planting.behaviour`). Or SUMO drives (``underlying="SUMO EIDM"``), with effects on the headway alone
+(:mod:`tests.planting.in_sumo`).
 """
 
 from tests.planting.files import write
+from tests.planting.in_sumo import IN_SUMO, SUMO_MODELS
 from tests.planting.plans import CATALOGUE, FORMS, MODELS, OUTSIDE, SIZES, Plan, plan
 from tests.planting.simulation import Planted, simulate
 from tests.planting.truth import NOT_BEHAVIOUR, Achievable, achievable
@@ -19,10 +21,12 @@ from tests.planting.truth import NOT_BEHAVIOUR, Achievable, achievable
 __all__ = [
     "CATALOGUE",
     "FORMS",
+    "IN_SUMO",
     "MODELS",
     "NOT_BEHAVIOUR",
     "OUTSIDE",
     "SIZES",
+    "SUMO_MODELS",
     "Achievable",
     "Plan",
     "Planted",

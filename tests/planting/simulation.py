@@ -7,11 +7,13 @@ from dataclasses import dataclass
 import numpy as np
 import numpy.typing as npt
 
+from tests.planting import in_sumo
 from tests.planting.behaviour import INDEX, SEEN
 from tests.planting.motion import DT, run
 from tests.planting.plans import FORMS, MODELS, Plan
 
 WARM_UP = 120.0  # s
+SPARE = 60  # vehicles a lane that come and go before
 LEAST = 900  # frames: a long road is full from the start
 BEFORE, AFTER = 250.0, 220.0  # m of road outside the recorded section
 Floats = npt.NDArray[np.float64]
@@ -38,7 +40,8 @@ def simulate(chosen: Plan, *, remember: bool = False) -> Planted:
     ``remember`` keeps what each driver saw, for :func:`tests.planting.truth.achievable`.
     """
     rng = np.random.default_rng([chosen.seed, 1])
-    n = int(chosen.drivers * 1.5) + 60 * chosen.lanes
+    by_sumo = chosen.underlying.startswith(in_sumo.SUMO)
+    n = int(chosen.drivers * 1.5) + (in_sumo.SPARE if by_sumo else SPARE) * chosen.lanes
     kind = rng.choice([1, 2, 3], size=n, p=[0.01, 0.99 - chosen.trucks, chosen.trucks])
     length = np.where(kind == 3, rng.uniform(9.0, 18.0, n), np.where(kind == 1, 2.2, rng.normal(4.6, 0.4, n)))
     lane = rng.integers(chosen.lanes, size=n)
@@ -53,6 +56,11 @@ def simulate(chosen: Plan, *, remember: bool = False) -> Planted:
     caps = _downstream(rng, chosen, int((chosen.minutes * 60 + WARM_UP) / DT) + 2)
     where = np.array([*chosen.place, *chosen.time])
     log = np.zeros((n, frames, SEEN) if remember else (0, 0, 0), dtype=np.float32)
+    if by_sumo:
+        x, v, lanes = in_sumo.run(chosen, length, kind, theta, caps)
+        return _ended(
+            Planted(chosen, x, v, lanes, length, kind, theta, affected, np.zeros((0, 0, 0), dtype=np.float32))
+        )
     x, v, lanes = run(
         int(rng.integers(2**31)), MODELS.index(chosen.underlying), FORMS.index(chosen.form), theta, length, kind,
         lane.astype(np.int64), affected, effects, where, chosen.lane, chosen.only_lane, caps, chosen.length,
