@@ -110,17 +110,18 @@ def test_the_shadow_of_what_was_refused_is_no_cause(monkeypatch, support, named)
 
 
 @pytest.mark.parametrize(
-    ("support", "margin", "named"), [(-80.0, 0.01, True), (-80.0, 0.04, False), (80.0, 0.04, True)]
-)
+    ("on_average", "support", "margin", "named"),
+    [(0.1, -80.0, 0.01, True), (0.1, -80.0, 0.04, False), (0.1, 80.0, 0.04, True), (0.04, -80.0, 0.01, False), (0.04, 80.0, 0.04, True)],
+)  # fmt: skip
 def test_what_some_drivers_have_the_likelihood_may_refuse_but_they_drive_clearly_nearer(
-    monkeypatch, support, margin, named
+    monkeypatch, on_average, support, margin, named
 ):
     fit = fit_drivers(
         followers(ro.PLAIN, np.random.default_rng(5))[0], ro.PLAIN.copy(), np.array([1e-4, 1e-4]), rounds=1
     )
     late = Tried(candidate(8.0, "reaction_delay", 0.4), fit, support)
     gain = Gain("ade_m", 1.0, 0.97, 0.03, (0.03 - margin, 0.03 + margin), 100, False)
-    monkeypatch.setattr(search.hy, "candidates", lambda _: [late.candidate])
+    monkeypatch.setattr(search.hy, "candidates", lambda _: [replace(late.candidate, value=on_average)])
     monkeypatch.setattr(search.hy, "forms", lambda _, one: [one])
     monkeypatch.setattr(search, "_strongest", lambda *_: (late, ()))
     monkeypatch.setattr(search, "anew", lambda _, fit: fit)

@@ -180,8 +180,10 @@ def _judged(
     best = replace(best, fit=anew(subject, best.fit))
     gain = gain_of(subject, fit, best.fit, rng)
     candidate = best.candidate
-    # A likelihood that falls although vehicles are driven clearly better: not all drivers have it.
-    wanted = best.support > 0.0 or gain.ci95[0] > 0.0
+    # A likelihood that falls although vehicles are driven clearly better: not all drivers have it. What they have on average, as the
+    # score near zero sees it, must be large enough then.
+    on_average = any(form.large_enough for form in forms if form.name == candidate.name)
+    wanted = best.support > 0.0 or (gain.ci95[0] > 0.0 and on_average)
     passes = wanted and gates.is_there(best) and gates.is_worth_it(gain, best, first, strongest)
     return best, Accepted(best, candidate.value, candidate.error, gain, rivals) if passes else None
 
