@@ -65,8 +65,8 @@ def trials(cases: int, nulls: int, seed: int) -> list[dict[str, Any]]:
         {"group": NO_EFFECT, "effect": None, "size": "mid", **(next(kinds) or next(of_sumo))} for _ in range(nulls)
     ]
     hidden: list[dict[str, Any]] = []
-    models = itertools.cycle(planting.SUMO_MODELS)
-    for _ in range(cases):
+    for number in range(cases):
+        models = np.roll(planting.SUMO_MODELS, -number)  # every effect meets every model
         hidden += [{"group": "single", "effect": name, "size": size} for size in LEVELS[:2] for name in SINGLE]
         hidden += [{"group": "pair", "effect": list(pair), "size": "large"} for pair in PAIRS]
         hidden += [{"group": "outside", "effect": name, "size": "large"} for name in planting.OUTSIDE]
@@ -75,7 +75,7 @@ def trials(cases: int, nulls: int, seed: int) -> list[dict[str, Any]]:
         hidden += [{"group": "single", "effect": name, "size": LEVELS[2]} for name in SINGLE]
         # SUMO's drivers change their headways at a place, where ours brake: the third form.
         hidden += [{"group": "in SUMO", "effect": name, "size": "large", "form": "third" if name == "location" else "usual",
-                    "underlying": next(models)} for name in planting.IN_SUMO]  # fmt: skip
+                    "underlying": str(model)} for name, model in zip(planting.IN_SUMO, models, strict=True)]  # fmt: skip
     begin = 100_000 * (seed + 1)
     plain = [_conditions(trial, k, begin + k, planting) for k, trial in enumerate(plain)]
     hidden = [_conditions(trial, k, begin + 10_000 + k, planting) for k, trial in enumerate(hidden)]

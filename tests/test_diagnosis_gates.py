@@ -145,8 +145,11 @@ def test_held_out_drivers_are_few_and_what_is_sure_need_not_be_clear_on_them(dif
 @pytest.mark.parametrize(
     ("covariate", "z", "stands_out"),
     [
-        ("position", 6.0, True),
-        ("position", 5.0, False),
+        ("position in lane 2", 6.0, True),
+        ("position in lane 2", 5.0, False),
+        ("position", 6.0, False),  # the catalogue's own place would have said it
+        ("position", 7.0, True),
+        ("lane", 6.0, False),  # which to take drivers choose themselves
         ("delay over position in lane 2", 6.0, False),  # a response that changes: most looks
         ("delay over time", 7.0, True),
         ("headway over leader_gap", 7.0, False),  # another car-following model looks like it

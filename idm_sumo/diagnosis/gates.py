@@ -9,7 +9,7 @@ import numpy as np
 
 from idm_sumo.diagnosis import evidence as ev
 from idm_sumo.diagnosis import hypotheses as hy
-from idm_sumo.diagnosis.free_fields import CHANGES, DOUBTFUL, HELD, REGION
+from idm_sumo.diagnosis.free_fields import CHANGES, DOUBTFUL, HELD, REGION, SUSPECT
 from idm_sumo.diagnosis.hypotheses import Candidate
 from idm_sumo.diagnosis.left_over import LeftOver
 from idm_sumo.diagnosis.result import Gain
@@ -36,9 +36,9 @@ SURE, BEYOND_DOUBT = 4.8, 7.0  # standard errors, from which on any gain will do
 SURE_AGAIN = 6.0  # standard errors, from which on held-out drivers need not be better than chance
 AS_SURE = 0.5  # of the first cause's support, for a further one beyond doubt
 CHANCE = 0.01  # of the ADE
-# Standard errors from which on something free stands out; a response that changes, of which there are most looks, and what
-# another car-following model looks like, too, need more; a driver's own motion of late does so a little.
-FREE_CLEAR, FREE_CHANGED, FREE_DOUBTFUL = 5.5, 6.5, 9.0
+# Standard errors from which on something free stands out; a response that changes, of which there are most looks, what is suspect
+# and what another car-following model looks like, too, need more.
+FREE_CLEAR, FREE_SURER, FREE_DOUBTFUL = 5.5, 6.5, 9.0
 FREE_IMPOSSIBLE = 0.5  # of the z of what cannot be, for what is free along what a driver sees
 # Times the best cause's squared z, and more, from which on the catalogue does not hold it. A response that changes from place to
 # place, or with time, is what goes beyond the same change everywhere, and has to be only half as sure as that.
@@ -161,9 +161,9 @@ def standing_out(evidence: ev.Evidence) -> tuple[LeftOver, ...]:
 
     def least(one: LeftOver) -> float:
         if one.covariate.startswith(CHANGES):
-            return FREE_CHANGED
-        own = one.covariate.endswith("unrest")
-        usual = FREE_DOUBTFUL if one.covariate.endswith(DOUBTFUL) else FREE_CHANGED if own else FREE_CLEAR
+            return FREE_SURER
+        clear = FREE_SURER if one.covariate in SUSPECT else FREE_CLEAR
+        usual = FREE_DOUBTFUL if one.covariate.endswith(DOUBTFUL) else clear
         return max(usual, FREE_IMPOSSIBLE * impossible) if one.is_seen else usual
 
     return tuple(one for one in evidence.free if one.is_credible and abs(one.z) > least(one))
