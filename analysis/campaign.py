@@ -39,6 +39,11 @@ PLAIN: tuple[dict[str, Any], ...] = (
     {"kind": "heterogeneous drivers", "spread": 0.4}, {"kind": "many trucks", "trucks": 0.15},
     {"kind": "many lane changes", "lane_changes": 2.5},
 )  # fmt: skip
+# SUMO's drivers change their headways at a place, where ours brake; and who has a truck ahead all along only has a long headway.
+OF_SUMO: dict[str, dict[str, Any]] = {
+    "location": {"form": "third"},
+    "leader_class": {"trucks": 0.15, "lane_changes": 2.5},
+}
 NO_EFFECT = "none"
 WINDOW = 12.0  # s, of the rollouts whose gain is compared
 GIVEN = (
@@ -73,9 +78,8 @@ def trials(cases: int, nulls: int, seed: int) -> list[dict[str, Any]]:
         hidden += [{"group": "some drivers", "effect": "reaction_delay", "size": "large", "share": 0.4},
                    {"group": "one lane", "effect": "location", "size": "large", "only_lane": 1}]  # fmt: skip
         hidden += [{"group": "single", "effect": name, "size": LEVELS[2]} for name in SINGLE]
-        # SUMO's drivers change their headways at a place, where ours brake: the third form.
-        hidden += [{"group": "in SUMO", "effect": name, "size": "large", "form": "third" if name == "location" else "usual",
-                    "underlying": str(model)} for name, model in zip(planting.IN_SUMO, models, strict=True)]  # fmt: skip
+        hidden += [{"group": "in SUMO", "effect": name, "size": "large", "underlying": str(model), **OF_SUMO.get(name, {})}
+                   for name, model in zip(planting.IN_SUMO, models, strict=True)]  # fmt: skip
     begin = 100_000 * (seed + 1)
     plain = [_conditions(trial, k, begin + k, planting) for k, trial in enumerate(plain)]
     hidden = [_conditions(trial, k, begin + 10_000 + k, planting) for k, trial in enumerate(hidden)]

@@ -145,8 +145,8 @@ def test_held_out_drivers_are_few_and_what_is_sure_need_not_be_clear_on_them(dif
 @pytest.mark.parametrize(
     ("covariate", "z", "stands_out"),
     [
-        ("position in lane 2", 6.0, True),
-        ("position in lane 2", 5.0, False),
+        ("position and time", 6.0, True),
+        ("position and time", 5.0, False),
         ("position", 6.0, False),  # the catalogue's own place would have said it
         ("position", 7.0, True),
         ("lane", 6.0, False),  # which to take drivers choose themselves
@@ -159,6 +159,13 @@ def test_held_out_drivers_are_few_and_what_is_sure_need_not_be_clear_on_them(dif
 def test_what_is_looked_at_more_must_stand_out_more(covariate, z, stands_out):
     assert bool(gates.standing_out(evidence(0.0, free(covariate, -z)))) is stands_out
     assert not gates.standing_out(evidence(0.0, free(covariate, z, is_credible=False)))
+
+
+@pytest.mark.parametrize(("lane", "stands_out"), [(0, True), (2, False)])
+def test_where_drivers_choose_to_be_must_stand_out_more(lane, stands_out):
+    region = replace(free("position and time", 6.0), lane=lane)
+    assert bool(gates.standing_out(evidence(0.0, region))) is stands_out
+    assert gates.standing_out(evidence(0.0, replace(region, z=7.0)))
 
 
 @pytest.mark.parametrize(

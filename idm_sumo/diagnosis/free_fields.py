@@ -38,9 +38,6 @@ EDGES: dict[str, tuple[float, ...]] = {
 # With another car-following model underneath, or noise in the leader's place, drivers seem to answer these otherwise; and who brakes
 # more than the model has the follower near.
 DOUBTFUL = ("leader_acceleration", "leader_gap", "adjacent_difference", "rear_gap", "crowd_left", "crowd_right")
-# A driver's own motion of late does so a little; which lane to take drivers choose themselves; and of a place or a time the
-# catalogue's own would have said it.
-SUSPECT = ("unrest", "headway over unrest", "lane", "position", "time")
 MOST_BINS, BLOCKS = 40, 10  # of a scan along the road or the time; of each side of the rectangles of both
 STRONGEST = 3.0  # m/s² (per s): of the model's own acceleration and its change
 # What may be different: some acceleration is added, the time headway is longer, the response is stronger, or later.
@@ -49,6 +46,9 @@ CHANGES = (RESPONSE, DELAY)
 IN_LANE = " in lane "
 REGION = "position and time"
 HELD = ("position", "time")  # by the catalogue, as location and time of day
+# A driver's own motion of late stands out a little; which lane to take drivers choose themselves; and of a place or a time the
+# catalogue's own would have said it.
+SUSPECT = ("unrest", "headway over unrest", "lane", *HELD)
 # Along covariates the response and its delay are what another car-following model looks like.
 ALONG_COVARIATES, ALONG_REGIONS = (ACCELERATION, HEADWAY), (ACCELERATION, RESPONSE, DELAY)
 

@@ -73,9 +73,14 @@ class LeftOver:
     bias: float = 0.0
 
     @property
+    def subject(self) -> str:
+        """What it lies along, whatever is different there."""
+        return self.covariate.split(" over ")[-1]
+
+    @property
     def is_seen(self) -> bool:
         """Whether it lies along what a driver sees, and is no question of where or when."""
-        return self.covariate.split(" over ")[-1] in ff.EDGES
+        return self.subject in ff.EDGES
 
 
 @dataclass(frozen=True)
@@ -227,8 +232,7 @@ def told(found: tuple[LeftOver, ...]) -> tuple[LeftOver, ...]:
     """Return what is worth telling: the strongest, and what else is nearly as strong but not the same thing again."""
     kept: list[LeftOver] = []
     for one in found:
-        subject = one.covariate.split(" over ")[-1]
-        known = any(subject == other.covariate.split(" over ")[-1] for other in kept)
+        known = any(one.subject == other.subject for other in kept)
         if not known and len(kept) < MOST_TOLD and (not kept or one.z**2 > NEARLY * kept[0].z ** 2):
             kept.append(one)
     return tuple(kept)
