@@ -161,11 +161,11 @@ def test_what_is_looked_at_more_must_stand_out_more(covariate, z, stands_out):
     assert not gates.standing_out(evidence(0.0, free(covariate, z, is_credible=False)))
 
 
-@pytest.mark.parametrize(("lane", "stands_out"), [(0, True), (2, False)])
-def test_where_drivers_choose_to_be_must_stand_out_more(lane, stands_out):
-    region = replace(free("position and time", 6.0), lane=lane)
-    assert bool(gates.standing_out(evidence(0.0, region))) is stands_out
-    assert gates.standing_out(evidence(0.0, replace(region, z=7.0)))
+@pytest.mark.parametrize(("covariate", "stands_out"), [("position in lane 2", True), ("time in lane 2", False)])
+def test_one_lane_for_a_while_are_few_drivers_and_must_stand_out_more(covariate, stands_out):
+    one = replace(free(covariate, 6.0), lane=2)
+    assert bool(gates.standing_out(evidence(0.0, one))) is stands_out
+    assert gates.standing_out(evidence(0.0, replace(one, z=7.0)))
 
 
 @pytest.mark.parametrize(

@@ -46,9 +46,9 @@ CHANGES = (RESPONSE, DELAY)
 IN_LANE = " in lane "
 REGION = "position and time"
 HELD = ("position", "time")  # by the catalogue, as location and time of day
-# A driver's own motion of late stands out a little; which lane to take drivers choose themselves; and of a place or a time the
-# catalogue's own would have said it.
-SUSPECT = ("unrest", "headway over unrest", "lane", *HELD)
+# A driver's own motion of late stands out a little; which lane to take drivers choose themselves, and in one lane for a while there
+# are few; of a place or a time the catalogue's own would have said it.
+SUSPECT = ("unrest", "headway over unrest", "lane", "time" + IN_LANE, *HELD)
 # Along covariates the response and its delay are what another car-following model looks like.
 ALONG_COVARIATES, ALONG_REGIONS = (ACCELERATION, HEADWAY), (ACCELERATION, RESPONSE, DELAY)
 

@@ -36,8 +36,8 @@ SURE, BEYOND_DOUBT = 4.8, 7.0  # standard errors, from which on any gain will do
 SURE_AGAIN = 6.0  # standard errors, from which on held-out drivers need not be better than chance
 AS_SURE = 0.5  # of the first cause's support, for a further one beyond doubt
 CHANCE = 0.01  # of the ADE
-# Standard errors from which on something free stands out; a response that changes, of which there are most looks, what is in one
-# lane only, where drivers choose to be, what is suspect, and what another car-following model looks like, too, need more.
+# Standard errors from which on something free stands out; a response that changes, of which there are most looks, what is suspect
+# and what another car-following model looks like, too, need more.
 FREE_CLEAR, FREE_SURER, FREE_DOUBTFUL = 5.5, 6.5, 9.0
 FREE_IMPOSSIBLE = 0.5  # of the z of what cannot be, for what is free along what a driver sees
 # Times the best cause's squared z, and more, from which on the catalogue does not hold it. A response that changes from place to
@@ -162,7 +162,7 @@ def standing_out(evidence: ev.Evidence) -> tuple[LeftOver, ...]:
     def least(one: LeftOver) -> float:
         if one.covariate.startswith(CHANGES):
             return FREE_SURER
-        clear = FREE_SURER if one.lane or one.covariate in SUSPECT else FREE_CLEAR
+        clear = FREE_SURER if one.covariate.removesuffix(str(one.lane or "")) in SUSPECT else FREE_CLEAR
         usual = FREE_DOUBTFUL if one.covariate.endswith(DOUBTFUL) else clear
         return max(usual, FREE_IMPOSSIBLE * impossible) if one.is_seen else usual
 
