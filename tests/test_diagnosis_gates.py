@@ -67,8 +67,8 @@ def test_what_is_less_sure_than_something_impossible_must_gain_clearly():
     assert gates.is_worth_it(gain(0.02, 0.01), tried(5.0), None, 13.0)
 
 
-@pytest.mark.parametrize("name", ["leader_class", "location", "time_of_day"])
-def test_who_where_and_when_are_nothing_that_looks_like_something_impossible(name):
+@pytest.mark.parametrize("name", ["leader_class", "location", "time_of_day", "speed_dependent_headway"])
+def test_who_where_and_when_are_nothing_that_looks_like_something_impossible_nor_longer_headways_at_speed(name):
     assert gates.is_worth_it(gain(0.001, 0.04), tried(5.0, name), None, 13.0)
     assert not gates.is_worth_it(gain(-0.001, 0.04), tried(5.0, name), None, 13.0)
     assert not gates.is_worth_it(gain(0.001, 0.04), tried(5.0, "adjacent_lane_friction"), None, 13.0)
@@ -118,6 +118,7 @@ def test_what_has_no_null_twin_must_gain_more(difference, accepted):
         ("multi_leader_anticipation", 5.0, 0.2, 20.0, False, False),
         ("desired_speed", 5.0, 0.2, 20.0, False, False),  # how drivers of another law come near to theirs
         ("desired_speed", 8.0, 0.2, 20.0, True, True),
+        ("desired_speed", 8.0, 1.0, 600.0, True, False),  # no speed would be enough: another approach to it
     ],
 )
 def test_what_is_underrated_near_zero_is_judged_at_its_size(name, z, value, support, likely, there):

@@ -21,8 +21,11 @@ SIGNIFICANT = 1e-3  # corrected p of a cause
 # in the fast lane. Without a clear gain none is believed, however sure.
 SURER = {"multi_leader_anticipation": 7.0, "lane_change_relaxation": 7.0, "desired_speed": 7.0}
 SUREST = 9.0  # standard errors, from which on they are believed as others are
-# Of these the covariate is no motion of the driver's: whatever the car-following's law, it does not make them up.
-SITUATED = ("leader_class", "location", "time_of_day")
+# No law of car-following makes these up: who, where and when are no motion of the driver's, and headways that grow with speed are
+# what a law that differs has less of, not more.
+UNLIKE_LAWS = ("leader_class", "location", "time_of_day", "speed_dependent_headway")
+# Where the climb ends at the bound, what the data want is another approach to the desired speed than the model's, not another speed.
+ENDLESS = ("desired_speed",)
 # The score near zero underrates these, the more the farther the car-following is from the model's: at their size the likelihood
 # says more (twice its logarithm's gain).
 UNDERRATED = ("reaction_delay", "perception_threshold", "lane_change_relaxation")
@@ -84,9 +87,10 @@ def is_underrated(candidate: Candidate) -> bool:
 
 
 def is_there(tried: Tried) -> bool:
-    """Return whether a candidate at its size is significant and large enough."""
+    """Return whether a candidate at its size is significant and large enough, and has one."""
     sure = is_significant(tried.candidate) or tried.support > LEAST_SUPPORT
-    return sure and tried.candidate.large_enough
+    endless = tried.candidate.name in ENDLESS and hy.is_at_bound(tried.candidate)
+    return sure and tried.candidate.large_enough and not endless
 
 
 def is_clear_beside(candidate: Candidate) -> bool:
@@ -114,7 +118,7 @@ def is_worth_it(gain: Gain, tried: Tried, first: Tried | None, strongest: float 
         The first cause, for a further one.
     strongest : float
         Standard errors of the surest there is, those included that cannot be (a negative delay). What is less sure and does not
-        gain may be what that looks like, unless it is a question of who, where or when.
+        gain may be what that looks like, unless no law makes it up.
     """
     candidate, share = tried.candidate, gain.difference / gain.base
     z, enough = abs(candidate.z), share >= LEAST_GAIN
@@ -122,7 +126,7 @@ def is_worth_it(gain: Gain, tried: Tried, first: Tried | None, strongest: float 
     if candidate.name in ev.ENDOGENOUS:
         return clearly and share >= UNTWINNED_GAIN
     like_no_other = candidate.name not in SURER or z > SUREST
-    surest = like_no_other and (candidate.name in SITUATED or z >= strongest)
+    surest = like_no_other and (candidate.name in UNLIKE_LAWS or z >= strongest)
     beyond_doubt = surest and z > BEYOND_DOUBT and share > -CHANCE
     if first is None:
         return clearly or (surest and z > SURE and share > 0.0) or beyond_doubt

@@ -22,12 +22,9 @@ MIX = ("IDM", "EIDM", "Krauss")  # each driver draws one
 SUMO_MODELS = (*(SUMO + name for name in MIX), SUMO + MIXED)
 IN_SUMO = ("location", "time_of_day", "leader_class", "speed_dependent_headway")  # what can be hidden
 STEP = 0.1  # s
-BEFORE, AFTER, CONTROL = (
-    300.0,
-    250.0,
-    60.0,
-)  # m of road before and behind the section; how far behind it the road ahead tells
-WARM_UP = 240.0  # s: waves run up from behind an empty road
+BEFORE, AFTER = 300.0, 250.0  # m of road outside the recorded section
+CONTROL = 60.0  # m behind it, from where on vehicles keep to the speed that the road beyond allows
+WARM_UP = 240.0  # s: the road fills, and waves run up it
 SPARE = 150  # vehicles a lane that come and go before, or wait outside
 SIGHT = 150.0  # m
 HEADWAYS = {"light": 3.0, "moderate": 1.6, "congested": 1.5}  # s, between arrivals in a lane
