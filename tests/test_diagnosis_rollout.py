@@ -16,7 +16,7 @@ from idm_sumo.diagnosis.noise import QUIET
 from idm_sumo.diagnosis.smoother import local_cubic
 from idm_sumo.diagnosis.twins import make_twin, refit
 from idm_sumo.effects import Sight, extended_acceleration, slots
-from idm_sumo.effects.reaction_delay import recall
+from idm_sumo.effects.reaction_delay import acted_on
 
 DRIVERS, EACH = 30, 3
 
@@ -74,8 +74,8 @@ def by_hand(windows: w.Windows, theta: np.ndarray, m: np.ndarray) -> np.ndarray:
                     past[j, 2] = past[j, 1] - row[w.SPEED]
             if k < w.LEAD:
                 continue
-            gap, rate = (recall(past, column, k, m[slots.DELAY], 0.1) for column in (0, 2))
-            speed = recall(past, 1, k, m[slots.DELAY] * (1.0 - m[slots.OWN_SPEED_KNOWN]), 0.1)
+            own_delay = m[slots.DELAY] * (1.0 - m[slots.OWN_SPEED_KNOWN])
+            gap, speed, rate = acted_on(past, k, m[slots.DELAY], own_delay, 0.1)
             see = Sight(
                 x, row[w.TIME], row[w.ACCELERATION], row[w.KIND], row[w.OWN_KIND], row[w.LANE], row[w.SECOND] - x,
                 row[w.SECOND_SPEED], row[w.ADJACENT], x - row[w.BEHIND], row[w.JUMP], row[w.SINCE], row[w.ACCEPTED], row[w.UNTIL_CUT_IN],

@@ -36,7 +36,7 @@ def test_the_cause_that_drives_clearly_nearer_is_chosen():
     right = candidate(9.0, "perception_threshold", 0.8, ((slots.BAND, 0.6),))
     wrong = candidate(9.0, "acceleration_asymmetry", 0.3)
     rng = np.random.default_rng(0)
-    best, _ = _strongest(subject, base, [wrong, right], rng)
+    best, _ = _strongest(subject, base, [wrong, right], [], rng)
     assert best.candidate.name == "perception_threshold"
     assert gain_of(subject, base, best.fit, rng).ci95[0] > 0.0
 
@@ -52,7 +52,7 @@ def test_which_of_two_places_is_meant_support_alone_decides(monkeypatch):
         each = [Tried(candidate(9.0, name, value), fit, support) for name, (value, fit, support) in zip(
             names, ((-0.2, worse, 50.0), (0.1, base, 20.0)), strict=True)]  # fmt: skip
         monkeypatch.setattr(search, "climbed", lambda *_: each.pop(0))
-        return _strongest(subject, base, [one.candidate for one in each], rng)[0].candidate
+        return _strongest(subject, base, [one.candidate for one in each], [], rng)[0].candidate
 
     assert strongest("location", "location").value == -0.2
     assert strongest("location", "time_of_day").value == 0.1  # drives clearly nearer
@@ -74,7 +74,7 @@ def test_a_form_with_far_less_support_is_not_taken_however_it_drives(monkeypatch
     subject = Subject(windows, Noises(QUIET, QUIET), at.grid_of(windows), True)
     each = [Tried(candidate(9.0, first, 0.6), worse, 100.0), Tried(candidate(9.0, second, 0.3), base, support)]
     monkeypatch.setattr(search, "climbed", lambda *_: each.pop(0))
-    best, _ = _strongest(subject, base, [one.candidate for one in each], np.random.default_rng(0))
+    best, _ = _strongest(subject, base, [one.candidate for one in each], [], np.random.default_rng(0))
     assert best.candidate.value == value
 
 
@@ -104,7 +104,7 @@ def test_the_shadow_of_what_was_refused_is_no_cause(monkeypatch, support, named)
     monkeypatch.setattr(search.hy, "forms", lambda _, one: [one])
     monkeypatch.setattr(search, "_judged", lambda *_: answers.pop(0))
     without = []
-    chosen = _next(None, fit, evidence(0.0), [], without, np.random.default_rng(0))
+    chosen = _next(None, fit, evidence(0.0), [], without, [], np.random.default_rng(0))
     assert (chosen is not None) is named
     assert [one.name for one in without] == ["hysteresis"]
 
@@ -126,5 +126,5 @@ def test_what_some_drivers_have_the_likelihood_may_refuse_but_they_drive_clearly
     monkeypatch.setattr(search, "_strongest", lambda *_: (late, ()))
     monkeypatch.setattr(search, "anew", lambda _, fit: fit)
     monkeypatch.setattr(search, "gain_of", lambda *_: gain)
-    chosen = _next(None, fit, evidence(0.0), [], [], np.random.default_rng(0))
+    chosen = _next(None, fit, evidence(0.0), [], [], [], np.random.default_rng(0))
     assert (chosen is not None) is named

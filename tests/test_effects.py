@@ -9,7 +9,7 @@ from hypothesis import strategies as st
 
 from idm_sumo import idm
 from idm_sumo.effects import BLIND, BY_NAME, CATALOGUE, Cause, ExtendedModel, Sight, extended_acceleration, slots
-from idm_sumo.effects.reaction_delay import REMEMBERED, follow_another, recall
+from idm_sumo.effects.reaction_delay import REMEMBERED, acted_on, follow_another, recall
 from idm_sumo.errors import InputError
 from idm_sumo.idm import IDMParameters
 
@@ -130,6 +130,17 @@ def test_the_past_is_recalled_linearly(delay, now):
 def test_what_was_before_the_past_is_its_first_row():
     past = np.arange(6.0).reshape(2, 3)
     assert recall(past, 1, 1, 5.0, 0.1) == 1.0
+
+
+@given(st.floats(8.0, 200.0) | st.just(np.inf), st.floats(8.0, 200.0) | st.just(np.inf), st.floats(0.0, 0.1))
+def test_a_new_leader_is_answered_for_as_much_of_the_step_as_it_was_seen(before, now, delay):
+    past = np.array([[before, 9.0, 0.0], [now, 9.0, 0.0]])
+    gap, speed, rate = acted_on(past, 1, delay, 0.0, 0.1)
+    one, other = (drive(none(), speed=9.0, rate=0.0, gap=each) for each in (before, now))
+    unseen = delay / 0.1
+    assert drive(none(), speed=speed, rate=rate, gap=gap) == pytest.approx(
+        unseen * one + (1.0 - unseen) * other, abs=1e-6
+    )
 
 
 @given(st.floats(2.0, 20.0), st.floats(5.0, 60.0), st.integers(1, 29))

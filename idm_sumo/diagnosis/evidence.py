@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from typing import NamedTuple
 
@@ -111,7 +112,7 @@ class Twins(NamedTuple):
     drawn: list[Heard]
 
 
-def _twin_totals(subject: Subject, fit: Fit, lucks: list[Luck], looked: Look, heard: Twins | None = None) -> Floats:
+def _twin_totals(subject: Subject, fit: Fit, lucks: Sequence[Luck], looked: Look, heard: Twins | None = None) -> Floats:
     """Return the total scores of null twins, shape ``(twins, atoms)``: of drawn drivers for what differs between drivers.
 
     The form of the car-following is taken out of them as out of the recording, by the recording's Gram matrix and as twins of
@@ -165,7 +166,7 @@ def local_scores(looked: Look) -> dict[str, Local]:
     return _by_name(looked, looked.u.sum(axis=0))
 
 
-def local_biases(subject: Subject, fit: Fit, looked: Look, lucks: list[Luck]) -> dict[str, Local]:
+def local_biases(subject: Subject, fit: Fit, looked: Look, lucks: Sequence[Luck]) -> dict[str, Local]:
     """Return the same of twins in which the model as it is drives: the score that noise and smoothing make."""
     return _by_name(looked, _twin_totals(subject, fit, lucks, looked).mean(axis=0))
 

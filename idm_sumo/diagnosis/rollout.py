@@ -12,7 +12,14 @@ from idm_sumo import idm
 from idm_sumo.diagnosis import windows as w
 from idm_sumo.effects import slots
 from idm_sumo.effects.acceleration import Moment, Sight, behaved, moment_of
-from idm_sumo.effects.reaction_delay import between, follow_another, knows_new_leader, moment_ago, own_delay
+from idm_sumo.effects.reaction_delay import (
+    between,
+    follow_another,
+    gap_between,
+    knows_new_leader,
+    moment_ago,
+    own_delay,
+)
 from idm_sumo.road import FRAME_STEP
 from idm_sumo.threads import in_threads
 
@@ -118,14 +125,14 @@ def _drive(first, last, seen, driver, theta, models, start, pushed, begin, every
                 for n in range(beside):
                     more[n] = behaved(
                         between(speed[own_ago, n], speed[own_after, n], own_share), between(rate[ago, n], rate[after, n], share),
-                        between(gap[ago, n], gap[after, n], share), here[n], second - here[n], here[n] - behind,
+                        gap_between(gap[ago, n], gap[after, n], share), here[n], second - here[n], here[n] - behind,
                         moment, a[n], weight[n], headway[n], jam[n], 0.0, limit[n],
                     )  # fmt: skip
             else:
                 for n in range(beside):
                     _note(_moment(row, models[n, lane]), of, n)
                     ago, after, share = moment_ago(now, models[n, lane, slots.DELAY], FRAME_STEP)
-                    then_gap[n] = between(gap[ago, n], gap[after, n], share)
+                    then_gap[n] = gap_between(gap[ago, n], gap[after, n], share)
                     then_rate[n] = between(rate[ago, n], rate[after, n], share)
                     ago, after, share = moment_ago(now, own_delay(models[n, lane]), FRAME_STEP)
                     then_speed[n] = between(speed[ago, n], speed[after, n], share)
@@ -247,7 +254,7 @@ def _respond(first, last, seen, driver, theta, by_lane, response, state):  # typ
             if row[w.SINCE] == 0.0:
                 _meet(row, gap_of, speed_of, rate_of, models, now)
             ago, after, share = moment_ago(now, m[slots.DELAY], FRAME_STEP)
-            gap, rate = between(gaps[ago], gaps[after], share), between(rates[ago], rates[after], share)
+            gap, rate = gap_between(gaps[ago], gaps[after], share), between(rates[ago], rates[after], share)
             ago, after, share = moment_ago(now, own_delay(m), FRAME_STEP)
             speed = between(speeds[ago], speeds[after], share)
             for n in range(len(looked) if m[slots.OWN_SPEED_KNOWN] > 0.0 else len(looked) - 2):

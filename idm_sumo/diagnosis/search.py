@@ -27,6 +27,7 @@ MOST_CAUSES = 3
 CLOSE = 0.3  # of the best's squared z: from there on causes are brought to their sizes and compared
 TRIED = 3
 FIRST_TWINS, TWINS = 5, 3  # whether anything is there at all is looked at more closely than how much
+HEARD = 2  # of them, on the way to the size of a delay
 MANY = 750  # drivers; of more, fewer twins say as much
 SHADOW = 0.65  # of the support of what was refused: with less, another may be no more than its shadow
 FORM = 0.5  # of the best form's support: one of the same effect with less is not taken for it, however it drives
@@ -67,12 +68,14 @@ def search(subject: Subject, base: Fit, rng: np.random.Generator, progress: Prog
     fit = base
     accepted: list[Accepted] = []
     without: list[Candidate] = []
-    first_lucks = draws(subject.windows, subject.noises, _twins_of(subject, FIRST_TWINS), rng)
-    first = last = ev.examine(subject, fit, first_lucks, progress=progress, stage="looking for causes", free=True)
-    strange = _outside(subject, fit, first, first_lucks, progress)
+    lucks = draws(subject.windows, subject.noises, _twins_of(subject, FIRST_TWINS), rng)
+    first = last = ev.examine(subject, fit, lucks, progress=progress, stage="looking for causes", free=True)
+    strange = _outside(subject, fit, first, lucks, progress)
     while len(accepted) < MOST_CAUSES:
         chosen = (
-            _in_one_lane(subject, fit, strange, rng) if strange else _next(subject, fit, last, accepted, without, rng)
+            _in_one_lane(subject, fit, strange, rng)
+            if strange
+            else _next(subject, fit, last, accepted, without, lucks, rng)
         )
         if chosen is None:
             break
@@ -125,7 +128,7 @@ def _outside(
     likely = [c for c in gates.believed(first) if gates.is_likely(c)][:TRIED]
     if not strange or not likely:
         return strange
-    each = [climbed(subject, fit, form) for c in likely for form in hy.forms(first, c)]
+    each = [climbed(subject, fit, form, lucks[:HEARD]) for c in likely for form in hy.forms(first, c)]
     best = max((one for one in each if gates.is_there(one)), key=lambda one: one.support, default=None)
     if best is None or best.support < strange[0].z ** 2:
         return strange
@@ -141,12 +144,12 @@ def _in_one_lane(
 ) -> Accepted | None:
     """Return the location in one lane only that what is strange is, if it passes the gates."""
     candidate = hy.in_one_lane(strange[0])
-    return None if candidate is None else _judged(subject, fit, [candidate], None, abs(candidate.z), rng)[1]
+    return None if candidate is None else _judged(subject, fit, [candidate], None, abs(candidate.z), [], rng)[1]
 
 
 def _next(
     subject: Subject, fit: Fit, evidence: ev.Evidence, accepted: list[Accepted], without: list[Candidate],
-    rng: np.random.Generator,
+    lucks: list[Luck], rng: np.random.Generator,
 ) -> Accepted | None:  # fmt: skip
     """Return the next cause that passes every gate and is no shadow of one that does not, with the refitted model.
 
@@ -162,7 +165,7 @@ def _next(
     while open_:
         close = [c for c in open_ if c.z**2 > CLOSE * open_[0].z ** 2][:TRIED]
         forms = [form for c in close for form in hy.forms(evidence, c)]
-        best, chosen = _judged(subject, fit, forms, accepted[0].tried if accepted else None, strongest, rng)
+        best, chosen = _judged(subject, fit, forms, accepted[0].tried if accepted else None, strongest, lucks, rng)
         if chosen is not None:
             return chosen if not refused or chosen.tried.support > SHADOW * refused else None
         refused = max(refused, best.support)
@@ -173,10 +176,11 @@ def _next(
 
 
 def _judged(
-    subject: Subject, fit: Fit, forms: list[Candidate], first: Tried | None, strongest: float, rng: np.random.Generator
+    subject: Subject, fit: Fit, forms: list[Candidate], first: Tried | None, strongest: float, lucks: list[Luck],
+    rng: np.random.Generator,
 ) -> tuple[Tried, Accepted | None]:  # fmt: skip
     """Return the best of several candidates, and it as a cause if it passes every gate."""
-    best, rivals = _strongest(subject, fit, forms, rng)
+    best, rivals = _strongest(subject, fit, forms, lucks, rng)
     best = replace(best, fit=anew(subject, best.fit))
     gain = gain_of(subject, fit, best.fit, rng)
     candidate = best.candidate
@@ -189,7 +193,7 @@ def _judged(
 
 
 def _strongest(
-    subject: Subject, fit: Fit, close: list[Candidate], rng: np.random.Generator
+    subject: Subject, fit: Fit, close: list[Candidate], lucks: list[Luck], rng: np.random.Generator
 ) -> tuple[Tried, tuple[str, ...]]:
     """Bring each candidate to its size and return the best, and those of other names with nearly as much support.
 
@@ -198,7 +202,7 @@ def _strongest(
     together more than to where the vehicles are. Which of two places (or times) is meant, support alone decides: what one has too
     much the other has too little. So it does between forms of an effect of which one has far less.
     """
-    each = [climbed(subject, fit, c) for c in close]
+    each = [climbed(subject, fit, c, lucks[:HEARD]) for c in close]
     there = {tried.candidate.name for tried in each if gates.is_there(tried)}
     believed = [tried for tried in each if gates.is_there(tried) or tried.candidate.name not in there]
     best, *others = sorted(believed, key=lambda t: -t.support)

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -28,6 +28,7 @@ STEEPEST = 0.6  # of the information: twins follow the model that drives them on
 LONGEST_MOVE, SETTLED = 0.6, 0.02  # of a magnitude, in one step; below, it has settled
 LARGEST_FACTOR = 6.0  # by which steps may grow
 LARGEST_LOSS = 0.01  # of the ADE, by a refined size
+DELAY = "reaction_delay"
 
 
 def with_cause(fit: Fit, candidate: Candidate, value: float | None = None) -> Fit:
@@ -66,20 +67,25 @@ class Tried:
     support: float
 
 
-def climbed(subject: Subject, fit: Fit, candidate: Candidate) -> Tried:
+def climbed(subject: Subject, fit: Fit, candidate: Candidate, lucks: Sequence[Luck] = ()) -> Tried:
     """Move a candidate's magnitude to where its score vanishes.
 
     The score near zero underrates what is not linear (a dead band, a long delay) or what the fitted drivers have absorbed. The
     integral of the score over the magnitude, freed from the twins' at every point, is the log-likelihood that it gains. Where that
-    leads away from the recorded vehicles (another form of the effect), the magnitude stays where the climb began.
+    leads away from the recorded vehicles (another form of the effect), the magnitude stays where the climb began. Of a delay, twins
+    with ``lucks`` are heard, if there are any: what smoothing makes of a short one is not what it makes of a long one, with which
+    the candidate was found.
     """
-    delayed = candidate.name == "reaction_delay"
+    delayed = candidate.name == DELAY
     now = _delayed(subject, fit, candidate) if delayed else refitted(subject, with_cause(fit, candidate), rounds=2)
-    value, scores, support = _value(now, candidate.name), {0.0: candidate.score}, 0.0
+    value, zero, twins = _value(now, candidate.name), candidate.score, TwinScore(0.0, candidate.bias)
+    if delayed and lucks:
+        zero, twins = _delay_heard(subject, fit, now, candidate, lucks)
+    scores, support = {0.0: zero}, 0.0
     error, stride, path = candidate.error, Stride(), list[Tried]()
     for _ in range(CLIMBS):
         step = ev.local_scores(ev.look_here(subject, now))[candidate.name]
-        free = scores[value] = step.score - candidate.bias
+        free = scores[value] = step.score - twins.expected(value)
         support = 2.0 * _integral(scores, value)
         error = candidate.error * np.sqrt(candidate.information / max(step.information, 1e-9))
         path.append(Tried(replace(candidate, value=value, error=error), now, support))
@@ -99,6 +105,18 @@ def _integral(scores: Mapping[float, float], end: float) -> float:
     known = sorted(value for value in scores if min(0.0, end) <= value <= max(0.0, end))
     area = float(np.trapezoid([scores[value] for value in known], known))
     return area if end >= 0.0 else -area
+
+
+def _delay_heard(
+    subject: Subject, fit: Fit, begin: Fit, candidate: Candidate, lucks: Sequence[Luck]
+) -> tuple[float, TwinScore]:
+    """Return the score of a delay near zero, and what twins are expected to say from there to where a climb begins."""
+    none = with_cause(fit, candidate, hy.NEXT_TO_NOTHING)
+    here = ev.look_here(subject, none)
+    near_zero = ev.local_biases(subject, none, here, lucks)[DELAY]
+    there = ev.local_biases(subject, begin, ev.look_here(subject, begin), lucks)[DELAY]
+    twins = TwinScore.at(_value(begin, DELAY), there, TwinScore.at(0.0, near_zero, None))
+    return ev.local_scores(here)[DELAY].score - near_zero.score, twins
 
 
 def _ade(subject: Subject, fit: Fit) -> float:

@@ -6,10 +6,9 @@ How to drive with an extended model, step by step (0.1 s):
 2. Per vehicle keep ``past``, float64 of shape ``(rows, 3)``: gap (m, infinite without a leader), speed, approach
    rate (m/s), one row a step, the first rows from the recorded twin's observed frames, so that a delay has something to recall
    (:data:`reaction_delay.LONGEST` seconds are enough). A rollout may keep all its steps.
-3. Per step write row ``now``; if ``m[slots.DELAY] > 0`` act on ``recall(past, 0|2, now, m[slots.DELAY], 0.1)`` for gap and
-   approach rate and on ``recall(past, 1, now, own_delay(m), 0.1)`` for the own speed, else on row ``now``. (Where gap is
-   infinite at one of the two rows it is infinite.) Where the leader is another one than at row ``now - 1`` and
-   ``knows_new_leader(m)``, first ``follow_another(past[:, 0], past[:, 1], past[:, 2], now, 0.1)``.
+3. Per step write row ``now`` and act on the gap, own speed and approach rate of
+   ``acted_on(past, now, m[slots.DELAY], own_delay(m), 0.1)``: without a delay those of row ``now``. Where the leader is another
+   one than at row ``now - 1`` and ``knows_new_leader(m)``, first ``follow_another(past[:, 0], past[:, 1], past[:, 2], now, 0.1)``.
 4. Fill a :class:`Sight` (unknown fields NaN: the effect that needs them is then silent; ``BLIND`` is all NaN) and call
    ``extended_acceleration(speed, approach_rate, gap, see, a, b, T, d0, d1, desired_speed, m)``: a plain njit function,
    callable from compiled loops and, slower, from Python.

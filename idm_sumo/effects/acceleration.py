@@ -200,7 +200,7 @@ def extended_acceleration(speed, approach_rate, gap, see, a, b, T, d0, d1, desir
     ----------
     speed, approach_rate, gap : float
         m/s, m/s, m as the driver acts on them: of a moment ago with a reaction delay
-        (:func:`idm_sumo.effects.reaction_delay.recall`). Gap is infinite without a leader.
+        (:func:`idm_sumo.effects.reaction_delay.acted_on`). Gap is infinite without a leader.
     see : Sight
     a, b, T, d0, d1, desired_speed : float
     m : float64, shape (slots.COUNT,)

@@ -9,15 +9,17 @@ After a leader change gap and approach rate of a moment ago are those to the lea
 noticed the new one yet. With :math:`\zeta = 1` they are those that there were to the new one, as in simulators that remember
 where vehicles were, and as of a driver who saw the change coming.
 
-A driver keeps a short past of gap, speed and approach rate; :func:`recall` reads it at a time between frames.
+A driver keeps a short past of gap, speed and approach rate; :func:`acted_on` reads it at a time between frames.
 """
 
 from __future__ import annotations
 
+import numpy as np
 from numba import njit
 
 from idm_sumo.effects import slots
 from idm_sumo.effects.record import Effect, Parameter
+from idm_sumo.idm import SMALLEST_GAP
 from idm_sumo.road import FRAME_STEP
 
 LONGEST = 1.5  # s, what a past has to hold
@@ -42,8 +44,21 @@ def moment_ago(now, delay, step):  # type: ignore[no-untyped-def]
 
 @njit(cache=True, error_model="numpy")
 def between(one, other, share):  # type: ignore[no-untyped-def]
-    """Return the value between two rows; an infinite one (no leader) is not mixed with share zero."""
+    """Return the value between two rows, ``share`` of it the later one's."""
     return one * (1.0 - share) + other * share if share > 0.0 else one
+
+
+@njit(cache=True, error_model="numpy")
+def gap_between(one, other, share):  # type: ignore[no-untyped-def]
+    """Return the gap (m) between two rows, infinite without a leader.
+
+    Its inverse square is linear between them: what the IDM answers. Where the two rows have different leaders, the driver answers
+    each of them for as much of the step as it is the one that was seen.
+    """
+    if share <= 0.0:
+        return one
+    near, far = 1.0 / max(one, SMALLEST_GAP), 1.0 / max(other, SMALLEST_GAP)
+    return 1.0 / np.sqrt(near * near * (1.0 - share) + far * far * share)
 
 
 @njit(cache=True, error_model="numpy")
@@ -65,7 +80,12 @@ def acted_on(past, now, delay, own, step):  # type: ignore[no-untyped-def]
 
     ``own`` (s) is the delay of the own speed, ``delay`` that of the other two.
     """
-    return recall(past, 0, now, delay, step), recall(past, 1, now, own, step), recall(past, 2, now, delay, step)
+    row, after, share = moment_ago(now, delay, step)
+    return (
+        gap_between(past[row, 0], past[after, 0], share),
+        recall(past, 1, now, own, step),
+        recall(past, 2, now, delay, step),
+    )
 
 
 @njit(cache=True, error_model="numpy")
