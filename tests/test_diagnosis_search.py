@@ -86,7 +86,7 @@ def test_of_an_effects_forms_only_those_count_that_are_there(monkeypatch):
     def strongest(*each):
         tried = [Tried(one, base, support) for one, support in each]
         monkeypatch.setattr(search, "climbed", lambda *_: tried.pop(0))
-        return _strongest(None, base, [one for one, _ in each], np.random.default_rng(0))[0].candidate
+        return _strongest(None, base, [one for one, _ in each], [], np.random.default_rng(0))[0].candidate
 
     assert strongest((sure, 60.0), (faint, 63.0)) is sure
     assert strongest((faint, 63.0), (replace(faint, value=-0.05), 50.0)) is faint

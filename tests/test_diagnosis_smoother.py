@@ -52,6 +52,31 @@ def test_runs_in_a_row_are_smoothed_as_each_alone(smoother: Smoother):
             np.testing.assert_allclose(one[start : start + length][middle], other[middle], atol=0.05)
 
 
+@given(st.floats(0.0, 30.0), st.floats(-2.0, 2.0))
+def test_parts_of_paths_of_one_acceleration_stay_what_they_are(speed: float, acceleration: float):
+    time = 0.1 * np.arange(146)
+    path = (speed * time + 0.5 * acceleration * time**2)[None]
+    x, v, a = local_cubic(41).within(path, (speed + acceleration * time)[None])
+    np.testing.assert_allclose(x, path, atol=1e-6)
+    np.testing.assert_allclose(v, (speed + acceleration * time)[None], atol=1e-6)
+    np.testing.assert_allclose(a, acceleration, atol=1e-5)
+
+
+def test_a_part_of_a_path_is_smoothed_at_its_ends_about_as_it_is_within_the_whole():
+    (path, speed, _), _ = measured_paths(400, 300, np.random.default_rng(3))
+    part, smoother = slice(80, 226), local_cubic(41)
+    whole, within, alone = (
+        smoother.rows(path)[0][:, part], smoother.within(path[:, part], speed[:, part])[0], smoother.rows(path[:, part])[0],
+    )  # fmt: skip
+    made, guessed, one_sided = (path[:, part] - each for each in (whole, within, alone))
+    np.testing.assert_allclose(guessed[:, 20:-20], made[:, 20:-20], atol=1e-9)
+    for end in (0, -1):
+        assert guessed[:, end].std() == pytest.approx(made[:, end].std(), rel=0.4)
+        assert (
+            np.corrcoef(guessed[:, end], made[:, end])[0, 1] > 0.5 > np.corrcoef(one_sided[:, end], made[:, end])[0, 1]
+        )
+
+
 def test_the_local_cubic_is_the_house_s_filter():
     path = np.random.default_rng(2).standard_normal((3, 90)).cumsum(axis=1)
     for which, part in enumerate(local_cubic(21).rows(path)):

@@ -72,20 +72,20 @@ def climbed(subject: Subject, fit: Fit, candidate: Candidate, lucks: Sequence[Lu
 
     The score near zero underrates what is not linear (a dead band, a long delay) or what the fitted drivers have absorbed. The
     integral of the score over the magnitude, freed from the twins' at every point, is the log-likelihood that it gains. Where that
-    leads away from the recorded vehicles (another form of the effect), the magnitude stays where the climb began. Of a delay, twins
-    with ``lucks`` are heard, if there are any: what smoothing makes of a short one is not what it makes of a long one, with which
-    the candidate was found.
+    leads away from the recorded vehicles (another form of the effect), the magnitude stays where the climb began. On the way to a
+    delay twins with ``lucks`` are heard, if there are any: what smoothing makes of a short one is not what it makes of the longer
+    one with which the candidate was found.
     """
     delayed = candidate.name == DELAY
-    now = _delayed(subject, fit, candidate) if delayed else refitted(subject, with_cause(fit, candidate), rounds=2)
-    value, zero, twins = _value(now, candidate.name), candidate.score, TwinScore(0.0, candidate.bias)
+    begins = _delayed(subject, fit, candidate) if delayed else [refitted(subject, with_cause(fit, candidate), rounds=2)]
+    now, heard, scores = begins[-1], {0.0: candidate.bias}, {0.0: candidate.score}
     if delayed and lucks:
-        zero, twins = _delay_heard(subject, fit, now, candidate, lucks)
-    scores, support = {0.0: zero}, 0.0
+        heard, scores = _heard_on_the_way(subject, [with_cause(fit, candidate, hy.NEXT_TO_NOTHING), *begins], lucks)
+    value, support = _value(now, candidate.name), 0.0
     error, stride, path = candidate.error, Stride(), list[Tried]()
     for _ in range(CLIMBS):
         step = ev.local_scores(ev.look_here(subject, now))[candidate.name]
-        free = scores[value] = step.score - twins.expected(value)
+        free = scores[value] = step.score - float(np.interp(value, list(heard), list(heard.values())))
         support = 2.0 * _integral(scores, value)
         error = candidate.error * np.sqrt(candidate.information / max(step.information, 1e-9))
         path.append(Tried(replace(candidate, value=value, error=error), now, support))
@@ -107,32 +107,32 @@ def _integral(scores: Mapping[float, float], end: float) -> float:
     return area if end >= 0.0 else -area
 
 
-def _delay_heard(
-    subject: Subject, fit: Fit, begin: Fit, candidate: Candidate, lucks: Sequence[Luck]
-) -> tuple[float, TwinScore]:
-    """Return the score of a delay near zero, and what twins are expected to say from there to where a climb begins."""
-    none = with_cause(fit, candidate, hy.NEXT_TO_NOTHING)
-    here = ev.look_here(subject, none)
-    near_zero = ev.local_biases(subject, none, here, lucks)[DELAY]
-    there = ev.local_biases(subject, begin, ev.look_here(subject, begin), lucks)[DELAY]
-    twins = TwinScore.at(_value(begin, DELAY), there, TwinScore.at(0.0, near_zero, None))
-    return ev.local_scores(here)[DELAY].score - near_zero.score, twins
+def _heard_on_the_way(
+    subject: Subject, models: list[Fit], lucks: Sequence[Luck]
+) -> tuple[dict[float, float], dict[float, float]]:
+    """Return what twins say of ever longer delays, and the recording's scores less that; the first delay counts as none."""
+    heard, scores = dict[float, float](), dict[float, float]()
+    for number, model in enumerate(models):
+        here, value = ev.look_here(subject, model), _value(model, DELAY) if number else 0.0
+        heard[value] = ev.local_biases(subject, model, here, lucks)[DELAY].score
+        scores[value] = ev.local_scores(here)[DELAY].score - heard[value]
+    return heard, scores
 
 
 def _ade(subject: Subject, fit: Fit) -> float:
     return float(driven(subject.windows, fit, known=True).ade_m.mean())
 
 
-def _delayed(subject: Subject, fit: Fit, candidate: Candidate) -> Fit:
-    """Return the fit with the delay that leaves least.
+def _delayed(subject: Subject, fit: Fit, candidate: Candidate) -> list[Fit]:
+    """Return fits with ever longer delays, the last of them the one that leaves least.
 
-    It is from scratch: drivers fitted without a delay are far from those with one.
+    They are from scratch: drivers fitted without a delay are far from those with one.
     """
     models = [
         fit_drivers(subject.windows, with_cause(fit, candidate, size).by_lane, fit.start_variance, rounds=6)
         for size in at.DELAYS
     ]
-    return min(models, key=lambda model: _ade(subject, model))
+    return models[: 1 + int(np.argmin([_ade(subject, model) for model in models]))]
 
 
 def refined(subject: Subject, fit: Fit, names: list[str], lucks: list[Luck], rng: np.random.Generator) -> Fit:

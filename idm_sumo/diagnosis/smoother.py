@@ -61,6 +61,19 @@ class Smoother:
         one, two, three = (position @ part.T for part in self._matrices(position.shape[-1]))
         return one, two, three
 
+    def within(self, position: Floats, speed: Floats) -> Path:
+        """Return the same of parts of longer paths, smoothed at their ends, too, with what is before and after.
+
+        That is not known, and taken to be as the part itself, seen from its end: at both sides of it the vehicle accelerates alike.
+        A filter of one side only would make other errors there than the recording has.
+        """
+        away = FRAME_STEP * np.arange(1, self.half + 1)
+        before = position[:, 1 : self.half + 1] - 2.0 * speed[:, :1] * away
+        after = position[:, -2 : -2 - self.half : -1] + 2.0 * speed[:, -1:] * away
+        whole = self.rows(np.concatenate([before[:, ::-1], position, after], axis=1))
+        one, two, three = (part[:, self.half : -self.half] for part in whole)
+        return one, two, three
+
     def along(self, position: Floats, starts: Integers, lengths: Integers) -> Path:
         """Return the same of runs one after the other, each of shape ``(rows,)``."""
         whole = 2 * self.half + 1

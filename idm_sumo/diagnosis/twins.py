@@ -37,7 +37,7 @@ def make_twin(
     seen[:, 0, w.X] -= behind
     x, v = drive(seen, windows.driver, fit.theta, fit.by_lane, np.zeros(2), luck.pushed, 0)
     if not is_smooth:
-        x, v, _ = windows.own.rows(x)
+        x, v, _ = windows.own.within(x, v)
     seen[:, :, w.LEADERS] = windows.blurred
     in_threads(_add_to_leaders, len(seen), luck.shown, seen)
     seen[:, :, w.X], seen[:, :, w.V] = x + luck.error[0], np.maximum(v + luck.error[1], 0.0)
