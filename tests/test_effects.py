@@ -230,3 +230,12 @@ def test_what_is_no_model_is_refused_in_one_line(text, tmp_path):
         ExtendedModel.read(tmp_path / "m.json")
     assert "\n" not in str(caught.value)
     assert "m.json" in str(caught.value)
+
+
+@pytest.mark.parametrize("tau", [-0.1, 3.0, float("nan")])
+def test_a_size_out_of_bounds_is_refused_with_its_bounds(tau, tmp_path):
+    ExtendedModel(IDMParameters(1, 1, 1, 1, 0), causes=(Cause("reaction_delay", {"tau": tau}),)).write(
+        tmp_path / "m.json"
+    )
+    with pytest.raises(InputError, match=r"m\.json: cause 'reaction_delay': tau = .* s; give it from 0 to 1\.5"):
+        ExtendedModel.read(tmp_path / "m.json")

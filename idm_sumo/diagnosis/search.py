@@ -31,6 +31,7 @@ HEARD = 1  # of them, on the way to the size of a delay
 MANY = 750  # drivers; of more, fewer twins say as much
 SHADOW = 0.65  # of the support of what was refused: with less, another may be no more than its shadow
 FORM = 0.5  # of the best form's support: one of the same effect with less is not taken for it, however it drives
+WANTED = 20.0  # support that says of itself that all drivers have a cause
 RIVAL = 0.85  # of the best cause's support: one with as much cannot be told apart
 
 
@@ -184,10 +185,10 @@ def _judged(
     best = replace(best, fit=anew(subject, best.fit))
     gain = gain_of(subject, fit, best.fit, rng)
     candidate = best.candidate
-    # A likelihood that falls although vehicles are driven clearly better: not all drivers have it. What they have on average, as the
-    # score near zero sees it, must be large enough then.
+    # A likelihood that gains next to nothing, or falls, although vehicles are driven clearly better: not all drivers have it. What
+    # they have on average, as the score near zero sees it, must be large enough then.
     on_average = any(form.large_enough for form in forms if form.name == candidate.name)
-    wanted = best.support > 0.0 or (gain.ci95[0] > 0.0 and on_average)
+    wanted = best.support > WANTED or (gain.ci95[0] > 0.0 and on_average)
     passes = wanted and gates.is_there(best) and gates.is_worth_it(gain, best, first, strongest)
     return best, Accepted(best, candidate.value, candidate.error, gain, rivals) if passes else None
 

@@ -146,9 +146,16 @@ def _cause(entry: dict[str, object], name: str) -> Cause:
     label = str(entry["name"])
     if label not in BY_NAME:
         raise InputError(f"{name}: cause {label!r} is unknown; use one of {', '.join(BY_NAME)}")
-    known = {p.symbol for p in BY_NAME[label].every}
+    known = {p.symbol: p for p in BY_NAME[label].every}
     given = entry["parameters"]
-    if not isinstance(given, dict) or not set(given) <= known:
+    if not isinstance(given, dict) or not set(given) <= set(known):
         raise InputError(f"{name}: cause {label!r} has the parameters {', '.join(sorted(known))}, not {given!r}")
+    values = {symbol: float(one["value"]) for symbol, one in given.items()}
+    for symbol, value in values.items():
+        p = known[symbol]
+        if not p.lower <= value <= p.upper:
+            raise InputError(
+                f"{name}: cause {label!r}: {symbol} = {value:g} {p.unit}; give it from {p.lower:g} to {p.upper:g}"
+            )
     lanes = entry.get("lanes") or ()
-    return Cause(label, {k: float(v["value"]) for k, v in given.items()}, tuple(int(n) for n in lanes))  # type: ignore[attr-defined]
+    return Cause(label, values, tuple(int(n) for n in lanes))  # type: ignore[attr-defined]
