@@ -111,7 +111,8 @@ def test_the_shadow_of_what_was_refused_is_no_cause(monkeypatch, support, named)
 
 @pytest.mark.parametrize(
     ("on_average", "support", "margin", "named"),
-    [(0.1, -80.0, 0.01, True), (0.1, -80.0, 0.04, False), (0.1, 80.0, 0.04, True), (0.04, -80.0, 0.01, False), (0.04, 80.0, 0.04, True)],
+    [(0.1, -80.0, 0.01, True), (0.1, -80.0, 0.04, False), (0.1, 80.0, 0.04, True), (0.04, -80.0, 0.01, False), (0.04, 80.0, 0.04, True),
+     (0.04, 15.0, 0.01, False), (0.1, 15.0, 0.01, True)],
 )  # fmt: skip
 def test_what_some_drivers_have_the_likelihood_may_refuse_but_they_drive_clearly_nearer(
     monkeypatch, on_average, support, margin, named

@@ -70,6 +70,22 @@ def test_a_candidate_far_below_its_size_climbs_towards_it(size):
     assert tried.support > 0.0
 
 
+@pytest.mark.parametrize("tau", [0.15, 0.5])
+def test_a_delay_climbs_to_its_size_with_twins_heard_on_the_way(tau):
+    planted = ro.PLAIN.copy()
+    planted[:, slots.DELAY] = tau
+    windows, _ = followers(planted, np.random.default_rng(6))
+    subject = Subject(windows, Noises(QUIET, QUIET), at.grid_of(windows), True)
+    fit = fit_drivers(windows, ro.PLAIN.copy(), np.array([1e-4, 1e-4]), rounds=8)
+    # Found with a long delay, of which twins had said too much: nothing of that is left.
+    late = Candidate(
+        "reaction_delay", 0.05, 0.02, 5.0, 1e-6, Atom("reaction_delay", 0.6, ((slots.DELAY, 0.6),)), 50.0, 1e6
+    )
+    tried = climbed(subject, fit, late, draws(windows, subject.noises, 1, np.random.default_rng(0)))
+    assert tried.candidate.value == pytest.approx(tau, rel=0.15)
+    assert tried.support > 0.0
+
+
 def test_a_form_that_the_data_want_the_other_way_climbs_nowhere():
     windows, _ = followers(ro.PLAIN, np.random.default_rng(6))
     subject = Subject(windows, Noises(QUIET, QUIET), at.grid_of(windows), True)
