@@ -161,7 +161,7 @@ def standing_out(evidence: ev.Evidence) -> tuple[LeftOver, ...]:
     Where something looks strong that cannot be (drivers who act before their leader does), the car-following is another law than the
     model's. What that law makes of what a driver sees is then no effect, unless it is half as sure as that.
     """
-    impossible = max((abs(c.z) for c in hy.candidates(evidence) if hy.is_impossible(c)), default=0.0)
+    impossible = hy.most_impossible(evidence)
 
     def least(one: LeftOver) -> float:
         if one.covariate.startswith(CHANGES):

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Container
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -19,7 +20,7 @@ Floats = npt.NDArray[np.float64]
 
 # Smaller than this an effect is neither worth a name nor safe from what the car-following underneath gets wrong.
 LEAST = {
-    "reaction_delay": 0.05, "multi_leader_anticipation": 0.07, "lane_change_relaxation": 0.15,
+    "reaction_delay": 0.08, "multi_leader_anticipation": 0.07, "lane_change_relaxation": 0.15,
     "acceleration_asymmetry": 0.15, "leader_class": 0.09, "speed_dependent_headway": 0.075, "perception_threshold": 0.12,
     "hysteresis": 0.02, "adjacent_lane_friction": 0.012, "location": 0.035, "time_of_day": 0.04,
     "desired_speed": 0.10, "follower_pressure": 0.25, "courtesy_yielding": 0.20, "pre_insertion": 0.20,
@@ -101,6 +102,12 @@ def candidates(evidence: Evidence) -> list[Candidate]:
 def is_impossible(candidate: Candidate) -> bool:
     """Return whether a candidate has the sign that its effect cannot have."""
     return candidate.name not in EITHER_SIGN and candidate.value < 0.0
+
+
+def most_impossible(evidence: Evidence, but: Container[str] = ()) -> float:
+    """Return the standard errors of the surest effect that cannot be, some names left out: where many, the law is another one."""
+    each = (abs(c.z) for c in candidates(evidence) if is_impossible(c) and c.name not in but)
+    return max(each, default=0.0)
 
 
 def is_at_bound(candidate: Candidate) -> bool:

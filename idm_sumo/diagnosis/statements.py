@@ -27,6 +27,9 @@ Z95, Z80 = 1.96, 0.84
 # Of a size, standard deviation: how far sizes were from the truth in blind trials beyond their statistical error. An effect has
 # one of several forms, and drivers who have absorbed a part of it keep it back.
 FORM_DOUBT = 0.2
+# The same where, with the causes in the model, something that cannot be is still as sure as so many standard errors: the car-following
+# is another law than the model's then, in which the same size does something else.
+OTHER_LAW, LAW_DOUBT = 3.0, 0.3
 SEAM_WIDTH = 4.0  # m
 SEAM_DOUBT = 0.08  # of its shift: smoothing blurs it
 
@@ -52,8 +55,14 @@ def without_cause(by_lane: npt.NDArray[np.float64], name: str) -> npt.NDArray[np
 
 def causes(found: Found, shares: Mapping[str, float]) -> tuple[CauseFound, ...]:
     """Return the named causes, the one with the largest evidence first."""
-    named = [_cause(found, a, shares[a.candidate.name]) for a in found.accepted]
+    doubt = form_doubt(found.last)
+    named = [_cause(found, a, shares[a.candidate.name], doubt) for a in found.accepted]
     return tuple(named)
+
+
+def form_doubt(last: ev.Evidence) -> float:
+    """Return the standard deviation of a size, as a share of it, that its form and the car-following's leave open."""
+    return LAW_DOUBT if hy.most_impossible(last, ev.ENDOGENOUS) > OTHER_LAW else FORM_DOUBT
 
 
 def seam_cause(seam: Seam) -> CauseFound:
@@ -67,10 +76,10 @@ def seam_cause(seam: Seam) -> CauseFound:
     )  # fmt: skip
 
 
-def _cause(found: Found, accepted: Accepted, share: float) -> CauseFound:
+def _cause(found: Found, accepted: Accepted, share: float, doubt: float) -> CauseFound:
     fit, candidate = found.fit, accepted.candidate
     first, *others = BY_NAME[candidate.name].acting(fit.by_lane[0])
-    half = Z95 * float(np.hypot(accepted.error, FORM_DOUBT * accepted.value))
+    half = Z95 * float(np.hypot(accepted.error, doubt * accepted.value))
     parameters = {first.symbol: Estimate(accepted.value, first.unit, (accepted.value - half, accepted.value + half))}
     for parameter in others:
         value = float(fit.by_lane[0, parameter.slot])
