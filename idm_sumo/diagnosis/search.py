@@ -187,7 +187,7 @@ def _judged(
     candidate = best.candidate
     # A likelihood that gains next to nothing, or falls, although vehicles are driven clearly better: not all drivers have it. What
     # they have on average, as the score near zero sees it, must be large enough then.
-    on_average = any(form.large_enough for form in forms if form.name == candidate.name)
+    on_average = any(form.near_enough for form in forms if form.name == candidate.name)
     wanted = best.support > WANTED or (gain.ci95[0] > 0.0 and on_average)
     passes = wanted and gates.is_there(best) and gates.is_worth_it(gain, best, first, strongest)
     return best, Accepted(best, candidate.value, candidate.error, gain, rivals) if passes else None
