@@ -99,6 +99,19 @@ def test_what_the_first_causes_shape_may_leave_over_must_gain_more(difference, w
     assert gates.is_worth_it(gain(difference, 0.01), tried(15.0), overwhelming)
 
 
+@pytest.mark.parametrize(("z", "support", "worth_it"), [(6.0, 500.0, False), (6.0, 700.0, True), (7.5, 500.0, True)])
+def test_what_is_faint_beside_the_first_by_its_score_and_at_its_size_must_gain_more(z, support, worth_it):
+    first = tried(20.0, support=5000.0)
+    assert gates.is_worth_it(gain(0.015, 0.01), tried(z, support=support), first) is worth_it
+
+
+@pytest.mark.parametrize(("z", "there"), [(4.5, False), (6.0, True)])
+@pytest.mark.parametrize("name", ["multi_leader_anticipation", "lane_change_relaxation"])
+def test_what_stands_out_beyond_recordings_with_nothing_hidden_may_be_there(name, z, there):
+    one = tried(z, name, 0.2 if name == "lane_change_relaxation" else 0.06, 60.0)
+    assert gates.is_there(one) is there
+
+
 @pytest.mark.parametrize(("difference", "accepted"), [(0.01, False), (0.03, True)])
 def test_what_has_no_null_twin_must_gain_more(difference, accepted):
     assert gates.is_worth_it(gain(difference, 0.005), tried(9.0, "follower_pressure"), None) is accepted
@@ -177,6 +190,15 @@ def test_beside_what_cannot_be_what_a_driver_sees_must_be_half_as_sure(covariate
     assert gates.standing_out(evidence(-12.0, free(covariate, z)))
     assert bool(gates.standing_out(evidence(-24.0, free(covariate, z)))) is is_where_or_when
     assert gates.standing_out(evidence(24.0, free(covariate, z)))
+
+
+@pytest.mark.parametrize("covariate", ["delay over position", "response over position and time"])
+def test_where_the_law_is_another_its_response_changes_along_the_road(covariate):
+    """So it did, by 7.2 standard errors beside 6.7 of what cannot be, where nothing was hidden."""
+    assert gates.standing_out(evidence(0.0, free(covariate, 7.2)))
+    assert not gates.standing_out(evidence(-6.7, free(covariate, 7.2)))
+    assert gates.standing_out(evidence(-6.7, free(covariate, 9.0)))
+    assert gates.standing_out(evidence(-6.7, free("delay over time", 7.2)))
 
 
 @pytest.mark.parametrize(

@@ -20,7 +20,7 @@ Floats = npt.NDArray[np.float64]
 
 # Smaller than this an effect is neither worth a name nor safe from what the car-following underneath gets wrong.
 LEAST = {
-    "reaction_delay": 0.08, "multi_leader_anticipation": 0.07, "lane_change_relaxation": 0.15,
+    "reaction_delay": 0.08, "multi_leader_anticipation": 0.05, "lane_change_relaxation": 0.15,
     "acceleration_asymmetry": 0.15, "leader_class": 0.09, "speed_dependent_headway": 0.075, "perception_threshold": 0.12,
     "hysteresis": 0.02, "adjacent_lane_friction": 0.012, "location": 0.035, "time_of_day": 0.04,
     "desired_speed": 0.10, "follower_pressure": 0.25, "courtesy_yielding": 0.20, "pre_insertion": 0.20,
@@ -118,7 +118,7 @@ def is_at_bound(candidate: Candidate) -> bool:
 
 def in_one_lane(left: LeftOver) -> Candidate | None:
     """Return the location that acts in one lane only, if that is what a free acceleration is."""
-    if left.covariate != f"position{IN_LANE}{left.lane}" or left.position_m is None:
+    if left.kind != "position" + IN_LANE or left.position_m is None:
         return None
     atom = Atom("location", lane=left.lane, low=left.position_m[0], high=left.position_m[1])
     return Candidate(atom.name, left.value, abs(left.value / left.z), left.z, left.p, atom, left.score, left.bias)

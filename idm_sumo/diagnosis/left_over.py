@@ -78,6 +78,11 @@ class LeftOver:
         return self.covariate.split(" over ")[-1]
 
     @property
+    def kind(self) -> str:
+        """The covariate, in whichever lane it is."""
+        return self.covariate.removesuffix(str(self.lane)) if self.lane else self.covariate
+
+    @property
     def is_seen(self) -> bool:
         """Whether it lies along what a driver sees, and is no question of where or when."""
         return self.subject in ff.EDGES
