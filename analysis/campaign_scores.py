@@ -9,6 +9,7 @@ from typing import Any
 import pandas as pd
 
 RIGHT, WRONG, SILENT, UNKNOWN, FALSE_ALARM = "right", "wrong", "silent", "unknown", "false alarm"
+RIGHT_AND_MORE = "right and more"  # a further cause was named that was not hidden
 # Where an effect outside the catalogue must show: covariates (their beginnings), or its planted place or time.
 SHOWS_IN: dict[str, tuple[str, ...]] = {
     "distraction": ("place", "leader_acceleration"),
@@ -19,6 +20,7 @@ SHOWS_IN: dict[str, tuple[str, ...]] = {
     "brake_lights_across": ("braking_beside",),
     "weariness": ("unrest",),
 }
+GAIN_BOUNDS = (0.05, 0.02)  # of ADE
 GAIN_CLASSES = ("5 % or more", "2 to 5 %", "below 2 %")
 SIZED = ["name", "form", "underlying", "planted", "estimate", "low", "high", "error", "covered", "seed"]
 SIGMA_CLASSES = ("0.1-0.2 m", "0.2-0.35 m", "0.35-0.5 m")
@@ -68,7 +70,7 @@ def outcome(trial: Mapping[str, Any]) -> str:
         return WRONG
     if set(hidden) - set(names):
         return "one of two"
-    return "right and more" if set(names) - set(hidden) else RIGHT
+    return RIGHT_AND_MORE if set(names) - set(hidden) else RIGHT
 
 
 def shows(trial: Mapping[str, Any]) -> bool:
@@ -114,7 +116,7 @@ def gain_class(share: float) -> str:
     """Return the class of what the true model could gain."""
     if math.isnan(share):
         return ""
-    return GAIN_CLASSES[0] if share >= 0.05 else GAIN_CLASSES[1] if share >= 0.02 else GAIN_CLASSES[2]
+    return GAIN_CLASSES[sum(share < bound for bound in GAIN_BOUNDS)]
 
 
 def sigma_class(sigma: float) -> str:

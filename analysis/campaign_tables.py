@@ -4,18 +4,17 @@ from __future__ import annotations
 
 from pathlib import Path
 
-import matplotlib.pyplot as plt
-import numpy as np
 import pandas as pd
-from matplotlib.figure import Figure
 from scipy import stats
 
-from .campaign_scores import GAIN_CLASSES, SILENT, scored, sized
+from .campaign_figures import at_a_glance
+from .campaign_scores import GAIN_CLASSES, RIGHT, RIGHT_AND_MORE, SILENT, scored, sized
 from .style import save
 
 LEVELS = ["small", "mid", "large"]
 CONDITIONS = ("underlying", "noise", "sigma", "form", "density", "lanes")
-GOOD = ("right", "right and more")
+GOOD = (RIGHT, RIGHT_AND_MORE)
+PICTURE = "Each single effect by what it is worth and whether it was named, and found against hidden sizes"
 EXPLAINED = {
     "Groups": "Right: the hidden cause is named first (none: nothing is said; outside: `unknown`, where the effect shows).",
     "False alarms": "Recordings with nothing planted.",
@@ -51,10 +50,8 @@ def summarise(trials: pd.DataFrame, folder: Path) -> None:
         table.to_csv(folder / f"{title.lower().replace(' ', '_')}.csv", index=False)
         lines += ["", f"## {title}", "", EXPLAINED[title], "", _markdown(table)]
     if (graded["group"] == "single").any():
-        curves = power_curves(graded)
-        save(curves, folder / "power.png")
-        plt.close(curves)
-        lines += ["", "![Share named against size](power.png)"]
+        save(at_a_glance(graded, sizes), folder / "at_a_glance.png")
+        lines[3:3] = ["", f"![{PICTURE}](at_a_glance.png)"]
     (folder / "README.md").write_text("\n".join(lines) + "\n", encoding="utf-8")
 
 
@@ -143,27 +140,6 @@ def realised(graded: pd.DataFrame, key: str) -> pd.DataFrame:
     quartiles = grouped.quantile([0.25, 0.5, 0.75]).unstack()
     quartiles.columns = pd.Index(["lower quartile", "median", "upper quartile"])
     return quartiles.assign(recordings=grouped.size()).round(3).reset_index()
-
-
-def power_curves(graded: pd.DataFrame) -> Figure:
-    """Draw the share of recordings in which the cause was named, against its size, cause by cause."""
-    single = graded[graded["group"] == "single"]
-    names = sorted(set(single["name"]))
-    fig, axes = plt.subplots(3, 4, figsize=(11, 7), sharex=True, sharey=True, layout="constrained")
-    for name, ax in zip(names, axes.flat, strict=False):
-        own = single[single["name"] == name]
-        groups = [own.loc[own["size"] == level, "outcome"].isin(GOOD) for level in LEVELS]
-        share = [float(one.mean()) if len(one) else np.nan for one in groups]
-        ax.plot(range(3), share, marker="o", color="black")
-        for k, one in enumerate(groups):
-            ax.annotate(f"{int(one.sum())} of {len(one)}" if len(one) else "", (k, 0.5), ha="center", fontsize=7)
-        ax.set(xlim=(-0.4, 2.4), ylim=(-0.05, 1.05), xticks=range(3), xticklabels=LEVELS)
-        ax.xaxis.set_tick_params(labelbottom=True)
-        ax.set_title(name.replace("_", " "), fontsize=9)
-    for ax in list(axes.flat)[len(names) :]:
-        ax.axis("off")
-    fig.supylabel("share of recordings in which it was named first")
-    return fig
 
 
 def _markdown(table: pd.DataFrame) -> str:

@@ -45,6 +45,8 @@ def headline(found: Diagnosis) -> str:
         return f"Unknown: something is wrong that no effect of the catalogue explains, at {places}."
     if found.gain is None and found.notes:
         return f"None: {sentence(found.notes[0])}"
+    if found.other_law is not None:
+        return "None: no effect of the catalogue is shown by these data."
     return "None: nothing beyond the IDM is shown by these data."
 
 
@@ -82,6 +84,18 @@ def gain_sentence(gain: Gain | None) -> str:
     return (
         f"On {gain.vehicles} held-out drivers the mean displacement error falls from {gain.base:.3f} to {gain.extended:.3f} m, by "
         f"{gain.difference:.3f} m or {share:.1%} (95 %: {gain.ci95[0]:.3f} to {gain.ci95[1]:.3f} m).{sure}"
+    )
+
+
+def law_sentence(found: Diagnosis) -> str:
+    """Say that the drivers' car-following is of another law than the IDM, if it is; else nothing."""
+    if found.other_law is None:
+        return ""
+    law = found.other_law
+    return (
+        f"The IDM is not quite the law of these drivers, whatever its parameters: what is left looks like {plain(law.name)} with "
+        f"{law.symbol} = {law.value:.2g}{_unit(law.unit)} ({law.standard_errors:.1f} standard errors), a sign that it cannot have. "
+        "Sizes are what an IDM would need, their intervals are wider for it, and small effects may stay unseen."
     )
 
 

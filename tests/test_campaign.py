@@ -95,7 +95,7 @@ def test_tables_count_every_trial(tmp_path):
     assert groups.loc["none", "good"] == 0.75
     assert groups.loc["none", "ci95"] == "0.19-0.99"  # exact binomial interval of 3 of 4
     assert groups.loc["single", "good"] == 0.5
-    assert (tmp_path / "power.png").exists()
+    assert (tmp_path / "at_a_glance.png").exists()
     assert "| location | mid |" in (tmp_path / "README.md").read_text()
 
 

@@ -14,7 +14,18 @@ from analysis.diagnosis_contract import write_diagnosis
 from analysis.diagnosis_curves import clustered_mean, curves, lag_response, map_of
 from analysis.diagnosis_report import contract, groups
 from idm_sumo.cli import main
-from idm_sumo.diagnosis import CauseFound, Diagnosis, Estimate, Gain, Power, Region, RuledOut, Scan, Unexplained
+from idm_sumo.diagnosis import (
+    CauseFound,
+    Diagnosis,
+    Estimate,
+    Gain,
+    OtherLaw,
+    Power,
+    Region,
+    RuledOut,
+    Scan,
+    Unexplained,
+)
 from idm_sumo.effects import Cause, ExtendedModel
 from idm_sumo.idm import TEXTBOOK
 from tests.planting import plan, simulate
@@ -117,6 +128,10 @@ def test_the_folder_holds_all_of_it(tmp_path, monkeypatch) -> None:
 
 def test_a_verdict_without_causes_says_what_would_have_been_seen() -> None:
     assert diagnosis_words.headline(silent()).startswith("None: nothing beyond the IDM")
+    assert diagnosis_words.law_sentence(silent()) == ""
+    of_another = replace(silent(), other_law=OtherLaw("reaction_delay", "tau", "s", -0.085, 6.1))
+    assert diagnosis_words.headline(of_another) == "None: no effect of the catalogue is shown by these data."
+    assert "reaction delay with tau = -0.085 s (6.1 standard errors)" in diagnosis_words.law_sentence(of_another)
     assert diagnosis_words.power_sentences(silent()) == [
         "reaction delay of tau = 0.2 s would have been seen with probability 0.93"
     ]

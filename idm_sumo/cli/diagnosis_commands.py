@@ -47,7 +47,7 @@ def diagnose(options: argparse.Namespace) -> None:
             jobs=options.jobs or os.cpu_count() or 1,
             command=sys.argv, progress=report,
         )  # fmt: skip
-    say(words.headline(found), words.gain_sentence(found.gain))
+    say(*filter(None, (words.headline(found), words.gain_sentence(found.gain), words.law_sentence(found))))
     if found.verdict == "none" and found.power:
         say(*words.power_sentences(found))
     if options.verbose:

@@ -177,6 +177,7 @@ def _told(
         excluded=dict(windows.excluded),
         notes=statements.notes(recording, windows, measurement, found),
         seconds=_seconds(clock),
+        other_law=statements.other_law(found.last),
     )
 
 

@@ -104,10 +104,16 @@ def is_impossible(candidate: Candidate) -> bool:
     return candidate.name not in EITHER_SIGN and candidate.value < 0.0
 
 
+def surest_impossible(evidence: Evidence, but: Container[str] = ()) -> Candidate | None:
+    """Return the surest effect that cannot be, some names left out: where it is sure, the law is another one."""
+    each = (c for c in candidates(evidence) if is_impossible(c) and c.name not in but)
+    return max(each, key=lambda c: abs(c.z), default=None)
+
+
 def most_impossible(evidence: Evidence, but: Container[str] = ()) -> float:
-    """Return the standard errors of the surest effect that cannot be, some names left out: where many, the law is another one."""
-    each = (abs(c.z) for c in candidates(evidence) if is_impossible(c) and c.name not in but)
-    return max(each, default=0.0)
+    """Return the standard errors of :func:`surest_impossible`, zero if there is none."""
+    surest = surest_impossible(evidence, but)
+    return 0.0 if surest is None else abs(surest.z)
 
 
 def is_at_bound(candidate: Candidate) -> bool:

@@ -97,6 +97,17 @@ class Gain:
 
 
 @dataclass(frozen=True)
+class OtherLaw:
+    """What shows that the drivers' car-following is of another law than the IDM: an effect of a sign that none can have."""
+
+    name: str
+    symbol: str
+    unit: str
+    value: float
+    standard_errors: float
+
+
+@dataclass(frozen=True)
 class RuledOut:
     """An effect that is not claimed, with its corrected p-value and its estimated size."""
 
@@ -163,6 +174,8 @@ class Diagnosis:
     notes : tuple of str
     seconds : mapping of str to float
         Wall time of each stage.
+    other_law : OtherLaw or None
+        None if what is left does not say so.
     """
 
     verdict: str
@@ -182,3 +195,4 @@ class Diagnosis:
     excluded: Mapping[str, int]
     notes: tuple[str, ...] = ()
     seconds: Mapping[str, float] = field(default_factory=dict)
+    other_law: OtherLaw | None = None

@@ -8,12 +8,13 @@ import numpy as np
 import numpy.typing as npt
 
 from idm_sumo.diagnosis import evidence as ev
+from idm_sumo.diagnosis import gates
 from idm_sumo.diagnosis import hypotheses as hy
 from idm_sumo.diagnosis.artefact import Seam
 from idm_sumo.diagnosis.fit import Fit
 from idm_sumo.diagnosis.hypotheses import Candidate
 from idm_sumo.diagnosis.noise import Noise
-from idm_sumo.diagnosis.result import CauseFound, Estimate, Power, Region, RuledOut, Scan, Unexplained
+from idm_sumo.diagnosis.result import CauseFound, Estimate, OtherLaw, Power, Region, RuledOut, Scan, Unexplained
 from idm_sumo.diagnosis.search import Accepted, Found
 from idm_sumo.diagnosis.windows import HORIZON, SECOND, UNTIL_CUT_IN, Windows
 from idm_sumo.effects import BY_NAME, Cause, ExtendedModel
@@ -63,6 +64,15 @@ def causes(found: Found, shares: Mapping[str, float]) -> tuple[CauseFound, ...]:
 def form_doubt(last: ev.Evidence) -> float:
     """Return the standard deviation of a size, as a share of it, that its form and the car-following's leave open."""
     return LAW_DOUBT if hy.most_impossible(last, ev.ENDOGENOUS) > OTHER_LAW else FORM_DOUBT
+
+
+def other_law(last: ev.Evidence) -> OtherLaw | None:
+    """Return what drivers seem to do, with the causes in the model, that no driver can, if it is significant."""
+    surest = hy.surest_impossible(last, ev.ENDOGENOUS)
+    if surest is None or surest.p > gates.SIGNIFICANT:
+        return None
+    first = hy.acting_of(surest)[0]
+    return OtherLaw(surest.name, first.symbol, first.unit, surest.value, abs(surest.z))
 
 
 def seam_cause(seam: Seam) -> CauseFound:
