@@ -47,6 +47,14 @@ def test_nothing_hidden_nothing_named(tmp_path):
     }
 
 
+@pytest.mark.parametrize(("law", "is_another"), [("idm", False), ("fvd", True), ("gipps", True)])
+def test_drivers_of_another_law_are_told_from_those_of_an_idm(law, is_another, tmp_path):
+    recording = hidden(tmp_path, 23, None, underlying=law, drivers=350, minutes=5.0, sigma=0.15)
+    found = checked(diagnose(recording))
+    assert found.verdict == "none"
+    assert (found.other_law is not None) is is_another
+
+
 def better(found: Diagnosis) -> bool:
     """Return whether rollouts of drivers that nobody touched are better for what was named."""
     assert found.gain is not None

@@ -72,7 +72,7 @@ def other_law(last: ev.Evidence) -> OtherLaw | None:
     if surest is None or surest.p > gates.SIGNIFICANT:
         return None
     first = hy.acting_of(surest)[0]
-    return OtherLaw(surest.name, first.symbol, first.unit, surest.value, abs(surest.z))
+    return OtherLaw(surest.name, first.symbol, first.unit, surest.value, float(abs(surest.z)))
 
 
 def seam_cause(seam: Seam) -> CauseFound:
