@@ -163,7 +163,10 @@ def main(arguments: list[str] | None = None) -> None:
         "underlying": options.underlying,
         "form": options.form,
     }
-    planned = [{**trial, **{key: value for key, value in fixed.items() if value}} for trial in planned]
+    given = {key: value for key, value in fixed.items() if value}
+    if options.underlying:  # what SUMO drives is another question
+        planned = [trial for trial in planned if trial["underlying"] in _planting().MODELS]
+    planned = [{**trial, **given} for trial in planned]
     work = joblib.Parallel(n_jobs=options.jobs, return_as="generator_unordered")
     records = []
     for record in work(joblib.delayed(run_trial)(trial, cases) for trial in planned):

@@ -106,6 +106,20 @@ def test_seeds_do_not_depend_on_how_many_trials_there_are():
     assert {one["seed"] for one in many}.isdisjoint(one["seed"] for one in campaign.trials(2, 40, 1))
 
 
+def test_one_car_following_model_leaves_out_what_sumo_drives(tmp_path, monkeypatch):
+    ran = []
+
+    def run_trial(one, _folder):
+        ran.append(one)
+        return trial("none", {})
+
+    monkeypatch.setattr(campaign, "run_trial", run_trial)
+    campaign.main(["-o", str(tmp_path), "--cases", "1", "--nulls", "12", "--underlying", "gipps"])
+    assert {one["underlying"] for one in ran} == {"gipps"}
+    assert {"driven by SUMO", "in SUMO"}.isdisjoint({one.get("kind") for one in ran} | {one["group"] for one in ran})
+    assert "single" in {one["group"] for one in ran}
+
+
 def test_a_finished_case_is_not_run_again(tmp_path, monkeypatch):
     given = campaign.trials(1, 1, 0)[0]
     (tmp_path / f"{given['seed']}-none-mid.json").write_text(json.dumps({**given, "kept": True}))
