@@ -14,18 +14,8 @@ from analysis.diagnosis_contract import write_diagnosis
 from analysis.diagnosis_curves import clustered_mean, curves, lag_response, map_of
 from analysis.diagnosis_report import contract, groups
 from idm_sumo.cli import main
-from idm_sumo.diagnosis import (
-    CauseFound,
-    Diagnosis,
-    Estimate,
-    Gain,
-    OtherLaw,
-    Power,
-    Region,
-    RuledOut,
-    Scan,
-    Unexplained,
-)
+from idm_sumo.diagnosis import CauseFound, Diagnosis, Estimate, Gain, Power, Region, RuledOut, Scan, Unexplained
+from idm_sumo.diagnosis.result import OtherLaw
 from idm_sumo.effects import Cause, ExtendedModel
 from idm_sumo.idm import TEXTBOOK
 from tests.planting import plan, simulate
