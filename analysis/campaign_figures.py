@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import numpy as np
 import pandas as pd
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
@@ -18,12 +19,10 @@ LOOKS = {
     SILENT: ("none", "#777777"),
     WRONG: ("#D55E00", "#D55E00"),
 }
-# The car-following underneath; any other is SUMO's.
-MARKERS = {"idm": "o", "fvd": "s", "gipps": "^"}
-LAWS = {"idm": "IDM", "fvd": "full velocity difference", "gipps": "Gipps"}
-OF_SUMO = "D"
-LEAST_SHARE, MOST_SHARE = -3.0, 70.0  # % of ADE that is drawn
-RATIOS = (0.25, 4.0)
+# The car-following underneath: marker and name; any other is SUMO's.
+LAWS = {"idm": ("o", "IDM"), "fvd": ("s", "full velocity difference"), "gipps": ("^", "Gipps")}
+OF_SUMO = ("D", "SUMO's")
+SHARES, RATIOS = (-3.0, 70.0), (0.25, 4.0)  # that are drawn: % of ADE; beyond, at the edge
 NEAR = (0.8, 1.25)
 APART = 0.11  # of a row, between what would lie upon each other
 
@@ -56,15 +55,13 @@ def _draw_outcomes(ax: Axes, single: pd.DataFrame, names: list[str]) -> None:
         own = single[single["name"] == name].sort_values("best_gain")
         for number, one in enumerate(own.itertuples()):
             face, edge = LOOKS[one.outcome]
-            share = min(max(100.0 * one.best_gain, LEAST_SHARE), MOST_SHARE)
-            ax.plot(
-                share, row + APART * (number % 5 - 2), MARKERS.get(one.underlying, OF_SUMO), ms=6, mfc=face, mec=edge
-            )
+            share = np.clip(100.0 * one.best_gain, *SHARES)
+            ax.plot(share, _beside(row, number, 5), LAWS.get(one.underlying, OF_SUMO)[0], ms=6, mfc=face, mec=edge)
     for bound in GAIN_BOUNDS:
         ax.axvline(100.0 * bound, color="black", linewidth=0.8, linestyle=":")
     ax.set_xscale("symlog", linthresh=5.0)
     ticks = (0, *(round(100.0 * bound) for bound in sorted(GAIN_BOUNDS)), 10, 20, 50)
-    ax.set(xlim=(1.2 * LEAST_SHARE, 1.2 * MOST_SHARE), xticks=ticks, xticklabels=[f"{tick}" for tick in ticks])
+    ax.set(xlim=[1.2 * share for share in SHARES], xticks=ticks, xticklabels=[f"{tick}" for tick in ticks])
     ax.set_xlabel("what the true model gains by it (% of ADE)")
     ax.set_title("Was it named?", loc="left", fontsize=10)
 
@@ -75,19 +72,22 @@ def _draw_sizes(ax: Axes, sizes: pd.DataFrame, names: list[str]) -> None:
     for row, name in enumerate(names):
         own = sizes[sizes["name"] == name].sort_values(["underlying", "form"])
         for number, one in enumerate(own.itertuples()):
-            at, colour = row + APART * (number % 7 - 3), LOOKS[RIGHT][0] if one.covered else LOOKS[WRONG][0]
-            low, middle, high = (
-                min(max(x / one.planted, RATIOS[0]), RATIOS[1]) for x in (one.low, one.estimate, one.high)
-            )
+            at, (colour, _) = _beside(row, number, 7), LOOKS[RIGHT if one.covered else WRONG]
+            low, middle, high = np.clip(np.array([one.low, one.estimate, one.high]) / one.planted, *RATIOS)
             ax.plot([low, high], [at, at], color=colour, linewidth=0.9, alpha=0.7)
             face = colour if one.form == "usual" else "white"
-            ax.plot(middle, at, MARKERS.get(one.underlying, OF_SUMO), ms=5, mfc=face, mec=colour)
+            ax.plot(middle, at, LAWS.get(one.underlying, OF_SUMO)[0], ms=5, mfc=face, mec=colour)
     ticks = (0.25, 0.5, 0.8, 1.0, 1.25, 2.0, 4.0)
     ax.set_xscale("log")
     ax.minorticks_off()
     ax.set(xlim=RATIOS, xticks=ticks, xticklabels=[f"{tick:g}" for tick in ticks])
     ax.set_xlabel("found over hidden size, 95 % interval")
     ax.set_title("How large? (red: interval misses; white: another form)", loc="left", fontsize=10)
+
+
+def _beside(row: int, number: int, most: int) -> float:
+    """Return where in a row one of several is drawn, so that none hides another."""
+    return row + APART * (number % most - most // 2)
 
 
 def _legend(single: pd.DataFrame) -> list[Line2D]:
@@ -97,8 +97,8 @@ def _legend(single: pd.DataFrame) -> list[Line2D]:
         for outcome, (face, edge) in LOOKS.items()
         if outcome in there
     ]
-    laws = [*((marker, LAWS[law]) for law, marker in MARKERS.items()), (OF_SUMO, "SUMO's")]
-    return [
-        *outcomes,
-        *(Line2D([], [], marker=marker, linestyle="", color="#333333", label=law) for marker, law in laws),
+    laws = [
+        Line2D([], [], marker=marker, linestyle="", color="#333333", label=law)
+        for marker, law in (*LAWS.values(), OF_SUMO)
     ]
+    return [*outcomes, *laws]

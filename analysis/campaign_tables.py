@@ -11,7 +11,6 @@ from .campaign_figures import at_a_glance
 from .campaign_scores import GAIN_CLASSES, RIGHT, RIGHT_AND_MORE, SILENT, scored, sized
 from .style import save
 
-LEVELS = ["small", "mid", "large"]
 CONDITIONS = ("underlying", "noise", "sigma", "form", "density", "lanes")
 GOOD = (RIGHT, RIGHT_AND_MORE)
 PICTURE = "Each single effect by what it is worth and whether it was named, and found against hidden sizes"

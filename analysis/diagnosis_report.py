@@ -239,7 +239,8 @@ def _write_page(
     ])  # fmt: skip
     render(
         part / "report.html", "diagnosis.html.j2", title=title, found=found, headline=words.headline(found),
-        gain_sentence=words.gain_sentence(found.gain), law_sentence=words.law_sentence(found), pictures=pictures, marks=bool(_marks(found)), model_file=MODEL,
+        gain_sentence=words.gain_sentence(found.gain), law_sentence=words.law_sentence(found),
+        pictures=pictures, marks=bool(_marks(found)), model_file=MODEL,
         gains=words.gains_table([found.gain, *found.other_gains]), groups=groups(samples) if len(samples) else pd.DataFrame(),
         causes=words.causes_table(found.causes), without_gain=words.causes_table(found.without_gain), unexplained=unexplained,
         ruled_out=words.ruled_out_table(found), power=words.power_sentences(found), counts=counts, notes=notes, sentence=words.sentence,

@@ -57,13 +57,18 @@ def test_a_small_step_has_settled():
     assert stride.settled
 
 
-@pytest.mark.parametrize("size", [0.4, 0.8])
-def test_a_candidate_far_below_its_size_climbs_towards_it(size):
+def with_planted(slot, size):
+    """Return followers who do a little more than an IDM, and IDMs fitted to them."""
     planted = ro.PLAIN.copy()
-    planted[:, slots.BAND] = size
+    planted[:, slot] = size
     windows, _ = followers(planted, np.random.default_rng(6))
     subject = Subject(windows, Noises(QUIET, QUIET), at.grid_of(windows), True)
-    fit = fit_drivers(windows, ro.PLAIN.copy(), np.array([1e-4, 1e-4]), rounds=8)
+    return subject, fit_drivers(windows, ro.PLAIN.copy(), np.array([1e-4, 1e-4]), rounds=8)
+
+
+@pytest.mark.parametrize("size", [0.4, 0.8])
+def test_a_candidate_far_below_its_size_climbs_towards_it(size):
+    subject, fit = with_planted(slots.BAND, size)
     atom = Atom(NAME, 0.3, ((slots.BAND, 0.3),))
     tried = climbed(subject, fit, Candidate(NAME, 0.5 * size, 0.05, 8.0, 1e-9, atom, score=200.0 * size))
     assert abs(tried.candidate.value / size - 1.0) < 0.25
@@ -72,16 +77,12 @@ def test_a_candidate_far_below_its_size_climbs_towards_it(size):
 
 @pytest.mark.parametrize("tau", [0.15, 0.5])
 def test_a_delay_climbs_to_its_size_with_twins_heard_on_the_way(tau):
-    planted = ro.PLAIN.copy()
-    planted[:, slots.DELAY] = tau
-    windows, _ = followers(planted, np.random.default_rng(6))
-    subject = Subject(windows, Noises(QUIET, QUIET), at.grid_of(windows), True)
-    fit = fit_drivers(windows, ro.PLAIN.copy(), np.array([1e-4, 1e-4]), rounds=8)
+    subject, fit = with_planted(slots.DELAY, tau)
     # Found with a long delay, of which twins had said too much: nothing of that is left.
     late = Candidate(
         "reaction_delay", 0.05, 0.02, 5.0, 1e-6, Atom("reaction_delay", 0.6, ((slots.DELAY, 0.6),)), 50.0, 1e6
     )
-    tried = climbed(subject, fit, late, draws(windows, subject.noises, 1, np.random.default_rng(0)))
+    tried = climbed(subject, fit, late, draws(subject.windows, subject.noises, 1, np.random.default_rng(0)))
     assert tried.candidate.value == pytest.approx(tau, rel=0.15)
     assert tried.support > 0.0
 

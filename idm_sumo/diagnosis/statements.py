@@ -30,7 +30,7 @@ Z95, Z80 = 1.96, 0.84
 FORM_DOUBT = 0.2
 # The same where, with the causes in the model, something that cannot be is still as sure as so many standard errors: the car-following
 # is another law than the model's then, in which the same size does something else.
-OTHER_LAW, LAW_DOUBT = 3.0, 0.3
+DOUBTED_LAW, LAW_DOUBT = 3.0, 0.3
 SEAM_WIDTH = 4.0  # m
 SEAM_DOUBT = 0.08  # of its shift: smoothing blurs it
 
@@ -63,7 +63,7 @@ def causes(found: Found, shares: Mapping[str, float]) -> tuple[CauseFound, ...]:
 
 def form_doubt(last: ev.Evidence) -> float:
     """Return the standard deviation of a size, as a share of it, that its form and the car-following's leave open."""
-    return LAW_DOUBT if hy.most_impossible(last, ev.ENDOGENOUS) > OTHER_LAW else FORM_DOUBT
+    return LAW_DOUBT if hy.most_impossible(last, ev.ENDOGENOUS) > DOUBTED_LAW else FORM_DOUBT
 
 
 def other_law(last: ev.Evidence) -> OtherLaw | None:
