@@ -31,6 +31,7 @@ SINGLE = (
     "reaction_delay", "multi_leader_anticipation", "lane_change_relaxation", "acceleration_asymmetry", "leader_class",
     "speed_dependent_headway", "perception_threshold", "hysteresis", "adjacent_lane_friction", "location", "time_of_day",
 )  # fmt: skip
+CONTRARY = ("time_of_day", "speed_dependent_headway")  # that drifts all the time; that falls with speed
 PAIRS = (("reaction_delay", "location"), ("leader_class", "time_of_day"), ("hysteresis", "adjacent_lane_friction"),
          ("lane_change_relaxation", "location"), ("perception_threshold", "time_of_day"))  # fmt: skip
 # What nothing planted must not be taken for.
@@ -72,6 +73,8 @@ def trials(cases: int, nulls: int, seed: int) -> list[dict[str, Any]]:
     hidden: list[dict[str, Any]] = []
     for number in range(cases):
         models = np.roll(planting.SUMO_MODELS, -number)  # every effect meets every model
+        contrary = [{"group": "single", "effect": name, "size": size, "form": "third"}
+                    for name in CONTRARY for size in LEVELS[:2]]  # fmt: skip
         hidden += [{"group": "single", "effect": name, "size": size} for size in LEVELS[:2] for name in SINGLE]
         hidden += [{"group": "pair", "effect": list(pair), "size": "large"} for pair in PAIRS]
         hidden += [{"group": "outside", "effect": name, "size": "large"} for name in planting.OUTSIDE]
@@ -80,6 +83,7 @@ def trials(cases: int, nulls: int, seed: int) -> list[dict[str, Any]]:
         hidden += [{"group": "single", "effect": name, "size": LEVELS[2]} for name in SINGLE]
         hidden += [{"group": "in SUMO", "effect": name, "size": "large", "underlying": str(model), **OF_SUMO.get(name, {})}
                    for name, model in zip(planting.IN_SUMO, models, strict=True)]  # fmt: skip
+        hidden += contrary
     begin = 100_000 * (seed + 1)
     plain = [_conditions(trial, k, begin + k, planting) for k, trial in enumerate(plain)]
     hidden = [_conditions(trial, k, begin + 10_000 + k, planting) for k, trial in enumerate(hidden)]

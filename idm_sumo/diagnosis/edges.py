@@ -18,10 +18,11 @@ from idm_sumo.diagnosis.fit import Fit
 from idm_sumo.diagnosis.hypotheses import SCANNED
 from idm_sumo.diagnosis.look import Subject
 from idm_sumo.diagnosis.pulses import pulses_of
-from idm_sumo.effects import BY_NAME
+from idm_sumo.effects import BY_NAME, slots
 
 Floats = npt.NDArray[np.float64]
 
+ENDLESS = (slots.PERIOD_DRIFT,)  # from the recording's first moment to its last
 SLICES = 8  # of a bin
 REACH = 12  # slices by which an edge may move at once, to either side
 
@@ -32,7 +33,7 @@ def sharpened(subject: Subject, fit: Fit, names: list[str]) -> Fit:
     An effect that begins a little earlier is one that acts in some thin slices more, one that begins later acts in some less: what
     that gains in likelihood follows from the slices' scores and their Gram matrix.
     """
-    moving = [name for name in names if name in SCANNED]
+    moving = [name for name in names if name in SCANNED and BY_NAME[name].acting(fit.by_lane[0])[0].slot not in ENDLESS]
     if not moving:
         return fit
     answer = at.answer_of(subject.windows, fit, subject.grid.pivot)

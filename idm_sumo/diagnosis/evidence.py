@@ -65,7 +65,7 @@ class Evidence:
         What each driver would score if the estimate were true is taken off: a rare effect is not its own noise.
         """
         values = self.u @ mix
-        part = self.part @ mix
+        part = self.part @ mix**2
         expected = values.sum(axis=0) * part / np.maximum(part.sum(axis=0), 1e-300)
         sums = np.zeros((self.block.max() + 1, values.shape[1]))
         np.add.at(sums, self.block, values - expected)

@@ -33,6 +33,7 @@ EDGES: dict[str, tuple[float, ...]] = {
     "truck_behind": (0.5, 99.0),
     "crowd_left": CROWDS,
     "crowd_right": CROWDS,
+    "abreast": (0.5, 1.5, 9.0),
     "unrest": (0.0, 0.4, 0.7, 1.0, 9.0),
 }
 # With another car-following model underneath, or noise in the leader's place, drivers seem to answer these otherwise; and who brakes
@@ -48,7 +49,7 @@ REGION = "position and time"
 HELD = ("position", "time")  # by the catalogue, as location and time of day
 # A driver's own motion of late stands out a little; which lane to take drivers choose themselves, and in one lane for a while there
 # are few; of a place or a time the catalogue's own would have said it.
-SUSPECT = ("unrest", "headway over unrest", "lane", "time" + IN_LANE, *HELD)
+SUSPECT = ("unrest", "headway over unrest", "lane", "time" + IN_LANE, REGION + IN_LANE, *HELD)
 # Along covariates the response and its delay are what another car-following model looks like.
 ALONG_COVARIATES, ALONG_REGIONS = (ACCELERATION, HEADWAY), (ACCELERATION, RESPONSE, DELAY)
 
@@ -114,6 +115,7 @@ def covariates(windows: w.Windows, state: Floats) -> dict[str, Floats]:
         "truck_behind": (seen[:, :, w.BEHIND_KIND] == TRUCK).astype(np.float64),
         "crowd_left": seen[:, :, w.CROWD_LEFT],
         "crowd_right": seen[:, :, w.CROWD_RIGHT],
+        "abreast": seen[:, :, w.ABREAST],
         "unrest": seen[:, :, w.UNREST],
         "position": x,
         "time": seen[:, :, w.TIME],
@@ -135,8 +137,14 @@ def contents(state: Floats) -> dict[str, Floats]:
 def families(windows: w.Windows, state: Floats, grid: Grid) -> Iterator[tuple[Family, Integers]]:
     """Yield each family, and the number of the bin that each frame is in (-1: none)."""
     for covariate, edges, number in _partitions(covariates(windows, state), grid):
-        for content in ALONG_COVARIATES if covariate in EDGES else ALONG_REGIONS:
+        for content in _contents_along(covariate):
             yield Family(covariate, content, edges), number
+
+
+def _contents_along(covariate: str) -> tuple[str, ...]:
+    if covariate.startswith(REGION + IN_LANE):  # few drivers each
+        return (ACCELERATION,)
+    return ALONG_COVARIATES if covariate in EDGES else ALONG_REGIONS
 
 
 def _partitions(known: dict[str, Floats], grid: Grid) -> Iterator[tuple[str, tuple[Floats, ...], Integers]]:
@@ -149,13 +157,15 @@ def _partitions(known: dict[str, Floats], grid: Grid) -> Iterator[tuple[str, tup
     yield "time", (times,), j
     xs, ts = _coarser(grid.place, BLOCKS), _coarser(grid.time, BLOCKS)
     a, b = numbered(x, xs), numbered(known["time"], ts)
-    yield REGION, (xs, ts), np.where((a >= 0) & (b >= 0), a * (len(ts) - 1) + b, -1)
+    cell = np.where((a >= 0) & (b >= 0), a * (len(ts) - 1) + b, -1)
+    yield REGION, (xs, ts), cell
     if len(grid.lanes) > 1:
         yield "lane", (grid.lanes,), np.searchsorted(grid.lanes, known["lane"])
         for lane in grid.lanes:
             inside = known["lane"] == lane
             yield f"position{IN_LANE}{int(lane)}", (places,), np.where(inside, i, -1)
             yield f"time{IN_LANE}{int(lane)}", (times,), np.where(inside, j, -1)
+            yield f"{REGION}{IN_LANE}{int(lane)}", (xs, ts), np.where(inside, cell, -1)
 
 
 def _coarser(edges: Floats, most: int) -> Floats:

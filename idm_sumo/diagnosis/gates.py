@@ -23,10 +23,11 @@ SIGNIFICANT = 1e-3  # corrected p of a cause
 SURER = {"multi_leader_anticipation": 5.0, "lane_change_relaxation": 5.0, "desired_speed": 7.0}
 SUREST = 9.0  # standard errors, from which on they are believed as others are
 # No law of car-following makes these up: who, where and when are no motion of the driver's, and headways that grow with speed are
-# what a law that differs has less of, not more.
+# what a law that differs has less of, not more. Headways that fall must be far surer than what cannot be.
 UNLIKE_LAWS = ("leader_class", "location", "time_of_day", "speed_dependent_headway")
 # Where the climb ends at the bound, what the data want is another approach to the desired speed than the model's, not another speed.
 ENDLESS = ("desired_speed",)
+FALLING = 1.5  # times the standard errors of what cannot be, for a headway that falls with speed
 # The score near zero underrates these, the more the farther the car-following is from the model's: at their size the likelihood
 # says more (twice its logarithm's gain).
 UNDERRATED = ("reaction_delay", "perception_threshold", "lane_change_relaxation")
@@ -66,11 +67,13 @@ def believed(evidence: ev.Evidence) -> list[Candidate]:
     A place or a time that stands out freely, whatever is different there, is that of the catalogue: its form is then as sure as that.
     """
     free = {one.covariate: one for one in evidence.free if one.is_credible and abs(one.z) > FREE_CLEAR}
-    every = hy.candidates(evidence)
+    every, impossible = hy.candidates(evidence), hy.most_impossible(evidence)
     for number, candidate in enumerate(every):
         seen = free.get(FREELY.get(candidate.name, ""))
         if seen is not None and abs(candidate.z) > LIKELY:
             every[number] = replace(candidate, p=min(candidate.p, seen.p))
+        if candidate.is_falling and abs(candidate.z) < max(SUREST, FALLING * impossible):
+            every[number] = replace(candidate, p=1.0)
     return every
 
 
@@ -130,7 +133,8 @@ def is_worth_it(gain: Gain, tried: Tried, first: Tried | None, strongest: float 
     if candidate.name in ev.ENDOGENOUS:
         return clearly and share >= UNTWINNED_GAIN
     like_no_other = candidate.name not in SURER or z > SUREST
-    surest = like_no_other and (candidate.name in UNLIKE_LAWS or z >= strongest)
+    unlike_laws = candidate.name in UNLIKE_LAWS and not candidate.is_falling
+    surest = like_no_other and (unlike_laws or z >= strongest)
     beyond_doubt = surest and z > BEYOND_DOUBT and share > -CHANCE
     if first is None:
         return clearly or (surest and z > SURE and share > 0.0) or beyond_doubt
@@ -203,7 +207,7 @@ def _sign_of(one: LeftOver) -> float:
 
 def is_left(strange: LeftOver, evidence: ev.Evidence) -> bool:
     """Return whether, with the best cause in the model, what the catalogue does not hold is still about as strange."""
-    still = REGION_STILL if strange.covariate == REGION else FREE_STILL
+    still = REGION_STILL if strange.covariate.startswith(REGION) else FREE_STILL
     return any(one.z**2 > still * strange.z**2 for one in outside(evidence))
 
 

@@ -25,14 +25,15 @@ LEAST = {
     "hysteresis": 0.02, "adjacent_lane_friction": 0.012, "location": 0.035, "time_of_day": 0.04,
     "desired_speed": 0.10, "follower_pressure": 0.25, "courtesy_yielding": 0.20, "pre_insertion": 0.20,
 }  # fmt: skip
-# Not the headway's change with speed: a smaller one at higher speeds is what another car-following model (Gipps) looks like.
 EITHER_SIGN = (
     "location",
     "time_of_day",
     "desired_speed",
     "courtesy_yielding",
     "pre_insertion",
+    "speed_dependent_headway",
 )
+LEAST_FALLING = 0.12  # of a headway that is shorter at speed, as it is for other laws in light traffic
 SCANNED = ("location", "time_of_day")
 WIDEST = 0.6  # of the bins of road or recording: a wider interval is the rest, with the other sign
 NARROWEST = {"location": 40.0, "time_of_day": 30.0}  # m, s
@@ -89,7 +90,12 @@ class Candidate:
     def large_enough(self) -> bool:
         """Whether size and sign are such that it may be named."""
         size = abs(self.value) if self.name in EITHER_SIGN else self.value
-        return size >= LEAST.get(self.name, np.inf)
+        return size >= (LEAST_FALLING if self.is_falling else LEAST.get(self.name, np.inf))
+
+    @property
+    def is_falling(self) -> bool:
+        """Whether it is a time headway that is shorter at higher speeds."""
+        return self.name == "speed_dependent_headway" and self.value < 0.0
 
 
 def candidates(evidence: Evidence) -> list[Candidate]:
@@ -222,15 +228,28 @@ def _candidate(evidence: Evidence, name: str, mix: Floats, atom: Atom, looks: in
 
 
 def _scans(evidence: Evidence, name: str, rows: list[int], sign: float = 0.0) -> list[Candidate]:
-    """Return, for each kind of shift, the interval of place or time with the largest score over its standard error.
+    """Return, for each kind of shift, the interval of place or time with the largest score over its standard error; and the drift.
 
     Of one sign if that is not zero.
     """
     kinds: dict[tuple[tuple[int, float], ...], list[int]] = {}
     for n in rows:
         kinds.setdefault(evidence.atoms[n].fixed, []).append(n)
-    each = (_scan(evidence, kind, sign, 40 * len(rows)) for kind in kinds.values())
+    each = [_scan(evidence, kind, sign, 40 * len(rows)) for kind in kinds.values()]
+    if name == "time_of_day":
+        each.append(_drift(evidence, rows, sign))
     return [one for one in each if one is not None]
+
+
+def _drift(evidence: Evidence, rows: list[int], sign: float) -> Candidate | None:
+    """Return the drift over all bins, if it has the sign that is asked for."""
+    bins = [evidence.atoms[n] for n in rows]
+    begin, end = bins[0].low, bins[-1].high
+    mix = np.zeros(len(evidence.atoms))
+    mix[rows] = [(atom.low + atom.high - begin - end) / (end - begin) for atom in bins]
+    atom = replace(bins[0], fixed=((slots.PERIOD_DRIFT, 1.0),), low=float(begin), high=float(end))
+    drift = _candidate(evidence, atom.name, mix, atom, 40)
+    return drift if sign in (0.0, np.sign(drift.value)) else None
 
 
 def _scan(evidence: Evidence, rows: list[int], sign: float, looks: int) -> Candidate | None:

@@ -29,6 +29,7 @@ NARROWEST, WIDEST = 2, 0.7  # bins; share of the road, of the time, of both
 CLUMSIEST = 1.5  # times the variance of the model that the clustered one may count
 BY_ONE = 0.5  # of the score: what one block of neighbours says more of is what happened to them
 PLAIN_BEFORE_BOTH = 8.0  # of squared z
+IN_ONE_LANE = 0.75  # of the squared z of a rectangle in one lane: of these there are most, and a place that is not all the time the same
 MOST_TOLD, NEARLY = 3, 0.4  # of the strongest's squared z
 # Where next to nothing is answered, or by few, a response seems many times stronger, or turned round; of a share, and of s of delay.
 LARGEST = {ff.RESPONSE: (-1.0, 3.0), ff.DELAY: (-1.0, 3.0)}
@@ -90,7 +91,7 @@ class LeftOver:
 
 @dataclass(frozen=True)
 class Heard:
-    """What one twin says of everything free: total scores in the order of the families, spectrum, squares along place and time."""
+    """What one twin says of everything free: total scores in the order of the families, spectra, squares along place and time."""
 
     totals: Floats
     spectrum: Floats
@@ -109,7 +110,7 @@ def hear(windows: Windows, fit: Fit, grid: Grid, answer: Answer) -> Heard:
         totals += [sums_by_bin(number, scored[family.content], family.count), np.array([whole[family.content]])]
         if variance.concerns(family):
             squares[family.covariate] = variance.spread(pulses, number, family.count).squares.sum(axis=0)
-    return Heard(np.concatenate(totals), oscillation.spectrum(pulses).mean(axis=0), squares)
+    return Heard(np.concatenate(totals), oscillation.spectrum(pulses), squares)
 
 
 def left_over(
@@ -145,14 +146,19 @@ def left_over(
             unsteady += [_unsteady(family, most)] if most is not None else []
     looks = sum(one.stretch.looks for one in found)
     named = [_named(one, looks) for one in found]
-    swing = oscillation.line(oscillation.spectrum(pulses), np.mean([one.spectrum for one in fitted], axis=0))
-    return sorted([*named, *unsteady, _swinging(swing, grid)], key=_rank)
+    spectrum, twins = oscillation.spectrum(pulses), [one.spectrum for one in fitted]
+    line = oscillation.line(spectrum, np.mean([one.mean(axis=0) for one in twins], axis=0))
+    swings = [
+        _swinging(line, f"period {np.sqrt(line.low * line.high):.3g} s", grid),
+        _swinging(oscillation.own_lines(spectrum, twins), "each driver's own period", grid),
+    ]
+    return sorted([*named, *unsteady, *swings], key=_rank)
 
 
 def _rank(one: LeftOver) -> float:
     """Return less for what says more; a rectangle, which is a place or a time and then some, has to say more than either."""
     both = one.position_m is not None and one.time_s is not None
-    return PLAIN_BEFORE_BOTH * both - one.z**2
+    return PLAIN_BEFORE_BOTH * both - one.z**2 * (IN_ONE_LANE if both and one.lane else 1.0)
 
 
 class Said(NamedTuple):
@@ -223,14 +229,12 @@ def _unsteady(family: ff.Family, most: variance.Unsteady) -> LeftOver:
     return LeftOver(f"variance over {family.covariate}", edges, place, time, most.ratio, most.z, p, is_credible)
 
 
-def _swinging(swing: oscillation.Line, grid: Grid) -> LeftOver:
+def _swinging(swing: oscillation.Line, period: str, grid: Grid) -> LeftOver:
     """Return an oscillation in words."""
     whole = (float(grid.time[0]), float(grid.time[-1]))
     p = float(min(1.0, len(oscillation.PERIODS) * norm.sf(swing.z)))
-    covariate = f"own oscillation in time, period {np.sqrt(swing.low * swing.high):.3g} s"
-    return LeftOver(
-        covariate, (swing.low, swing.high), None, whole, swing.ratio, swing.z, p, swing.ratio > oscillation.LEAST_RATIO
-    )
+    covariate = f"own oscillation in time, {period}"
+    return LeftOver(covariate, (swing.low, swing.high), None, whole, swing.ratio, swing.z, p, swing.is_strong)
 
 
 def told(found: tuple[LeftOver, ...]) -> tuple[LeftOver, ...]:

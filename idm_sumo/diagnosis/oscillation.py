@@ -1,11 +1,13 @@
 """A driver's own oscillation: a line in the spectrum of the pulses' scores that the null twins have not.
 
 A throttle that swings with a period of its own has no mean along any covariate, and its phase is every driver's own. But within
-a driver it keeps its phase over all windows, which noise of some memory does not: its power gathers in one line.
+a driver it keeps its phase over all windows, which noise of some memory does not: its power gathers in one line. Where each has
+another period, no line stands out on average, but each driver's strongest one does.
 """
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from typing import NamedTuple
 
 import numpy as np
@@ -23,6 +25,8 @@ PERIODS = np.geomspace(4.0, 40.0, 40)  # s; faster swings are what unstable foll
 NEAR, AROUND = 2, 8  # periods that a line covers to each side, and up to which it is compared
 LEAST_BESIDE = 3  # of them, on each side: at the end of a falling spectrum anything would be a line
 LEAST_RATIO = 1.45  # of a line to what is around it
+OWN_BAND = (PERIODS > 5.0) & (PERIODS < 14.0)  # in which each driver may have a period of its own
+LEAST_OWN_RATIO = 1.12  # of the drivers' strongest lines to the twins'
 
 
 def spectrum(pulses: Pulses) -> Floats:
@@ -43,12 +47,13 @@ def _median(values: Floats) -> float:
 
 
 class Line(NamedTuple):
-    """A line of the spectrum: edges of its period (s), its power over that around it, standard errors."""
+    """A line of the spectrum: edges of its period (s), its power over that around it, standard errors; whether it is strong enough."""
 
     low: float
     high: float
     ratio: float
     z: float
+    is_strong: bool
 
 
 def line(found: Floats, twins: Floats) -> Line:
@@ -70,4 +75,28 @@ def line(found: Floats, twins: Floats) -> Line:
     error = found.std(axis=0) / np.sqrt(len(found)) / np.maximum(twins * usual, 1e-300)
     best = int(np.argmax(ratio))
     edges = (PERIODS[max(best - 1, 0)], PERIODS[min(best + 1, len(PERIODS) - 1)])
-    return Line(float(edges[0]), float(edges[1]), float(ratio[best]), float((ratio[best] - 1.0) / error[best]))
+    z = float((ratio[best] - 1.0) / error[best])
+    return Line(float(edges[0]), float(edges[1]), float(ratio[best]), z, bool(ratio[best] > LEAST_RATIO))
+
+
+def own_lines(found: Floats, twins: Sequence[Floats]) -> Line:
+    """Return by how much each driver's strongest line, at whatever period, is stronger than in the twins.
+
+    Parameters
+    ----------
+    found : float64, shape (drivers, periods)
+        Of the recording.
+    twins : sequence of float64, shape (drivers, periods)
+        Of each twin.
+    """
+    own, theirs = _log_peaks(found), np.concatenate([_log_peaks(twin) for twin in twins])
+    more = own.mean() - theirs.mean()
+    z = more / np.sqrt(max(own.var() / len(own) + theirs.var() / len(theirs), 1e-300))
+    low, high = PERIODS[OWN_BAND][[0, -1]]
+    return Line(float(low), float(high), float(np.exp(more)), float(z), bool(np.exp(more) > LEAST_OWN_RATIO))
+
+
+def _log_peaks(power: Floats) -> Floats:
+    """Return the logarithm of each driver's strongest line over its mean; of a spectrum that is flat for all together."""
+    flat = power[:, OWN_BAND] / np.maximum(power[:, OWN_BAND].mean(axis=0), 1e-300)
+    return np.asarray(np.log(np.maximum(flat.max(axis=1), 1e-300) / np.maximum(flat.mean(axis=1), 1e-300)))

@@ -14,6 +14,7 @@ from idm_sumo.leaders import frame_code
 HARD = 1.0  # m/s²: who brakes harder shows brake lights
 ALONGSIDE, LOOK_AHEAD = 20.0, 40.0  # m, ahead of the own front
 CROWD = 40.0  # m, to either side of it
+CAR = 5.0  # m: fronts that are no further apart overlap
 
 Floats = npt.NDArray[np.float64]
 Integers = npt.NDArray[np.int64]
@@ -57,6 +58,11 @@ class OtherLanes:
         """Return how many vehicles of one adjacent lane are within ``CROWD`` m; NaN without such a lane."""
         first, last = self._between(side, CROWD, CROWD)
         return np.where(np.isin(self._lane + side, np.unique(self._lane)), last - first, np.nan)
+
+    def abreast(self) -> Floats:
+        """Return in how many adjacent lanes, none to two, a vehicle is alongside."""
+        each = (self._between(side, CAR, CAR) for side in (-1, 1))
+        return np.asarray(sum((last > first).astype(np.float64) for first, last in each))
 
     def _count(self, counted: npt.NDArray[np.bool_], sides: tuple[int, ...], reach: float) -> Floats:
         """Return how many that are counted are in other lanes, up to ``reach`` m ahead."""

@@ -12,7 +12,7 @@ import numpy.typing as npt
 
 from idm_sumo.diagnosis.free_fields import Family
 from idm_sumo.diagnosis.pulses import Pulses
-from idm_sumo.diagnosis.rollout import BIN
+from idm_sumo.diagnosis.rollout import BASE_A, BIN
 
 Floats = npt.NDArray[np.float64]
 Integers = npt.NDArray[np.int64]
@@ -22,6 +22,8 @@ LARGEST = 25.0  # of a squared score, in its own variances: a single outlier is 
 NARROWEST, WIDEST = 2, 0.7  # bins; share of all
 LEAST_SHARE = 0.02  # of the expected squares, in a stretch that is looked at
 LEAST_RATIO = 1.2
+# m/s², of the model's own acceleration: where it brakes hard, another law than the model's shows more, wherever that is.
+EFFORT = np.array([-0.8, -0.4, -0.1, 0.1, 0.4])
 
 
 class Spread(NamedTuple):
@@ -37,11 +39,17 @@ def concerns(family: Family) -> bool:
 
 
 def spread(pulses: Pulses, number: Integers, count: int) -> Spread:
-    """Return the squared scores of the pulses, by block of drivers and by the bin in which each pulse begins."""
+    """Return the squared scores of the pulses, by block of drivers and by the bin in which each pulse begins.
+
+    As shares of what is usual for how hard the model brakes or accelerates then.
+    """
     square = np.minimum(pulses.score**2 / np.maximum(pulses.variance, 1e-12), LARGEST)
     block = pulses.windows.platoon[pulses.windows.driver]
     cell = block[:, None] * count + number[:, ::BIN]
     there = (number[:, ::BIN] >= 0) & (pulses.variance > 0.0)
+    effort = np.searchsorted(EFFORT, pulses.state[:, ::BIN, BASE_A])
+    usual = np.bincount(effort[there], square[there], len(EFFORT) + 1) / np.maximum(np.bincount(effort[there], minlength=len(EFFORT) + 1), 1)
+    square /= np.maximum(usual, 1e-12)[effort]
     size = (int(pulses.windows.platoon.max()) + 1) * count
     squares = np.asarray(np.bincount(cell[there], square[there], size).reshape(-1, count), dtype=np.float64)
     return Spread(squares, np.bincount(cell[there], minlength=size).reshape(-1, count).astype(np.float64))

@@ -28,7 +28,8 @@ NEAREST = 0.3  # m: a smaller recorded gap is an overlap of the measurement
 REAR, SPEED, ACCELERATION, KIND, SECOND, SECOND_SPEED, ADJACENT, BEHIND = range(8)
 JUMP, SINCE, UNTIL_CUT_IN, UNTIL_OWN, MEAN_SPEED, LANE, TIME, X, V, OWN_KIND = range(8, 18)
 TRUCKS_BESIDE, BRAKING_BESIDE, UNREST, ACCEPTED, BEHIND_KIND, CROWD_LEFT, CROWD_RIGHT = range(18, 25)
-COLUMNS = 25
+ABREAST = 25
+COLUMNS = 26
 LEADERS = (REAR, SPEED, ACCELERATION, SECOND, SECOND_SPEED)  # of which a recording shows what smoothing leaves
 
 Floats = npt.NDArray[np.float64]
@@ -47,7 +48,8 @@ class Windows:
         infinite for none); jump (m) and time since the last leader change; time until the next cut-in and own
         change; running mean speed; lane; time (s); own position, speed, class; trucks beside and vehicles that brake in other lanes;
         own mean absolute acceleration of late; time headway (s) right after the last leader change; follower's class; vehicles near in the
-        left and in the right adjacent lane (NaN without one). The simulation starts at frame ``LEAD``.
+        left and in the right adjacent lane (NaN without one); adjacent lanes with a vehicle alongside.
+        The simulation starts at frame ``LEAD``.
     blurred : float64, shape (windows, LEAD + horizon + 1, 5)
         The columns ``LEADERS``, smoothed once more: what a twin's measurement sees.
     driver : int64, shape (windows,)
@@ -171,13 +173,14 @@ def _columns(recording: Recording, ahead: Ahead) -> Floats:
     seen[:, BEHIND] = ahead.follower_front + length
     seen[:, [JUMP, SINCE, ACCEPTED, UNTIL_CUT_IN, UNTIL_OWN]] = np.stack(events, 1)
     seen[:, MEAN_SPEED] = _running_mean(v, same_run(table))
-    seen[:, [ADJACENT, CROWD_LEFT, CROWD_RIGHT]], seen[:, [TRUCKS_BESIDE, BRAKING_BESIDE]] = np.nan, 0.0
+    seen[:, [ADJACENT, CROWD_LEFT, CROWD_RIGHT]], seen[:, [TRUCKS_BESIDE, BRAKING_BESIDE, ABREAST]] = np.nan, 0.0
     if recording.has_leader_rows:
         beside = OtherLanes(table)
         seen[:, ADJACENT], seen[:, TRUCKS_BESIDE], seen[:, BRAKING_BESIDE] = (
             beside.slower_speed(), beside.trucks(), beside.braking()
         )  # fmt: skip
         seen[:, CROWD_LEFT], seen[:, CROWD_RIGHT] = beside.crowd(-1), beside.crowd(1)
+        seen[:, ABREAST] = beside.abreast()
     seen[:, BEHIND_KIND] = ahead.follower_kind
     seen[:, UNREST] = _running_mean(np.abs(table[c.ACCELERATION].to_numpy(np.float64)), same_run(table), OF_LATE)
     seen[:, LANE] = table[c.LANE].to_numpy(np.float64)

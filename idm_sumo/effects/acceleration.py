@@ -22,7 +22,7 @@ from idm_sumo.effects.multi_leader_anticipation import shared_interaction, share
 from idm_sumo.effects.perception_threshold import perceived
 from idm_sumo.effects.pre_insertion import before_own_change
 from idm_sumo.effects.speed_dependent_headway import at_speed
-from idm_sumo.effects.time_of_day import at_time
+from idm_sumo.effects.time_of_day import at_time, drifted
 from idm_sumo.effects.vehicle_class import of_truck
 
 
@@ -131,6 +131,7 @@ def moment_of(see, m):  # type: ignore[no-untyped-def]
         behind_truck(see.leader_class, m[slots.LEADER_CLASS])
         * in_phase(leader_acceleration, m[slots.HYSTERESIS])
         * at_time(see.t, m[slots.PERIOD], m[slots.PERIOD_BEGIN], m[slots.PERIOD_END])
+        * drifted(see.t, m[slots.PERIOD_DRIFT], m[slots.PERIOD_BEGIN], m[slots.PERIOD_END])
         * of_truck(see.own_class, m[slots.OWN_CLASS])
         * before_cut_in(see.until_cut_in, m[slots.COURTESY])
         * before_own_change(see.until_own_change, m[slots.PRE_INSERTION])

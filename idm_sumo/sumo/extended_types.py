@@ -28,6 +28,7 @@ from idm_sumo import driver_table as d
 from idm_sumo import road
 from idm_sumo.effects import BY_NAME, Cause, ExtendedModel, slots
 from idm_sumo.effects.leader_class import TRUCK
+from idm_sumo.effects.time_of_day import drifted
 from idm_sumo.sumo.vtypes import number
 
 Floats = npt.NDArray[np.float64]
@@ -108,6 +109,8 @@ def _own_class(held: Expressed, cause: Cause, table: pd.DataFrame) -> Expressed:
 def _period(held: Expressed, cause: Cause, table: pd.DataFrame) -> Expressed:
     since = table[d.DEPART] - table.groupby(c.PERIOD)[d.DEPART].transform("min")
     begin, end, share = (_size(cause, symbol) for symbol in ("t_1", "t_2", "theta"))
+    if "delta" in cause.values:
+        return _drift(held, since.to_numpy(np.float64), cause.values["delta"], begin, end)
     inside = ((since >= begin) & (since < end)).to_numpy()
     note = (
         f"time_of_day: tau of {inside.sum()} drivers who depart between {begin:g} and {end:g} s times {1 + share:.3g}; who is on "
@@ -116,7 +119,16 @@ def _period(held: Expressed, cause: Cause, table: pd.DataFrame) -> Expressed:
     return _longer(held, inside, share, note)
 
 
-def _longer(held: Expressed, which: npt.NDArray[np.bool_], share: float, note: str) -> Expressed:
+def _drift(held: Expressed, since: npt.NDArray[np.float64], drift: float, begin: float, end: float) -> Expressed:
+    share = np.array([drifted(t, drift, begin, end) for t in since]) - 1.0
+    note = (
+        f"time_of_day: tau of drivers by departure times {1.0 - drift:.3g} at {begin:g} s to {1.0 + drift:.3g} at {end:g} s; "
+        f"each then keeps its headway; exactly it is {LOOP}"
+    )
+    return _longer(held, np.ones(len(since), dtype=bool), share, note)
+
+
+def _longer(held: Expressed, which: npt.NDArray[np.bool_], share: float | npt.NDArray[np.float64], note: str) -> Expressed:
     """Return the drivers with the time headway of some of them changed."""
     theta = held.theta.copy()
     theta[which, 2] *= 1.0 + share

@@ -62,7 +62,7 @@ def headway(T, v, e, form, al, al_slow, truck_ahead, own_truck, slow_mean, in_ti
         T *= 1.0 + e[TRUCK_AHEAD]
     if e[SPEED_T] > 0.0:
         lean = (v - 8.0) / 10.0
-        T *= 1.0 + e[SPEED_T] * (1.2 * np.tanh(lean / 1.2) if form == OTHER else lean)
+        T *= 1.0 + e[SPEED_T] * (1.2 * np.tanh(lean / 1.2) if form == OTHER else -lean if form == THIRD else lean)
     if e[HYST] > 0.0:
         T *= 1.0 + e[HYST] * (
             max(-1.0, min(1.0, al)) if form == THIRD else np.tanh((al_slow if form == OTHER else al) / 0.5)

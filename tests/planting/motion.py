@@ -132,6 +132,8 @@ def run(  # type: ignore[no-untyped-def]
             before_ahead[i], gap_was[i] = j, s
             past_s[i, slot], past_v[i, slot], past_d[i, slot], past_x[i, slot] = s, v[i], dv, x[i]
             seen[act.IN_TIME] = act.ramp(t, where[2], where[3], 20.0 if form == act.OTHER else 0.1)
+            if form == act.THIRD:  # drifts all the time
+                seen[act.IN_TIME] = step / frames - 1.0
             seen[act.AHEAD_SLOW_ACC] += DT / 1.0 * (seen[act.AHEAD_ACC] - seen[act.AHEAD_SLOW_ACC])
             seen[act.MEAN_V] += DT / 40.0 * (v[i] - seen[act.MEAN_V])
             seen[act.UNREST] += DT / 15.0 * ((2.5 if abs(acc[i]) > 0.8 else 0.0) - seen[act.UNREST])
