@@ -75,6 +75,7 @@ def trials(cases: int, nulls: int, seed: int) -> list[dict[str, Any]]:
         models = np.roll(planting.SUMO_MODELS, -number)  # every effect meets every model
         contrary = [{"group": "single", "effect": name, "size": size, "form": "third"}
                     for name in CONTRARY for size in LEVELS[:2]]  # fmt: skip
+        contrary.append({"group": "outside", "effect": "throttle_wave", "size": "large", "form": "third"})
         hidden += [{"group": "single", "effect": name, "size": size} for size in LEVELS[:2] for name in SINGLE]
         hidden += [{"group": "pair", "effect": list(pair), "size": "large"} for pair in PAIRS]
         hidden += [{"group": "outside", "effect": name, "size": "large"} for name in planting.OUTSIDE]

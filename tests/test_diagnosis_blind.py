@@ -80,6 +80,18 @@ def test_a_place_where_the_headway_is_longer_is_told_from_one_where_drivers_brak
     assert better(found)
 
 
+@pytest.mark.parametrize(
+    ("effect", "symbol", "size", "drivers"),
+    [("time_of_day", "delta", 0.25, 400), ("speed_dependent_headway", "gamma", -0.3, 300)],
+)
+def test_a_headway_that_drifts_or_falls_with_speed_is_named(effect, symbol, size, drivers, tmp_path):
+    given = {"form": "third", "drivers": drivers, "minutes": 4.0, "density": "congested"}
+    found = checked(diagnose(hidden(tmp_path, 24, effect, **given)))
+    assert [cause.name for cause in found.causes] == [effect]
+    assert found.causes[0].parameters[symbol].value == pytest.approx(size, rel=0.25)
+    assert better(found)
+
+
 @pytest.mark.parametrize("model", ["IDM", "Krauss"])
 def test_nothing_is_named_in_traffic_that_sumo_drives(model, tmp_path):
     assert checked(diagnose(hidden(tmp_path, 21, None, underlying=f"SUMO {model}"))).verdict == "none"
@@ -130,6 +142,13 @@ def test_what_the_catalogue_does_not_hold_is_unknown_and_said_where(effect, seed
     assert found.verdict == "unknown"
     assert told in found.unexplained[0].covariate
     assert found.unexplained[0].p_value < 1e-3
+
+
+def test_oscillations_are_unknown_too_if_each_driver_has_another_period(tmp_path):
+    given = {"form": "third", "drivers": 400, "minutes": 6.0, "density": "congested"}
+    found = checked(diagnose(hidden(tmp_path, 17, "throttle_wave", **given)))
+    assert found.verdict == "unknown"
+    assert "each driver's own period" in found.unexplained[0].covariate
 
 
 def test_a_seam_between_cameras_is_found_and_nothing_else_jumps(tmp_path):

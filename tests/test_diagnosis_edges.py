@@ -62,6 +62,14 @@ def test_edges_are_found_between_those_of_bins(name, symbol, size, ends, width):
     np.testing.assert_allclose(fit.by_lane[0, [begin, end]], ends, atol=0.15 * width)
 
 
+def test_a_drift_ends_with_the_recording():
+    planted = ro.PLAIN.copy()
+    planted[:, [slots.PERIOD_DRIFT, slots.PERIOD_BEGIN, slots.PERIOD_END]] = 0.3, 10.0, 60.0
+    windows = one_after_the_other(planted)
+    fit = fit_drivers(windows, planted, np.array([1e-4, 1e-4]), rounds=1)
+    assert sharpened(Subject(windows, Noises(QUIET, QUIET), at.grid_of(windows), True), fit, ["time_of_day"]) is fit
+
+
 def test_what_has_no_edges_is_left_alone():
     windows, _ = followers(ro.PLAIN, np.random.default_rng(7))
     fit = fit_drivers(windows, ro.PLAIN.copy(), np.array([1e-4, 1e-4]), rounds=1)

@@ -74,6 +74,26 @@ def test_who_where_and_when_are_nothing_that_looks_like_something_impossible_nor
     assert not gates.is_worth_it(gain(0.001, 0.04), tried(5.0, "adjacent_lane_friction"), None, 13.0)
 
 
+@pytest.mark.parametrize(
+    ("falling", "delay", "is_believed"),
+    [(-12.0, 0.0, True), (-8.0, 0.0, False), (-12.0, -9.0, False), (8.0, -9.0, True)],
+)
+def test_a_headway_that_falls_with_speed_must_be_far_surer_than_what_cannot_be(falling, delay, is_believed):
+    seen, name = evidence(delay), "speed_dependent_headway"
+    atoms = [*seen.atoms, Atom(name)]
+    u, part = np.hstack([seen.u, seen.u * 0.0 + evidence(falling).u]), np.hstack([seen.part] * 2)
+    both = replace(seen, atoms=atoms, u=u, part=part, twins=np.zeros((2, 2)), gram=np.eye(2) * seen.gram[0, 0])
+    speed = next(one for one in gates.believed(both) if one.name == name)
+    assert abs(speed.z) == pytest.approx(abs(falling), rel=0.1)
+    assert (speed.p < gates.SIGNIFICANT) is is_believed
+
+
+def test_a_headway_that_falls_with_speed_is_like_other_laws():
+    name = "speed_dependent_headway"
+    assert gates.is_worth_it(gain(-0.005, 0.04), tried(9.0, name, 0.2), None, 10.0)
+    assert not gates.is_worth_it(gain(-0.005, 0.04), tried(9.0, name, -0.2), None, 10.0)
+
+
 @pytest.mark.parametrize("name", ["multi_leader_anticipation", "lane_change_relaxation"])
 def test_what_something_else_looks_like_must_gain_clearly_unless_it_is_far_beyond_doubt(name):
     assert gates.is_worth_it(gain(0.02, 0.01), tried(9.0, name), None)
@@ -81,6 +101,20 @@ def test_what_something_else_looks_like_must_gain_clearly_unless_it_is_far_beyon
     assert not gates.is_worth_it(gain(-0.005, 0.04), tried(9.0, name), None)
     assert gates.is_worth_it(gain(0.02, 0.025), tried(9.5, name), None)
     assert not gates.is_worth_it(gain(0.02, 0.025), tried(9.5, name), None, 10.0)
+
+
+@pytest.mark.parametrize(
+    ("name", "strongest", "difference", "worth_it"),
+    [
+        ("perception_threshold", 8.0, 0.01, True),
+        ("perception_threshold", 9.4, 0.01, False),
+        ("perception_threshold", 9.4, 0.03, True),
+        ("time_of_day", 9.4, 0.01, True),
+    ],
+)
+def test_a_further_cause_less_sure_than_what_cannot_be_must_gain_more(name, strongest, difference, worth_it):
+    first = tried(10.0, support=SURE_AS_THE_FIRST)
+    assert gates.is_worth_it(gain(difference, 0.005), tried(9.0, name), first, strongest) is worth_it
 
 
 @pytest.mark.parametrize(
@@ -266,6 +300,17 @@ def test_headways_that_follow_the_leaders_acceleration_are_hysteresis(covariate,
     hysteresis = replace(evidence(8.0, one), atoms=[Atom("hysteresis", 0.2, ((slots.HYSTERESIS, 0.2),))])
     assert bool(gates.outside(hysteresis)) is is_outside
     assert gates.outside(evidence(0.0, one))
+
+
+@pytest.mark.parametrize(
+    ("name", "left", "another"), [("location", 9.0, True), ("location", 5.0, False), ("hysteresis", 9.0, False)]
+)
+def test_a_place_that_is_still_there_beside_the_one_in_the_model_is_no_interval(name, left, another):
+    bins = [Atom(name, low=100.0 * n, high=100.0 * (n + 1)) for n in range(6)]
+    u = np.zeros((30, 6))
+    u[:, :2] = evidence(left).u / np.sqrt(2.0)
+    seen = Evidence(bins, u, np.zeros((2, 6)), 1e4 * np.eye(6), np.full((30, 6), 1e4 / 30), np.arange(30))
+    assert gates.is_another(Candidate(name, 0.1, 0.01, 10.0, 1e-9, bins[0]), seen) is another
 
 
 @pytest.mark.parametrize(

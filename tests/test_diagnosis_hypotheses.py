@@ -78,6 +78,48 @@ def test_a_place_is_looked_for_as_braking_and_as_headway():
     assert all(form.atom.fixed == () for form in hy.forms(small, hy.candidates(small)[0]))
 
 
+def test_a_drift_over_the_whole_recording_is_told_from_a_part_of_it():
+    along = (2.0 * np.arange(BINS) + 1.0) / BINS - 1.0
+    for shift, is_drift in ((0.4 * along, True), (place(10, 20, 0.5), False)):
+        seen = evidence(shift, 0.0)
+        times = replace(seen, atoms=[replace(atom, name="time_of_day") for atom in seen.atoms])
+        found = hy.candidates(times)[0]
+        assert (found.atom.fixed == ((slots.PERIOD_DRIFT, 1.0),)) is is_drift
+        if is_drift:
+            assert found.value == pytest.approx(0.4, abs=4 * found.error)
+            assert found.error < 0.1
+            assert dict(hy.slots_of(found)) == {
+                slots.PERIOD_DRIFT: found.value, slots.PERIOD_BEGIN: 0.0, slots.PERIOD_END: BINS * WIDTH
+            }  # fmt: skip
+
+
+@pytest.mark.parametrize(
+    ("falling", "others", "cannot_be"),
+    [(-12.0, [-5.0], False), (-12.0, [-9.0], True), (-8.0, [], True), (8.0, [-9.0], False)],
+)
+def test_a_headway_that_falls_with_speed_cannot_be_unless_it_is_far_surer(falling, others, cannot_be):
+    def seen(name: str, z: float) -> hy.Candidate:
+        return hy.Candidate(name, 0.02 * z, 0.02, z, 1e-9, Atom(name))
+
+    name = "speed_dependent_headway"
+    wrong = hy.impossible([seen(name, falling), seen("location", -20.0), *(seen("reaction_delay", z) for z in others)])
+    assert (name in {one.name for one in wrong}) is cannot_be
+    assert sum(one.name == "reaction_delay" for one in wrong) == len(others)
+
+
+@pytest.mark.parametrize(("kind", "value", "large"), [((), 0.05, True), (((slots.PLACE_HEADWAY, 1.0),), 0.05, False),
+                                                      (((slots.PLACE_HEADWAY, 1.0),), -0.07, True)])  # fmt: skip
+def test_a_headway_at_a_place_must_be_larger_than_a_push(kind, value, large):
+    one = hy.Candidate("location", value, 0.01, 6.0, 1e-9, Atom("location", fixed=kind, low=0.0, high=100.0))
+    assert one.large_enough is large
+
+
+@pytest.mark.parametrize(("value", "large"), [(0.08, True), (0.06, False), (-0.1, False), (-0.13, True)])
+def test_a_headway_that_falls_with_speed_must_fall_more_than_one_that_grows(value, large):
+    name = "speed_dependent_headway"
+    assert hy.Candidate(name, value, 0.01, 9.0, 1e-9, Atom(name)).large_enough is large
+
+
 def test_a_place_that_stands_alone_has_one_form():
     seen = evidence(place(10, 20, -1.0), 0.0)
     assert len(hy.forms(seen, hy.candidates(seen)[0])) == 1

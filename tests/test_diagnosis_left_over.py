@@ -135,6 +135,27 @@ def test_an_own_oscillation_has_a_line_and_noise_of_some_memory_has_none():
     assert oscillation.line(power(0.0), twins).z < 4.0
 
 
+def test_oscillations_of_each_drivers_own_period_have_no_common_line():
+    rng, periods = np.random.default_rng(5), oscillation.PERIODS
+
+    def spectra(swing: float, periods_of: np.ndarray) -> np.ndarray:
+        noise = rng.exponential(periods, (300, len(periods)))
+        off = np.log(periods / periods_of[:, None])
+        power = noise + swing * periods * np.exp(-((off / 0.04) ** 2))
+        return power / power.sum(axis=1, keepdims=True)
+
+    own = np.exp(rng.uniform(np.log(6.0), np.log(12.0), 300))
+    twins = [spectra(0.0, own) for _ in range(3)]
+    mean = np.mean(twins, axis=(0, 1))
+    assert not oscillation.line(spectra(8.0, own), mean).is_strong
+    many = oscillation.own_lines(spectra(8.0, own), twins)
+    assert many.is_strong
+    assert many.z > 8.0
+    nothing = oscillation.own_lines(spectra(0.0, own), twins)
+    assert not nothing.is_strong
+    assert abs(nothing.z) < 3.0
+
+
 @pytest.mark.parametrize("period", [4.0, 40.0])
 def test_the_end_of_a_spectrum_that_smoothing_bent_is_no_line(period):
     rng = np.random.default_rng(5)

@@ -47,6 +47,17 @@ def test_a_crowd_is_who_is_near_in_one_adjacent_lane_and_unknown_without_one():
     assert np.isnan(beside(**{c.LANE: 4}).crowd(1)).all()
 
 
+def test_who_is_alongside_overlaps_in_an_adjacent_lane():
+    for x in (96.0, 104.0):
+        assert beside(**{c.X: x}).abreast()[0] == 1
+    for nothing in ({c.X: 106.0}, {c.X: 94.0}, {c.X: 100.0, c.LANE: 2}, {c.X: 100.0, c.LANE: 4}):
+        assert beside(**nothing).abreast()[0] == 0
+    both = pd.concat(
+        [frame(**{c.X: 101.0}), frame(**{c.X: 99.0}).iloc[1:].assign(**{c.VEHICLE: 3, c.LANE: 1})], ignore_index=True
+    )
+    np.testing.assert_array_equal(OtherLanes(both).abreast(), [2, 1, 1])
+
+
 def test_other_frames_do_not_count():
     table = frame(**{c.CLASS: TRUCK})
     table[c.FRAME] = [7, 8]

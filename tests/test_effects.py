@@ -207,6 +207,22 @@ def test_a_model_survives_its_file(tmp_path):
     assert list(tmp_path.iterdir()) == [tmp_path / "model.json"]
 
 
+@given(st.floats(-50.0, 500.0), st.floats(-0.7, 0.7))
+def test_a_headway_drifts_from_one_time_to_the_other_and_stays_there(t, share):
+    factor = np.interp(t, [100.0, 400.0], [1.0 - share, 1.0 + share])
+    m = only("time_of_day", delta=share, t_1=100.0, t_2=400.0)
+    expected = idm.acceleration(12.0, 0.5, 20.0, DRIVER[0], DRIVER[1], DRIVER[2] * factor, *DRIVER[3:], LIMIT)
+    assert drive(m, speed=12.0, rate=0.5, gap=20.0, see=SEEN._replace(t=t)) == pytest.approx(expected, rel=1e-9)
+
+
+def test_a_drift_survives_its_file(tmp_path):
+    drift = Cause("time_of_day", {"delta": 0.2, "t_1": 0.0, "t_2": 420.0})
+    ExtendedModel(IDMParameters(1.1, 1.7, 1.2, 2.0, 0.0), 27.0, (drift,), "here").write(tmp_path / "model.json")
+    back = ExtendedModel.read(tmp_path / "model.json")
+    assert back.causes == (drift,)
+    assert (back.magnitudes()[slots.PERIOD], back.magnitudes()[slots.PERIOD_DRIFT]) == (0.0, 0.2)
+
+
 def test_a_place_of_another_headway_survives_its_file(tmp_path):
     place = Cause("location", {"theta": 0.2, "x_1": 200.0, "x_2": 350.0})
     ExtendedModel(IDMParameters(1.1, 1.7, 1.2, 2.0, 0.0), 27.0, (place,), "here").write(tmp_path / "model.json")

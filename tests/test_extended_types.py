@@ -62,6 +62,18 @@ def test_sumo_validates_and_runs_them_all(tmp_path) -> None:
     assert float(first["maxSpeed"]) == pytest.approx(1.1 * road.SPEED_LIMIT)
 
 
+def test_a_drift_is_expressed_by_departure(tmp_path) -> None:
+    table = drivers()
+    drift = Cause("time_of_day", {"delta": 0.2, "t_1": 0.0, "t_2": 10.0})
+    result = export_routes(table, tmp_path / "us101.rou.xml", model=model_of(drift))
+    since = table["depart_s"] - table.groupby("period")["depart_s"].transform("min")
+    expected = table["T"] * np.interp(since, [0.0, 10.0], [0.8, 1.2])
+    kinds = types_of(result.route_file)
+    got = [float(kinds[name]["tau"]) for name in table["period"] + "." + table["vehicle"].astype(str)]
+    np.testing.assert_allclose(got, expected, rtol=1e-3)
+    assert "times 0.8 at 0 s to 1.2 at 10 s" in result.notes[-1]
+
+
 def test_a_cause_of_some_lanes_is_not_expressed_for_all(tmp_path) -> None:
     result = export_routes(
         drivers(), tmp_path / "us101.rou.xml", model=model_of(Cause("reaction_delay", {"tau": 0.6}, (2, 3)))

@@ -21,13 +21,12 @@ SIGNIFICANT = 1e-3  # corrected p of a cause
 # in the fast lane. (Of 132 recordings with nothing hidden, of four laws, the surest were 4.2, 4.5 and 5.9.) Without a clear gain none is
 # believed, however sure.
 SURER = {"multi_leader_anticipation": 5.0, "lane_change_relaxation": 5.0, "desired_speed": 7.0}
-SUREST = 9.0  # standard errors, from which on they are believed as others are
+SUREST = hy.SUREST  # standard errors, from which on they are believed as others are
 # No law of car-following makes these up: who, where and when are no motion of the driver's, and headways that grow with speed are
 # what a law that differs has less of, not more. Headways that fall must be far surer than what cannot be.
 UNLIKE_LAWS = ("leader_class", "location", "time_of_day", "speed_dependent_headway")
 # Where the climb ends at the bound, what the data want is another approach to the desired speed than the model's, not another speed.
 ENDLESS = ("desired_speed",)
-FALLING = 1.5  # times the standard errors of what cannot be, for a headway that falls with speed
 # The score near zero underrates these, the more the farther the car-following is from the model's: at their size the likelihood
 # says more (twice its logarithm's gain).
 UNDERRATED = ("reaction_delay", "perception_threshold", "lane_change_relaxation")
@@ -37,7 +36,7 @@ CLEAR = 5.0  # standard errors that a further cause needs
 FURTHER_SHARE = 0.12
 LEAST_GAIN = 0.004  # of the ADE, on the drivers that fit
 UNTWINNED_GAIN = 0.02  # of the ADE, for what has no null twin: a follower answers its leader, so its place tells of the leader's noise
-FAINT_GAIN = 0.02  # of the ADE, for a further cause that may be what the first one's shape leaves over
+FAINT_GAIN = 0.02  # of the ADE, for a further cause that may be what the first one's shape, or another law, leaves over
 SURE, BEYOND_DOUBT = 4.8, 7.0  # standard errors, from which on any gain will do, and no loss beyond chance
 SURE_AGAIN = 5.0  # standard errors, from which on held-out drivers need not be better than chance
 AS_SURE = 0.5  # of the first cause's support, for a further one beyond doubt
@@ -67,14 +66,13 @@ def believed(evidence: ev.Evidence) -> list[Candidate]:
     A place or a time that stands out freely, whatever is different there, is that of the catalogue: its form is then as sure as that.
     """
     free = {one.covariate: one for one in evidence.free if one.is_credible and abs(one.z) > FREE_CLEAR}
-    every, impossible = hy.candidates(evidence), hy.most_impossible(evidence)
+    every = hy.candidates(evidence)
     for number, candidate in enumerate(every):
         seen = free.get(FREELY.get(candidate.name, ""))
         if seen is not None and abs(candidate.z) > LIKELY:
             every[number] = replace(candidate, p=min(candidate.p, seen.p))
-        if candidate.is_falling and abs(candidate.z) < max(SUREST, FALLING * impossible):
-            every[number] = replace(candidate, p=1.0)
-    return every
+    wrong = {c.name for c in hy.impossible(every)}
+    return [replace(c, p=1.0) if c.is_falling and c.name in wrong else c for c in every]
 
 
 def is_likely(candidate: Candidate) -> bool:
@@ -138,7 +136,7 @@ def is_worth_it(gain: Gain, tried: Tried, first: Tried | None, strongest: float 
     beyond_doubt = surest and z > BEYOND_DOUBT and share > -CHANCE
     if first is None:
         return clearly or (surest and z > SURE and share > 0.0) or beyond_doubt
-    if is_faint_beside(tried, first):
+    if is_faint_beside(tried, first) or (z < strongest and not unlike_laws):
         return clearly and share >= FAINT_GAIN
     return (enough and gain.is_likely) or (beyond_doubt and tried.support > AS_SURE * first.support)
 
@@ -209,6 +207,12 @@ def is_left(strange: LeftOver, evidence: ev.Evidence) -> bool:
     """Return whether, with the best cause in the model, what the catalogue does not hold is still about as strange."""
     still = REGION_STILL if strange.covariate.startswith(REGION) else FREE_STILL
     return any(one.z**2 > still * strange.z**2 for one in outside(evidence))
+
+
+def is_another(first: Candidate, evidence: ev.Evidence) -> bool:
+    """Return whether, with a place or a time in the model, another one is still about as sure: one interval does not hold it."""
+    left = next((c for c in hy.candidates(evidence) if c.name == first.name), None)
+    return bool(first.name in FREELY and left is not None and left.z**2 > FREE_STILL * first.z**2)
 
 
 def is_past_unseen(candidate: Candidate, evidence: ev.Evidence, accepted: Container[str]) -> bool:

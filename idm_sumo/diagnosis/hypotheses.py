@@ -33,7 +33,12 @@ EITHER_SIGN = (
     "pre_insertion",
     "speed_dependent_headway",
 )
-LEAST_FALLING = 0.12  # of a headway that is shorter at speed, as it is for other laws in light traffic
+# Of a headway that is shorter at speed, as for other laws in light traffic; of one that is another at a place, where they are anywhere.
+LEAST_FALLING, LEAST_PLACE_HEADWAY = 0.12, 0.06
+SUREST, FALLING = (
+    9.0,
+    1.5,
+)  # standard errors, and times those of what cannot be, from which on a headway falls with speed
 SCANNED = ("location", "time_of_day")
 WIDEST = 0.6  # of the bins of road or recording: a wider interval is the rest, with the other sign
 NARROWEST = {"location": 40.0, "time_of_day": 30.0}  # m, s
@@ -90,7 +95,15 @@ class Candidate:
     def large_enough(self) -> bool:
         """Whether size and sign are such that it may be named."""
         size = abs(self.value) if self.name in EITHER_SIGN else self.value
-        return size >= (LEAST_FALLING if self.is_falling else LEAST.get(self.name, np.inf))
+        return size >= self._least
+
+    @property
+    def _least(self) -> float:
+        if self.is_falling:
+            return LEAST_FALLING
+        if self.name == "location" and acting_of(self)[0].is_share:
+            return LEAST_PLACE_HEADWAY
+        return LEAST.get(self.name, np.inf)
 
     @property
     def is_falling(self) -> bool:
@@ -105,14 +118,19 @@ def candidates(evidence: Evidence) -> list[Candidate]:
     return sorted(found, key=lambda c: -abs(c.z))
 
 
-def is_impossible(candidate: Candidate) -> bool:
-    """Return whether a candidate has the sign that its effect cannot have."""
-    return candidate.name not in EITHER_SIGN and candidate.value < 0.0
+def impossible(every: list[Candidate]) -> list[Candidate]:
+    """Return the candidates with the sign that their effect cannot have.
+
+    A headway that falls with speed is among them unless it is far surer than the others: other laws have a little of it.
+    """
+    wrong = [c for c in every if c.name not in EITHER_SIGN and c.value < 0.0]
+    clear = max(SUREST, FALLING * max((abs(c.z) for c in wrong), default=0.0))
+    return wrong + [c for c in every if c.is_falling and abs(c.z) < clear]
 
 
 def surest_impossible(evidence: Evidence, but: Container[str] = ()) -> Candidate | None:
     """Return the surest effect that cannot be, some names left out: where it is sure, the law is another one."""
-    each = (c for c in candidates(evidence) if is_impossible(c) and c.name not in but)
+    each = (c for c in impossible(candidates(evidence)) if c.name not in but)
     return max(each, key=lambda c: abs(c.z), default=None)
 
 

@@ -29,7 +29,6 @@ NARROWEST, WIDEST = 2, 0.7  # bins; share of the road, of the time, of both
 CLUMSIEST = 1.5  # times the variance of the model that the clustered one may count
 BY_ONE = 0.5  # of the score: what one block of neighbours says more of is what happened to them
 PLAIN_BEFORE_BOTH = 8.0  # of squared z
-IN_ONE_LANE = 0.75  # of the squared z of a rectangle in one lane: of these there are most, and a place that is not all the time the same
 MOST_TOLD, NEARLY = 3, 0.4  # of the strongest's squared z
 # Where next to nothing is answered, or by few, a response seems many times stronger, or turned round; of a share, and of s of delay.
 LARGEST = {ff.RESPONSE: (-1.0, 3.0), ff.DELAY: (-1.0, 3.0)}
@@ -158,7 +157,7 @@ def left_over(
 def _rank(one: LeftOver) -> float:
     """Return less for what says more; a rectangle, which is a place or a time and then some, has to say more than either."""
     both = one.position_m is not None and one.time_s is not None
-    return PLAIN_BEFORE_BOTH * both - one.z**2 * (IN_ONE_LANE if both and one.lane else 1.0)
+    return PLAIN_BEFORE_BOTH * both - one.z**2
 
 
 class Said(NamedTuple):

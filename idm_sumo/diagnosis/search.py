@@ -88,6 +88,8 @@ def search(subject: Subject, base: Fit, rng: np.random.Generator, progress: Prog
         lucks = draws(subject.windows, subject.noises, count, rng)  # not the luck that had a hand in the choice
         fit = refined(subject, chosen.tried.fit, [cause.candidate.name for cause in accepted], lucks, rng)
         last = ev.examine(subject, fit, lucks, progress=progress, stage="looking for further causes")
+        if len(accepted) == 1 and _is_no_interval(chosen.candidate, first, last):
+            return Found(base, base, (), tuple(without), first, first, left_without_causes(first))
         accepted = [_measured(cause, fit, last) for cause in accepted]
     left = told(strange) if strange or accepted else left_without_causes(first)
     return Found(base, fit, tuple(accepted), tuple(without), first, last, left)
@@ -107,6 +109,13 @@ def with_its_noise(subject: Subject, fit: Fit, rng: np.random.Generator) -> Subj
 def left_without_causes(first: ev.Evidence) -> tuple[LeftOver, ...]:
     """Return what is worth telling of the first look if no cause is named."""
     return told(gates.standing_out(first))
+
+
+def _is_no_interval(candidate: Candidate, first: ev.Evidence, last: ev.Evidence) -> bool:
+    """Return whether what goes on along the road or in time is more than the one place or time that was put into the model."""
+    freely = gates.FREELY.get(candidate.name)
+    stands_out = any(one.covariate == freely for one in gates.standing_out(first))
+    return stands_out and not candidate.only_lanes and gates.is_another(candidate, last)
 
 
 def _measured(cause: Accepted, fit: Fit, evidence: ev.Evidence) -> Accepted:

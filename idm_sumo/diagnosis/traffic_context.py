@@ -34,6 +34,7 @@ class Ahead(NamedTuple):
     kind: Floats  # vehicle class
     second_place: Floats  # second leader's rear minus the first leader's length, infinite for none
     second_speed: Floats
+    second_kind: Floats  # its class, 0 for none
     follower_front: Floats  # of the vehicle behind, minus infinity for none
     follower_kind: Floats  # its class, 0 for none
 
@@ -60,6 +61,7 @@ def _with_rows(table: pd.DataFrame) -> Ahead:
         rear=of(x - length, leader, np.nan), speed=of(speed, leader, np.nan),
         acceleration=of(acceleration, leader, np.nan), kind=of(table[c.CLASS].to_numpy(np.float64), leader, 0.0),
         second_place=of(x - length, second, np.inf) - of(length, leader, 0.0), second_speed=of(speed, second, 0.0),
+        second_kind=of(table[c.CLASS].to_numpy(np.float64), second, 0.0),
         follower_front=of(x, behind, -np.inf), follower_kind=of(table[c.CLASS].to_numpy(np.float64), behind, 0.0),
     )  # fmt: skip
 
@@ -84,7 +86,7 @@ def _without_rows(recording: Recording) -> Ahead:
     return Ahead(
         identity=np.where(seen, np.cumsum(~same), -1), rear=front - leader_lengths(recording), speed=speed,
         acceleration=acceleration, kind=np.zeros(count), second_place=np.full(count, np.inf),
-        second_speed=np.zeros(count), follower_front=np.full(count, -np.inf), follower_kind=np.zeros(count),
+        second_speed=np.zeros(count), second_kind=np.zeros(count), follower_front=np.full(count, -np.inf), follower_kind=np.zeros(count),
     )  # fmt: skip
 
 

@@ -28,8 +28,8 @@ NEAREST = 0.3  # m: a smaller recorded gap is an overlap of the measurement
 REAR, SPEED, ACCELERATION, KIND, SECOND, SECOND_SPEED, ADJACENT, BEHIND = range(8)
 JUMP, SINCE, UNTIL_CUT_IN, UNTIL_OWN, MEAN_SPEED, LANE, TIME, X, V, OWN_KIND = range(8, 18)
 TRUCKS_BESIDE, BRAKING_BESIDE, UNREST, ACCEPTED, BEHIND_KIND, CROWD_LEFT, CROWD_RIGHT = range(18, 25)
-ABREAST = 25
-COLUMNS = 26
+ABREAST, SECOND_KIND = 25, 26
+COLUMNS = 27
 LEADERS = (REAR, SPEED, ACCELERATION, SECOND, SECOND_SPEED)  # of which a recording shows what smoothing leaves
 
 Floats = npt.NDArray[np.float64]
@@ -48,7 +48,7 @@ class Windows:
         infinite for none); jump (m) and time since the last leader change; time until the next cut-in and own
         change; running mean speed; lane; time (s); own position, speed, class; trucks beside and vehicles that brake in other lanes;
         own mean absolute acceleration of late; time headway (s) right after the last leader change; follower's class; vehicles near in the
-        left and in the right adjacent lane (NaN without one); adjacent lanes with a vehicle alongside.
+        left and in the right adjacent lane (NaN without one); adjacent lanes with a vehicle alongside; second leader's class.
         The simulation starts at frame ``LEAD``.
     blurred : float64, shape (windows, LEAD + horizon + 1, 5)
         The columns ``LEADERS``, smoothed once more: what a twin's measurement sees.
@@ -181,7 +181,7 @@ def _columns(recording: Recording, ahead: Ahead) -> Floats:
         )  # fmt: skip
         seen[:, CROWD_LEFT], seen[:, CROWD_RIGHT] = beside.crowd(-1), beside.crowd(1)
         seen[:, ABREAST] = beside.abreast()
-    seen[:, BEHIND_KIND] = ahead.follower_kind
+    seen[:, BEHIND_KIND], seen[:, SECOND_KIND] = ahead.follower_kind, ahead.second_kind
     seen[:, UNREST] = _running_mean(np.abs(table[c.ACCELERATION].to_numpy(np.float64)), same_run(table), OF_LATE)
     seen[:, LANE] = table[c.LANE].to_numpy(np.float64)
     seen[:, TIME] = _clock(recording)

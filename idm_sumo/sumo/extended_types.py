@@ -128,7 +128,9 @@ def _drift(held: Expressed, since: npt.NDArray[np.float64], drift: float, begin:
     return _longer(held, np.ones(len(since), dtype=bool), share, note)
 
 
-def _longer(held: Expressed, which: npt.NDArray[np.bool_], share: float | npt.NDArray[np.float64], note: str) -> Expressed:
+def _longer(
+    held: Expressed, which: npt.NDArray[np.bool_], share: float | npt.NDArray[np.float64], note: str
+) -> Expressed:
     """Return the drivers with the time headway of some of them changed."""
     theta = held.theta.copy()
     theta[which, 2] *= 1.0 + share

@@ -138,7 +138,8 @@ def run(  # type: ignore[no-untyped-def]
             seen[act.MEAN_V] += DT / 40.0 * (v[i] - seen[act.MEAN_V])
             seen[act.UNREST] += DT / 15.0 * ((2.5 if abs(acc[i]) > 0.8 else 0.0) - seen[act.UNREST])
             seen[act.COURTEOUS], seen[act.PREPARING] = courteous[i], target[i] >= 0
-            seen[act.SPECIAL_LANE], seen[act.ANGLE] = lane[i] == special_lane, 6.283 * t / 9.0 + phase[i]
+            period = 6.0 + 6.0 * (7.0 * phase[i] % 1.0) if form == act.THIRD else 9.0  # every driver's own
+            seen[act.SPECIAL_LANE], seen[act.ANGLE] = lane[i] == special_lane, 6.283 * t / period + phase[i]
             if log.size and step > 0 and step % 2 == 1:
                 log[i, step // 2] = seen
             delay = e[act.DELAY] + e[act.LATE] * (seen[act.IN_TIME] > 0.5)
