@@ -186,33 +186,16 @@ def free_accelerations(scans: Sequence[Scan]) -> Figure:
     return figure
 
 
-def power_curves(power: pd.DataFrame) -> Figure:
-    """Draw how probably an effect of some size would have been seen: ``name, size, unit, probability``."""
-    names = list(dict.fromkeys(power["name"]))
-    single = power.groupby("name")["size"].nunique().max() == 1
-    figure, (ax,) = new_figure(7.5, 0.28 * len(names) + 1.0 if single else 4.0)
-    if single:
-        ordered = power.sort_values("probability")
-        y = np.arange(len(ordered))
-        ax.barh(y, ordered["probability"], color="0.6")
-        labels = zip(ordered["name"], ordered["size"], ordered["unit"], strict=True)
-        ax.set_yticks(
-            y, [f"{str(name).replace('_', ' ')}, {size:.2g} {unit}" for name, size, unit in labels], fontsize=8
-        )
-        ax.set(xlabel="probability to be seen", xlim=(0, 1))
-        return figure
-    for number, name in enumerate(names):
-        part = power[power["name"] == name].sort_values("size")
-        largest = float(part["size"].max())
-        style = ("-", "--", ":", "-.")[number // 10 % 4]
-        label = f"{str(name).replace('_', ' ')} (1 = {largest:.3g} {part['unit'].iloc[0]})"
-        ax.plot(part["size"] / largest, part["probability"], style, marker="o", markersize=3, label=label)
-    ax.axhline(0.8, color="0.7", linewidth=0.8)
-    ax.set(
-        xlabel="size of the effect, share of the largest shown",
-        ylabel="probability to be seen",
-        ylim=(0, 1.02),
-        xlim=(0, 1.02),
-    )
-    ax.legend(fontsize=7, loc="lower right")
+def power_sizes(power: pd.DataFrame) -> Figure:
+    """Draw the size from which on each effect would have been seen: ``name, share``, the latter of its typical size."""
+    ordered = power.sort_values("share", ascending=False)
+    y = np.arange(len(ordered))
+    figure, (ax,) = new_figure(7.5, 0.28 * len(ordered) + 1.0)
+    ax.hlines(y, 1e-3, ordered["share"], color="0.8")
+    ax.plot(ordered["share"], y, "o", color="black", markersize=4)
+    ax.axvline(1.0, color="0.6", linewidth=0.8)
+    ax.set_yticks(y, [str(name).replace("_", " ") for name in ordered["name"]], fontsize=8)
+    low, high = ordered["share"].min(), ordered["share"].max()
+    ax.set(xscale="log", xlim=(0.7 * min(low, 0.3), 1.4 * max(high, 1.0)))
+    ax.set_xlabel(f"seen with probability {power['probability'].iloc[0]:.2g} from so many times a typical size on")
     return figure

@@ -181,7 +181,8 @@ def _draw(found: Diagnosis, folder: Path, progress: Progress) -> dict[str, Path]
     if tests:
         drawn["evidence"] = figures.evidence(pd.DataFrame(tests, columns=["name", "p_value", "named"]))
     if found.power:
-        drawn["power"] = figures.power_curves(pd.DataFrame([vars(one) for one in found.power]))
+        shares = [{**vars(one), "share": one.size / words.magnitude(one).typical} for one in found.power]
+        drawn["power"] = figures.power_sizes(pd.DataFrame(shares))
     paths = {}
     for done, (name, figure) in enumerate(drawn.items()):
         progress("drawing", done, len(drawn))

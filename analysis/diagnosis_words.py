@@ -6,7 +6,8 @@ from collections.abc import Sequence
 
 import pandas as pd
 
-from idm_sumo.diagnosis import CauseFound, Diagnosis, Gain, Region
+from idm_sumo.diagnosis import CauseFound, Diagnosis, Gain, Power, Region
+from idm_sumo.effects import BY_NAME, Parameter
 
 MEASURES = {
     "ade_m": "mean displacement error (m)", "fde_m": "displacement error at the end (m)", "gap_m": "gap error (m)",
@@ -57,7 +58,8 @@ def _sized(cause: CauseFound) -> str:
     )
     region = cause.where
     place = "" if region is None else _where(region.position_m, region.time_s) + _lanes(region)
-    return f"{plain(cause.name)}{place} ({sizes}; {p_value(cause.p_value)}; {cause.share_of_gain:.0%} of the gain)"
+    drifts = cause.name == "time_of_day" and "delta" in cause.parameters
+    return f"{plain(cause.name)}{', drifting' if drifts else ''}{place} ({sizes}; {p_value(cause.p_value)}; {cause.share_of_gain:.0%} of the gain)"
 
 
 def _unit(unit: str) -> str:
@@ -146,7 +148,17 @@ def ruled_out_table(found: Diagnosis) -> pd.DataFrame:
 
 def power_sentences(found: Diagnosis) -> list[str]:
     """Say for each effect which size would have been seen how probably."""
-    return [
-        f"{plain(one.name)} of {one.symbol} = {one.size:.3g}{_unit(one.unit)} would have been seen with probability {one.probability:.2f}"
-        for one in found.power
-    ]
+    return [_seen(one) for one in found.power]
+
+
+def magnitude(power: Power) -> Parameter:
+    """Return the parameter whose size a statement of power is about."""
+    return next(p for p in BY_NAME[power.name].every if p.symbol == power.symbol)
+
+
+def _seen(one: Power) -> str:
+    largest = magnitude(one).upper
+    if one.size > largest:
+        return f"no {plain(one.name)} would surely have been seen, up to {one.symbol} = {largest:.3g}{_unit(one.unit)}"
+    size = f"{one.symbol} = {one.size:.3g}{_unit(one.unit)}"
+    return f"{plain(one.name)} of {size} would have been seen with probability {one.probability:.2f}"

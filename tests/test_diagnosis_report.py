@@ -125,8 +125,21 @@ def test_a_verdict_without_causes_says_what_would_have_been_seen() -> None:
     assert diagnosis_words.power_sentences(silent()) == [
         "reaction delay of tau = 0.2 s would have been seen with probability 0.93"
     ]
+    none_at_all = replace(silent(), power=(Power("lane_change_relaxation", "kappa", "1", 48.9, 0.8),))
+    (said,) = diagnosis_words.power_sentences(none_at_all)
+    assert said.startswith("no lane change relaxation would surely have been seen, up to kappa = ")
     assert "1.00 m on 20 held-out drivers; the model is not extended" in diagnosis_words.gain_sentence(silent().gain)
     assert contract(silent())["causes"] == []
+
+
+def test_a_drift_is_said_to_be_one() -> None:
+    found = silent()
+    drift = CauseFound(
+        "time_of_day", {"delta": Estimate(0.25, "1", (0.2, 0.3))}, Region(time_s=(2.0, 440.0)), 1e-9, 1.0, ""
+    )
+    assert "Named: time of day, drifting between 2 and 440 s" in diagnosis_words.headline(
+        replace(found, verdict="named", causes=(drift,))
+    )
 
 
 def test_unknown_says_where_when_and_along_what() -> None:
