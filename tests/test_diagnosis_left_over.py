@@ -195,6 +195,16 @@ def test_squares_are_counted_by_block_and_bin(driven):
     assert not found.squares[:, 1].any()
 
 
+def test_where_the_model_brakes_hard_is_not_unsteady_for_that(driven):
+    windows, fit, _, answer = driven
+    pulses = pulses_of(windows, fit, answer)
+    number = np.searchsorted(variance.EFFORT, pulses.state[:, :, ro.BASE_A])
+    found = variance.spread(pulses, number, len(variance.EFFORT) + 1)
+    some = found.counts.sum(axis=0) > 0
+    assert some.sum() > 1
+    np.testing.assert_allclose(found.squares.sum(axis=0)[some] / found.counts.sum(axis=0)[some], 1.0)
+
+
 def one(covariate: str, z: float) -> lo.LeftOver:
     return lo.LeftOver(covariate, (0.0, 1.0), None, None, 1.0, z, 0.0, True)
 

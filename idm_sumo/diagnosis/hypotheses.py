@@ -35,10 +35,8 @@ EITHER_SIGN = (
 )
 # Of a headway that is shorter at speed, as for other laws in light traffic; of one that is another at a place, where they are anywhere.
 LEAST_FALLING, LEAST_PLACE_HEADWAY = 0.12, 0.06
-SUREST, FALLING = (
-    9.0,
-    1.5,
-)  # standard errors, and times those of what cannot be, from which on a headway falls with speed
+SUREST = 9.0  # standard errors, from which on what other laws look like, too, is believed as other effects are
+FALLING = 1.5  # times the standard errors of what cannot be, for a headway that falls with speed
 SCANNED = ("location", "time_of_day")
 WIDEST = 0.6  # of the bins of road or recording: a wider interval is the rest, with the other sign
 NARROWEST = {"location": 40.0, "time_of_day": 30.0}  # m, s

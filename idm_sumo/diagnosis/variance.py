@@ -48,9 +48,8 @@ def spread(pulses: Pulses, number: Integers, count: int) -> Spread:
     cell = block[:, None] * count + number[:, ::BIN]
     there = (number[:, ::BIN] >= 0) & (pulses.variance > 0.0)
     effort = np.searchsorted(EFFORT, pulses.state[:, ::BIN, BASE_A])
-    usual = np.bincount(effort[there], square[there], len(EFFORT) + 1) / np.maximum(
-        np.bincount(effort[there], minlength=len(EFFORT) + 1), 1
-    )
+    moments = np.bincount(effort[there], minlength=len(EFFORT) + 1)
+    usual = np.bincount(effort[there], square[there], len(EFFORT) + 1) / np.maximum(moments, 1)
     square /= np.maximum(usual, 1e-12)[effort]
     size = (int(pulses.windows.platoon.max()) + 1) * count
     squares = np.asarray(np.bincount(cell[there], square[there], size).reshape(-1, count), dtype=np.float64)

@@ -26,7 +26,8 @@ def drifted(t: float, drift: float, begin: float, end: float) -> float:
     r"""Return :math:`1+\delta u`: a factor of the time headway, from :math:`1-\delta` to :math:`1+\delta` between the times (s)."""
     if drift == 0.0:
         return 1.0
-    return 1.0 + drift * min(max(2.0 * (t - begin) / (end - begin) - 1.0, -1.0), 1.0)
+    along = (t - begin) / max(end - begin, 1e-9)
+    return 1.0 + drift * min(max(2.0 * along - 1.0, -1.0), 1.0)
 
 
 EFFECT = Effect(
