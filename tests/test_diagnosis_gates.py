@@ -166,6 +166,8 @@ def test_what_has_no_null_twin_must_gain_more(difference, accepted):
         ("desired_speed", 5.0, 0.2, 20.0, False, False),  # how drivers of another law come near to theirs
         ("desired_speed", 8.0, 0.2, 20.0, True, True),
         ("desired_speed", 8.0, 1.0, 600.0, True, False),  # no speed would be enough: another approach to it
+        ("speed_dependent_headway", -10.0, -0.4, 600.0, True, True),
+        ("speed_dependent_headway", -10.0, -1.0, 600.0, True, False),
     ],
 )
 def test_what_is_underrated_near_zero_is_judged_at_its_size(name, z, value, support, likely, there):

@@ -25,7 +25,8 @@ SUREST = hy.SUREST  # standard errors, from which on they are believed as others
 # No law of car-following makes these up: who, where and when are no motion of the driver's, and headways that grow with speed are
 # what a law that differs has less of, not more. Headways that fall must be far surer than what cannot be.
 UNLIKE_LAWS = ("leader_class", "location", "time_of_day", "speed_dependent_headway")
-# Where the climb ends at the bound, what the data want is another approach to the desired speed than the model's, not another speed.
+# Where the climb ends at the bound, what the data want is another approach to the desired speed than the model's, not another speed
+# (nor a headway that falls with it).
 ENDLESS = ("desired_speed",)
 # The score near zero underrates these, the more the farther the car-following is from the model's: at their size the likelihood
 # says more (twice its logarithm's gain).
@@ -93,7 +94,8 @@ def is_underrated(candidate: Candidate) -> bool:
 def is_there(tried: Tried) -> bool:
     """Return whether a candidate at its size is significant and large enough, and has one."""
     sure = is_significant(tried.candidate) or tried.support > LEAST_SUPPORT
-    endless = tried.candidate.name in ENDLESS and hy.is_at_bound(tried.candidate)
+    may_be_endless = tried.candidate.name in ENDLESS or tried.candidate.is_falling
+    endless = may_be_endless and hy.is_at_bound(tried.candidate)
     return sure and tried.candidate.large_enough and not endless
 
 
