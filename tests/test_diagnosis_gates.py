@@ -305,14 +305,20 @@ def test_headways_that_follow_the_leaders_acceleration_are_hysteresis(covariate,
 
 
 @pytest.mark.parametrize(
-    ("name", "left", "another"), [("location", 9.0, True), ("location", 5.0, False), ("hysteresis", 9.0, False)]
+    ("name", "first", "left", "another"),
+    [
+        ("location", 10.0, 9.0, True),
+        ("location", 10.0, 5.0, False),
+        ("location", 4.5, 4.0, False),
+        ("hysteresis", 10.0, 9.0, False),
+    ],
 )
-def test_a_place_that_is_still_there_beside_the_one_in_the_model_is_no_interval(name, left, another):
+def test_a_place_that_is_still_there_beside_the_one_in_the_model_is_no_interval(name, first, left, another):
     bins = [Atom(name, low=100.0 * n, high=100.0 * (n + 1)) for n in range(6)]
     u = np.zeros((30, 6))
     u[:, :2] = evidence(left).u / np.sqrt(2.0)
     seen = Evidence(bins, u, np.zeros((2, 6)), 1e4 * np.eye(6), np.full((30, 6), 1e4 / 30), np.arange(30))
-    assert gates.is_another(Candidate(name, 0.1, 0.01, 10.0, 1e-9, bins[0]), seen) is another
+    assert gates.is_another(Candidate(name, 0.1, 0.01, first, 1e-9, bins[0]), seen) is another
 
 
 @pytest.mark.parametrize(
