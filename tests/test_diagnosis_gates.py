@@ -309,7 +309,7 @@ def test_headways_that_follow_the_leaders_acceleration_are_hysteresis(covariate,
     [
         ("location", 10.0, 9.0, True),
         ("location", 10.0, 5.0, False),
-        ("location", 4.5, 4.0, False),
+        ("location", 4.5, 3.2, False),
         ("hysteresis", 10.0, 9.0, False),
     ],
 )
