@@ -215,20 +215,18 @@ def test_a_headway_drifts_from_one_time_to_the_other_and_stays_there(t, share):
     assert drive(m, speed=12.0, rate=0.5, gap=20.0, see=SEEN._replace(t=t)) == pytest.approx(expected, rel=1e-9)
 
 
-def test_a_drift_survives_its_file(tmp_path):
-    drift = Cause("time_of_day", {"delta": 0.2, "t_1": 0.0, "t_2": 420.0})
-    ExtendedModel(IDMParameters(1.1, 1.7, 1.2, 2.0, 0.0), 27.0, (drift,), "here").write(tmp_path / "model.json")
+@pytest.mark.parametrize(
+    ("cause", "usual", "instead"),
+    [
+        (Cause("time_of_day", {"delta": 0.2, "t_1": 0.0, "t_2": 420.0}), slots.PERIOD, slots.PERIOD_DRIFT),
+        (Cause("location", {"theta": 0.2, "x_1": 200.0, "x_2": 350.0}), slots.PLACE, slots.PLACE_HEADWAY),
+    ],
+)
+def test_the_other_kind_of_an_effect_survives_its_file(cause, usual, instead, tmp_path):
+    ExtendedModel(IDMParameters(1.1, 1.7, 1.2, 2.0, 0.0), 27.0, (cause,), "here").write(tmp_path / "model.json")
     back = ExtendedModel.read(tmp_path / "model.json")
-    assert back.causes == (drift,)
-    assert (back.magnitudes()[slots.PERIOD], back.magnitudes()[slots.PERIOD_DRIFT]) == (0.0, 0.2)
-
-
-def test_a_place_of_another_headway_survives_its_file(tmp_path):
-    place = Cause("location", {"theta": 0.2, "x_1": 200.0, "x_2": 350.0})
-    ExtendedModel(IDMParameters(1.1, 1.7, 1.2, 2.0, 0.0), 27.0, (place,), "here").write(tmp_path / "model.json")
-    back = ExtendedModel.read(tmp_path / "model.json")
-    assert back.causes == (place,)
-    assert (back.magnitudes()[slots.PLACE], back.magnitudes()[slots.PLACE_HEADWAY]) == (0.0, 0.2)
+    assert back.causes == (cause,)
+    assert (back.magnitudes()[usual], back.magnitudes()[instead]) == (0.0, 0.2)
 
 
 @pytest.mark.parametrize(

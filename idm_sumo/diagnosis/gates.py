@@ -213,10 +213,10 @@ def is_left(strange: LeftOver, evidence: ev.Evidence) -> bool:
 
 def is_another(first: Candidate, evidence: ev.Evidence) -> bool:
     """Return whether, with a place or a time in the model, another one is still about as sure: one interval does not hold it."""
-    left = next((c for c in hy.candidates(evidence) if c.name == first.name), None)
-    if first.name not in FREELY or left is None:
+    if first.name not in FREELY:
         return False
-    return bool(left.p < SIGNIFICANT and left.z**2 > FREE_STILL * first.z**2)
+    left = next((c for c in hy.candidates(evidence) if c.name == first.name), None)
+    return left is not None and bool(left.p < SIGNIFICANT and left.z**2 > FREE_STILL * first.z**2)
 
 
 def is_past_unseen(candidate: Candidate, evidence: ev.Evidence, accepted: Container[str]) -> bool:

@@ -113,9 +113,9 @@ def left_without_causes(first: ev.Evidence) -> tuple[LeftOver, ...]:
 
 def _is_no_interval(candidate: Candidate, first: ev.Evidence, last: ev.Evidence) -> bool:
     """Return whether what goes on along the road or in time is more than the one place or time that was put into the model."""
-    freely = gates.FREELY.get(candidate.name)
-    stands_out = any(one.covariate == freely for one in gates.standing_out(first))
-    return stands_out and not candidate.only_lanes and gates.is_another(candidate, last)
+    if candidate.only_lanes or not gates.is_another(candidate, last):
+        return False
+    return any(one.covariate == gates.FREELY[candidate.name] for one in gates.standing_out(first))
 
 
 def _measured(cause: Accepted, fit: Fit, evidence: ev.Evidence) -> Accepted:
