@@ -5,6 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pandas as pd
 import pytest
+from scipy.ndimage import gaussian_filter1d
 from scipy.signal import savgol_filter
 
 from idm_sumo import columns as c
@@ -36,6 +37,13 @@ def recorded(x: np.ndarray, *, is_smooth: bool = False) -> Recording:
     return Recording(Recording.from_table(table).table, is_smooth=is_smooth)
 
 
+def smoothed_noise(variance: float, width: float) -> no.Noise:
+    """Return white noise that somebody has smoothed, by a bell between two of those that are looked for."""
+    beside = np.argsort(np.abs(no.WIDTHS - width))[:2]
+    shares = np.isin(np.arange(len(no.WIDTHS)), beside) * 0.5 * variance
+    return no.Noise(0.0, np.empty(0), np.empty(0), smoothed=shares)
+
+
 def variance_after_smoothing(noise: no.Noise) -> np.ndarray:
     drawn = measured(noise, local_cubic(WINDOW), 400, 260, np.random.default_rng(1))
     return np.array([part.std() for part in drawn])
@@ -47,11 +55,25 @@ def variance_after_smoothing(noise: no.Noise) -> np.ndarray:
         no.Noise(0.09, np.zeros(1), np.array([1.0])),
         no.Noise(0.0, np.array([0.09]), np.array([0.6])),
         no.Noise(0.01, np.array([0.04]), np.array([0.3])),
+        smoothed_noise(0.09, 0.17),
+        smoothed_noise(0.09, 0.29),
     ],
 )
-def test_white_and_correlated_noise_are_told_apart_by_the_spectrum(planted):
+def test_white_correlated_and_smoothed_noise_are_told_apart_by_the_spectrum(planted):
     found = no.measurement_noise(recording(planted))
     np.testing.assert_allclose(variance_after_smoothing(found), variance_after_smoothing(planted), rtol=0.25)
+
+
+@pytest.mark.parametrize("width", [0.16, 0.3])
+def test_noise_that_was_smoothed_before_it_was_recorded_is_found(width):
+    """Drawn by other means than ours: scipy's filter over white noise, 30 cm of it."""
+    rng = np.random.default_rng(5)
+    white = gaussian_filter1d(rng.standard_normal((60, 600)), width / 0.1, axis=1)[:, 44:556]
+    given = recording(no.QUIET)
+    moved_by = 0.3 * white / white.std()
+    found = no.measurement_noise(given.with_table(given.table.assign(**{c.X: given.table[c.X] + moved_by.ravel()})))
+    assert found.deviation == pytest.approx(0.3, rel=0.06)
+    assert found.smoothed @ no.WIDTHS / found.smoothed.sum() == pytest.approx(width, rel=0.1)
 
 
 def test_a_smooth_recording_has_none():
@@ -64,7 +86,7 @@ def test_noise_is_stationary_from_the_first_step():
     np.testing.assert_allclose(drawn[:, [0, 29]].std(axis=0), 0.5, rtol=0.03)
 
 
-SMOOTH = no.Noise(0.01, np.array([0.2, 0.4]), np.array([0.5, 1.5]), np.array([False, True]))
+SMOOTH = no.Noise(0.01, np.array([0.2, 0.4]), np.array([0.5, 1.5]), np.array([False, True]), np.full(16, 0.005))
 
 
 def test_noise_is_drawn_as_its_covariance_says():

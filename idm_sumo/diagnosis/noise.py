@@ -1,7 +1,8 @@
 r"""Noise, estimated from the data: of the measurement by its spectrum, of the drivers by the residuals' covariance.
 
 Above 0.3 Hz what a recorded position does is not the driver's. The periodogram of its second difference is fitted by a sum of
-white noise and first-order autoregressive noises of several memories (non-negative least squares).
+white noise, first-order autoregressive noises of several memories, and white noise that somebody has smoothed already
+(non-negative least squares).
 """
 
 from __future__ import annotations
@@ -12,9 +13,9 @@ from dataclasses import dataclass
 import numpy as np
 import numpy.typing as npt
 from scipy.optimize import nnls
-from scipy.signal import lfilter
 
 from idm_sumo import columns as c
+from idm_sumo.diagnosis.coloured import Once, Shape, Smoothed, Twice
 from idm_sumo.recording import Recording
 from idm_sumo.road import FRAME_STEP
 from idm_sumo.smoothing import runs
@@ -27,6 +28,12 @@ LOWEST = 0.35  # Hz
 # s, of the autoregressive parts. With fewer, two stand in for one between them, and longer ones look alike above `LOWEST`: either
 # says far too much of slow errors.
 MEMORIES = np.array([0.1, 0.15, 0.25, 0.4, 0.6, 1.0])
+# s, of the bells (so many that each is between near ones) with which white noise may have been smoothed before it was recorded. Nothing is left of it at high frequencies,
+# where autoregressive noises have most, so none of those can stand in for it. Asked everywhere, they would leave slow errors to the
+# drivers' motion.
+WIDTHS = np.linspace(0.1, 0.4, 16)
+LOST = 1e-2  # of the largest power, below which what is left beyond it is what the periodogram's window lets leak
+MISFIT = 0.15  # of the powers, from which on noise is no sum of white and autoregressive ones
 USUAL = 0.95  # of the segments at each frequency: the others are jumps of the tracking and hard braking
 DRIVER_MEMORIES = np.array([0.7, 2.0, 5.0, 12.0])  # s
 # Of vehicles' own accelerations: who follows smooths what the leader does, so that most of it has no jumps.
@@ -37,63 +44,48 @@ TYPICAL_MOTION = np.array([0.05, 0.25, 0.0, 0.0, 0.2])  # m²/s⁴, of recording
 
 @dataclass(frozen=True)
 class Noise:
-    """Variances of white noise and of autoregressive noises with memories ``memory`` (s).
+    """Variances of white noise, of autoregressive noises with memories ``memory`` (s), and of white noise smoothed.
 
     Those that are ``twice`` filtered have no jumps: a first-order autoregressive noise drives another one of the same memory.
+    Those ``smoothed`` have gone through bells (Gaussian weights) of the widths ``WIDTHS``, one variance each; or there are none.
     """
 
     white: float
     variance: Floats
     memory: Floats
     twice: Booleans | None = None
+    smoothed: Floats | None = None
+
+    @property
+    def deviation(self) -> float:
+        """Standard deviation of it all."""
+        return float(np.sqrt(self.white + sum(variance for variance, _ in self._parts())))
 
     def draw(self, rows: int, steps: int, rng: np.random.Generator) -> Floats:
         """Return noise of shape ``(rows, steps)``, stationary from the first step."""
         total = np.sqrt(self.white) * rng.standard_normal((rows, steps)) if self.white > 0 else np.zeros((rows, steps))
-        for variance, memory, twice in self._parts():
-            if variance > 0.0:
-                total += np.sqrt(variance) * (_drawn_twice if twice else _drawn)(memory, rows, steps, rng)
+        for variance, shape in self._parts():
+            total += np.sqrt(variance) * shape.draw(rows, steps, rng)
         return total
 
     def covariance(self, steps: int) -> Floats:
         """Return the covariance of ``steps`` frames in a row, shape ``(steps, steps)``."""
         lag = np.abs(np.subtract.outer(np.arange(steps), np.arange(steps)))
-        parts = (variance * _correlation(memory, lag, twice) for variance, memory, twice in self._parts())
+        parts = (variance * shape.correlation(lag) for variance, shape in self._parts())
         return self.white * np.eye(steps) + sum(parts, np.zeros(lag.shape))
 
     def spectrum(self, omega: Floats) -> Floats:
         """Return the power at angular frequencies per frame."""
-        parts = (variance * _spectrum(memory, omega, twice) for variance, memory, twice in self._parts())
+        parts = (variance * shape.spectrum(omega) for variance, shape in self._parts())
         return self.white + sum(parts, np.zeros(omega.shape))
 
-    def _parts(self) -> Iterator[tuple[float, float, bool]]:
+    def _parts(self) -> Iterator[tuple[float, Shape]]:
+        """Yield what there is of coloured noise, with its shape."""
         twice = np.zeros(len(self.memory), dtype=bool) if self.twice is None else self.twice
-        yield from zip(self.variance.tolist(), self.memory.tolist(), twice.tolist(), strict=True)
-
-
-def _drawn(memory: float, rows: int, steps: int, rng: np.random.Generator) -> Floats:
-    """Return autoregressive noise of variance one."""
-    kept = np.exp(-FRAME_STEP / memory)
-    normal = rng.standard_normal((rows, steps)) * np.sqrt(1.0 - kept * kept)
-    normal[:, 0] /= np.sqrt(1.0 - kept * kept)
-    return np.asarray(lfilter([1.0], [1.0, -kept], normal, axis=1))
-
-
-def _drawn_twice(memory: float, rows: int, steps: int, rng: np.random.Generator) -> Floats:
-    """Return noise of variance one that is filtered twice."""
-    kept = np.exp(-FRAME_STEP / memory)
-    next_to = _correlation(memory, np.array(1), twice=True)
-    before = rng.standard_normal((rows, 2)) @ np.array([[1.0, next_to], [0.0, np.sqrt(1.0 - next_to**2)]])
-    state = np.stack([2.0 * kept * before[:, 0] - kept**2 * before[:, 1], -(kept**2) * before[:, 0]], axis=1)
-    normal = rng.standard_normal((rows, steps)) * np.sqrt((1.0 - kept**2) ** 3 / (1.0 + kept**2))
-    return np.asarray(lfilter([1.0], [1.0, -2.0 * kept, kept**2], normal, axis=1, zi=state)[0])
-
-
-def _correlation(memory: float, lag: npt.NDArray[np.int64], twice: bool) -> Floats:
-    """Return how noise of variance one goes with itself so many frames later."""
-    kept = np.exp(-FRAME_STEP / memory)
-    more = lag * (1.0 - kept**2) / (1.0 + kept**2) if twice else 0.0
-    return np.asarray((1.0 + more) * kept**lag)
+        shapes: list[Shape] = [Twice(m) if t else Once(m) for m, t in zip(self.memory, twice, strict=True)]
+        shapes += [] if self.smoothed is None else [Smoothed(width) for width in WIDTHS]
+        every = [*self.variance.tolist(), *([] if self.smoothed is None else self.smoothed.tolist())]
+        yield from ((variance, shape) for variance, shape in zip(every, shapes, strict=True) if variance > 0.0)
 
 
 QUIET = Noise(0.0, np.zeros(len(DRIVER_MEMORIES)), DRIVER_MEMORIES)
@@ -116,19 +108,12 @@ def motion_noise(recording: Recording, measurement: Noise, *, most: int = 3000) 
     frequency, power = found
     omega = 2.0 * np.pi * frequency * FRAME_STEP
     noise = (2.0 - 2.0 * np.cos(omega)) ** 2 * measurement.spectrum(omega)
-    shapes = [_spectrum(m, omega, t) for m, t in zip(MOTION_MEMORIES, MOTION_TWICE, strict=True)]
+    shapes = [(Twice if t else Once)(m).spectrum(omega) for m, t in zip(MOTION_MEMORIES, MOTION_TWICE, strict=True)]
     # A second difference is the mean of the accelerations before and after, each of which holds for a frame.
     motion = FRAME_STEP**4 * 0.5 * (1.0 + np.cos(omega)) * np.stack(shapes)
     smeared, wanted = _smeared(np.vstack([noise, motion]).T)[1:], power.mean(axis=0)[1:]
     solved, _ = nnls(smeared[:, 1:] / wanted[:, None], 1.0 - smeared[:, 0] / wanted)
     return Noise(0.0, solved, MOTION_MEMORIES, MOTION_TWICE)
-
-
-def _spectrum(memory: float, omega: Floats, twice: bool = False) -> Floats:
-    """Return the spectrum of an autoregressive noise of variance one."""
-    kept = np.exp(-FRAME_STEP / memory)
-    once = 1.0 - 2.0 * kept * np.cos(omega) + kept * kept
-    return np.asarray((1.0 - kept**2) ** 3 / (1.0 + kept**2) / once**2 if twice else (1.0 - kept * kept) / once)
 
 
 def _periodogram(recording: Recording, most: int) -> tuple[Floats, Floats] | None:
@@ -160,15 +145,26 @@ def _smeared(spectra: Floats) -> Floats:
 
 
 def _fitted(frequency: Floats, power: Floats) -> Noise:
-    """Fit white and autoregressive noise to a periodogram of second differences."""
+    """Fit white and autoregressive noise to a periodogram of second differences; where they do not fit, smoothed noise as well."""
     omega = 2.0 * np.pi * frequency * FRAME_STEP
+    used = (frequency >= LOWEST) & (omega < np.pi)  # half the frame rate is distributed otherwise
+    used &= (np.arange(len(power)) <= power.argmax()) | (power > LOST * power.max())
+    remembered: list[Shape] = [Once(memory) for memory in MEMORIES]
+    smoothed: list[Shape] = [Smoothed(width) for width in WIDTHS]
+
+    found, misfit = _mixed(remembered, omega, power, used)
+    if misfit > MISFIT:
+        found, _ = _mixed(remembered + smoothed, omega, power, used)
+    variance, rest = np.split(found[1:], [len(MEMORIES)])
+    return Noise(float(found[0]), variance, MEMORIES, smoothed=rest if len(rest) else None)
+
+
+def _mixed(shapes: list[Shape], omega: Floats, power: Floats, used: Booleans) -> tuple[Floats, float]:
+    """Return the variances of white noise and of each shape, and by what share the powers are missed (root mean square)."""
     gain = (2.0 - 2.0 * np.cos(omega)) ** 2
-    shapes = [gain] + [gain * _spectrum(memory, omega) for memory in MEMORIES]
-    shapes.append(FRAME_STEP**4 / (np.maximum(frequency, frequency[1]) / LOWEST) ** 4)  # what drivers do, falling off
-    used = slice(int(np.argmax(frequency >= LOWEST)), -1)  # the last, half the frame rate, is distributed otherwise
-    design, wanted = _smeared(np.stack(shapes, 1))[used], power[used]
-    weight = 1.0 / np.maximum(wanted, 1e-12)
-    scale = (design * weight[:, None]).max(axis=0)
-    solved, _ = nnls(design * weight[:, None] / scale, wanted * weight)
-    solved = solved / scale
-    return Noise(float(solved[0]), solved[1:-1], MEMORIES)
+    drivers = FRAME_STEP**4 / (np.maximum(omega, omega[1]) / (2.0 * np.pi * LOWEST * FRAME_STEP)) ** 4  # falling off
+    columns = [gain, *(gain * shape.spectrum(omega) for shape in shapes), drivers]
+    design = _smeared(np.stack(columns, 1))[used] / np.maximum(power[used], 1e-12)[:, None]
+    scale = design.max(axis=0)
+    solved, missed = nnls(design / scale, np.ones(len(design)))
+    return (solved / scale)[:-1], float(missed / np.sqrt(len(design)))

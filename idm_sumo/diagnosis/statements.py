@@ -241,10 +241,9 @@ def scans(evidence: ev.Evidence) -> tuple[Scan, ...]:
 def notes(recording: Recording, windows: Windows, measurement: Noise, found: Found) -> tuple[str, ...]:
     """Return what a reader should know about how it was done."""
     seconds = (windows.seen.shape[1] - 1) * FRAME_STEP
-    noise = float(np.sqrt(measurement.white + measurement.variance.sum()))
     out = [
         f"{windows.drivers} drivers, {len(windows.seen)} windows of {seconds:g} s, of which the last {min(HORIZON, windows.seen.shape[1]) * FRAME_STEP:g} s or less are simulated",
-        f"measurement noise of positions {noise:.2g} m (standard deviation, from their spectrum)",
+        f"measurement noise of positions {measurement.deviation:.2g} m (standard deviation, from their spectrum)",
         "memory is merged with time_of_day and speed_dependent_headway: windows of seconds cannot tell them apart",
     ]
     if (windows.seen[:, :, UNTIL_CUT_IN] < 1e5).any():
