@@ -35,11 +35,18 @@ EDGES: dict[str, tuple[float, ...]] = {
     "crowd_left": CROWDS,
     "crowd_right": CROWDS,
     "abreast": (0.5, 1.5, 9.0),
+    "faster_difference": (-40.0, -5.0, -2.0, 2.0, 5.0, 40.0),
+    "beside_gap": (0.5, 1.5, 9.0),
+    "motorcycles_beside": (0.5, 99.0),
+    "leader_length": (0.5, 4.2, 5.2, 7.0, 40.0),
+    "since_standing": (0.0, 3.0, 8.0, 20.0),
     "unrest": (0.0, 0.4, 0.7, 1.0, 9.0),
 }
 # With another car-following model underneath, or noise in the leader's place, drivers seem to answer these otherwise; and who brakes
 # more than the model has the follower near.
-DOUBTFUL = ("leader_acceleration", "leader_gap", "adjacent_difference", "rear_gap", "crowd_left", "crowd_right")
+DOUBTFUL = (
+    "leader_acceleration", "leader_gap", "adjacent_difference", "faster_difference", "rear_gap", "crowd_left", "crowd_right",
+)  # fmt: skip
 MOST_BINS, BLOCKS = 40, 10  # of a scan along the road or the time; of each side of the rectangles of both
 STRONGEST = 3.0  # m/s² (per s): of the model's own acceleration and its change
 # What may be different: some acceleration is added, the time headway is longer, the response is stronger, or later.
@@ -118,6 +125,11 @@ def covariates(windows: w.Windows, state: Floats) -> dict[str, Floats]:
         "crowd_left": seen[:, :, w.CROWD_LEFT],
         "crowd_right": seen[:, :, w.CROWD_RIGHT],
         "abreast": seen[:, :, w.ABREAST],
+        "faster_difference": v - seen[:, :, w.FASTER],
+        "beside_gap": seen[:, :, w.BESIDE_GAP],
+        "motorcycles_beside": seen[:, :, w.MOTORCYCLES],
+        "leader_length": seen[:, :, w.LENGTH],
+        "since_standing": seen[:, :, w.SINCE_STANDING],
         "unrest": seen[:, :, w.UNREST],
         "position": x,
         "time": seen[:, :, w.TIME],

@@ -58,6 +58,9 @@ FREELY = dict(zip(hy.SCANNED, HELD, strict=True))  # what is free where a place 
 SHOWS = {
     ("since_change", 1.0): "lane_change_relaxation", ("headway over since_change", -1.0): "lane_change_relaxation",
     ("leader_acceleration", -1.0): "hysteresis", ("headway over leader_acceleration", 1.0): "hysteresis",
+    ("leader_length", -1.0): "leader_class", ("headway over leader_length", 1.0): "leader_class",
+    **{(f"{what}until_{event}", sign): name for what in ("", "headway over ") for sign in (-1.0, 1.0)
+       for event, name in (("cut_in", "courtesy_yielding"), ("own_change", "pre_insertion"))},
 }  # fmt: skip
 
 

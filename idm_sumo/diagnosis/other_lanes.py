@@ -15,6 +15,7 @@ HARD = 1.0  # m/s²: who brakes harder shows brake lights
 ALONGSIDE, LOOK_AHEAD = 20.0, 40.0  # m, ahead of the own front
 CROWD = 40.0  # m, to either side of it
 CAR = 5.0  # m: fronts that are no further apart overlap
+MOTORCYCLE, NEAR = 1, 15.0  # class; m, to either side of the own front
 
 Floats = npt.NDArray[np.float64]
 Integers = npt.NDArray[np.int64]
@@ -37,14 +38,21 @@ class OtherLanes:
 
     def slower_speed(self) -> Floats:
         """Return the mean speed (m/s) within ``BESIDE`` m in the slower adjacent lane, NaN beside empty lanes."""
-        speed = self._before(self._table[c.SPEED].to_numpy(np.float64))
-        slowest = np.full(len(self._place), np.inf)
+        return self._speed(np.fmin)
+
+    def faster_speed(self) -> Floats:
+        """Return the same of the faster one."""
+        return self._speed(np.fmax)
+
+    def _speed(self, chosen: np.ufunc) -> Floats:
+        """Return one of the adjacent lanes' mean speeds (m/s) within ``BESIDE`` m; NaN if there is none."""
+        before = self._before(self._table[c.SPEED].to_numpy(np.float64))
+        speed = np.full(len(self._place), np.nan)
         for side in (-1, 1):
             first, last = self._between(side, BESIDE, BESIDE)
             with np.errstate(invalid="ignore", divide="ignore"):
-                mean = (speed[last] - speed[first]) / (last - first)
-            slowest = np.fmin(slowest, np.where(last > first, mean, np.inf))
-        return np.where(np.isfinite(slowest), slowest, np.nan)
+                speed = chosen(speed, (before[last] - before[first]) / (last - first))
+        return np.asarray(speed)
 
     def trucks(self) -> Floats:
         """Return how many trucks in the adjacent lanes have their front between the own and ``ALONGSIDE`` m ahead."""
@@ -64,17 +72,26 @@ class OtherLanes:
         each = (self._between(side, CAR, CAR) for side in (-1, 1))
         return np.asarray(sum((last > first).astype(np.float64) for first, last in each))
 
-    def _count(self, counted: npt.NDArray[np.bool_], sides: tuple[int, ...], reach: float) -> Floats:
-        """Return how many that are counted are in other lanes, up to ``reach`` m ahead."""
+    def beside_gap(self, gap: Floats) -> Floats:
+        """Return in how many adjacent lanes a vehicle drives beside the own gap (m): wholly ahead, its rear before the leader's."""
+        each = (self._between(side, -CAR, np.nan_to_num(gap) + CAR) for side in (-1, 1))
+        return np.asarray(sum((last > first).astype(np.float64) for first, last in each))
+
+    def motorcycles(self) -> Floats:
+        """Return how many motorcycles in the adjacent lanes are within ``NEAR`` m."""
+        return self._count((self._table[c.CLASS] == MOTORCYCLE).to_numpy(), (1, -1), NEAR, NEAR)
+
+    def _count(self, counted: npt.NDArray[np.bool_], sides: tuple[int, ...], reach: float, back: float = 0.0) -> Floats:
+        """Return how many that are counted are in other lanes, from ``back`` m behind to ``reach`` m ahead."""
         before = self._before(counted.astype(np.float64))
-        rows = (self._between(side, 0.0, reach) for side in sides)
+        rows = (self._between(side, back, reach) for side in sides)
         return np.asarray(sum(before[last] - before[first] for first, last in rows), dtype=np.float64)
 
     def _before(self, values: Floats) -> Floats:
         """Return the sums of values before each place in the order."""
         return np.concatenate([[0.0], np.cumsum(values[self._order])])
 
-    def _between(self, side: int, back: float, reach: float) -> tuple[Integers, Integers]:
+    def _between(self, side: int, back: float, reach: Floats | float) -> tuple[Integers, Integers]:
         """Return the places in the order of those from ``back`` m behind to ``reach`` m ahead in another lane, the last exclusive."""
         begin = self._place + side * self._stride
         return np.searchsorted(self._ordered, begin - back), np.searchsorted(self._ordered, begin + reach)

@@ -32,6 +32,7 @@ class Ahead(NamedTuple):
     speed: Floats
     acceleration: Floats
     kind: Floats  # vehicle class
+    length: Floats  # 0 where there is none, or it is not known
     second_place: Floats  # second leader's rear minus the first leader's length, infinite for none
     second_speed: Floats
     second_kind: Floats  # its class, 0 for none
@@ -60,7 +61,7 @@ def _with_rows(table: pd.DataFrame) -> Ahead:
         identity=np.where(leader >= 0, table[c.VEHICLE].to_numpy(np.int64)[leader], -1),
         rear=of(x - length, leader, np.nan), speed=of(speed, leader, np.nan),
         acceleration=of(acceleration, leader, np.nan), kind=of(table[c.CLASS].to_numpy(np.float64), leader, 0.0),
-        second_place=of(x - length, second, np.inf) - of(length, leader, 0.0), second_speed=of(speed, second, 0.0),
+        length=of(length, leader, 0.0), second_place=of(x - length, second, np.inf) - of(length, leader, 0.0), second_speed=of(speed, second, 0.0),
         second_kind=of(table[c.CLASS].to_numpy(np.float64), second, 0.0),
         follower_front=of(x, behind, -np.inf), follower_kind=of(table[c.CLASS].to_numpy(np.float64), behind, 0.0),
     )  # fmt: skip
@@ -85,7 +86,7 @@ def _without_rows(recording: Recording) -> Ahead:
     seen = np.isfinite(front)
     return Ahead(
         identity=np.where(seen, np.cumsum(~same), -1), rear=front - leader_lengths(recording), speed=speed,
-        acceleration=acceleration, kind=np.zeros(count), second_place=np.full(count, np.inf),
+        acceleration=acceleration, kind=np.zeros(count), length=np.zeros(count), second_place=np.full(count, np.inf),
         second_speed=np.zeros(count), second_kind=np.zeros(count), follower_front=np.full(count, -np.inf), follower_kind=np.zeros(count),
     )  # fmt: skip
 
@@ -112,16 +113,16 @@ def leader_events(table: pd.DataFrame, ahead: Ahead) -> Events:
     own = np.zeros(len(table), dtype=bool)
     own[1:] = (np.diff(table[c.LANE].to_numpy()) != 0) & same[1:]
     near_own = np.convolve(own, np.ones(5), mode="same") > 0
-    since, last = _since(changed, same)
+    ago, last = since(changed, same)
     jump = np.where(last >= 0, np.clip(np.nan_to_num(step[last]), 0.0, LARGEST_JUMP), 0.0)
     jump = np.where(jump > LEAST_JUMP, jump, 0.0)
     cut_in = new_leader & ~near_own & (step > LEAST_JUMP)
     accepted = headway_after(np.nan_to_num(gap), table[c.SPEED].to_numpy(np.float64))
     accepted = np.where(last >= 0, accepted[last], 0.0)
-    return Events(jump, since, accepted, _until(cut_in, same), _until(own, same))
+    return Events(jump, ago, accepted, _until(cut_in, same), _until(own, same))
 
 
-def _since(event: Flags, same: Flags) -> tuple[Floats, Integers]:
+def since(event: Flags, same: Flags) -> tuple[Floats, Integers]:
     """Return time (s) since the last event of the run and its row, -1 for none."""
     row = np.arange(len(event))
     begin = np.maximum.accumulate(np.where(~same, row, 0))

@@ -11,7 +11,7 @@ import numpy.typing as npt
 from idm_sumo import columns as c
 from idm_sumo.diagnosis.other_lanes import OtherLanes
 from idm_sumo.diagnosis.smoother import Smoother, smooth_along
-from idm_sumo.diagnosis.traffic_context import Ahead, leader_events, look_around
+from idm_sumo.diagnosis.traffic_context import Ahead, leader_events, look_around, since
 from idm_sumo.recording import Recording
 from idm_sumo.road import CAR_LENGTH, FRAME_STEP
 from idm_sumo.smoothing import same_run
@@ -20,6 +20,7 @@ LEAD = 25  # frames before the start: the past that a delay reaches into, and a 
 HORIZON = 120  # frames, 12 s
 LEAST_HORIZON = 50  # frames, 5 s: below, a driver has not answered yet
 EVERY = 10  # frames between compared positions
+STANDING = 0.5  # m/s
 MOVING = 1.0  # m/s: a window in which nobody is faster says nothing
 OF_LATE = 150  # frames
 NEAREST = 0.3  # m: a smaller recorded gap is an overlap of the measurement
@@ -28,8 +29,8 @@ NEAREST = 0.3  # m: a smaller recorded gap is an overlap of the measurement
 REAR, SPEED, ACCELERATION, KIND, SECOND, SECOND_SPEED, ADJACENT, BEHIND = range(8)
 JUMP, SINCE, UNTIL_CUT_IN, UNTIL_OWN, MEAN_SPEED, LANE, TIME, X, V, OWN_KIND = range(8, 18)
 TRUCKS_BESIDE, BRAKING_BESIDE, UNREST, ACCEPTED, BEHIND_KIND, CROWD_LEFT, CROWD_RIGHT = range(18, 25)
-ABREAST, SECOND_KIND = 25, 26
-COLUMNS = 27
+ABREAST, SECOND_KIND, FASTER, BESIDE_GAP, MOTORCYCLES, LENGTH, SINCE_STANDING = range(25, 32)
+COLUMNS = 32
 LEADERS = (REAR, SPEED, ACCELERATION, SECOND, SECOND_SPEED)  # of which a recording shows what smoothing leaves
 
 Floats = npt.NDArray[np.float64]
@@ -48,7 +49,8 @@ class Windows:
         infinite for none); jump (m) and time since the last leader change; time until the next cut-in and own
         change; running mean speed; lane; time (s); own position, speed, class; trucks beside and vehicles that brake in other lanes;
         own mean absolute acceleration of late; time headway (s) right after the last leader change; follower's class; vehicles near in the
-        left and in the right adjacent lane (NaN without one); adjacent lanes with a vehicle alongside; second leader's class.
+        left and in the right adjacent lane (NaN without one); adjacent lanes with a vehicle alongside; second leader's class; faster adjacent lane's speed (NaN for none); adjacent lanes with a
+        vehicle beside the own gap; motorcycles beside; leader's length (m, 0 if not known); time since the own last standstill.
         The simulation starts at frame ``LEAD``.
     blurred : float64, shape (windows, LEAD + horizon + 1, 5)
         The columns ``LEADERS``, smoothed once more: what a twin's measurement sees.
@@ -173,15 +175,18 @@ def _columns(recording: Recording, ahead: Ahead) -> Floats:
     seen[:, BEHIND] = ahead.follower_front + length
     seen[:, [JUMP, SINCE, ACCEPTED, UNTIL_CUT_IN, UNTIL_OWN]] = np.stack(events, 1)
     seen[:, MEAN_SPEED] = _running_mean(v, same_run(table))
-    seen[:, [ADJACENT, CROWD_LEFT, CROWD_RIGHT]], seen[:, [TRUCKS_BESIDE, BRAKING_BESIDE, ABREAST]] = np.nan, 0.0
+    seen[:, [ADJACENT, FASTER, CROWD_LEFT, CROWD_RIGHT]] = np.nan
+    seen[:, [TRUCKS_BESIDE, BRAKING_BESIDE, ABREAST, BESIDE_GAP, MOTORCYCLES]] = 0.0
     if recording.has_leader_rows:
         beside = OtherLanes(table)
         seen[:, ADJACENT], seen[:, TRUCKS_BESIDE], seen[:, BRAKING_BESIDE] = (
             beside.slower_speed(), beside.trucks(), beside.braking()
         )  # fmt: skip
         seen[:, CROWD_LEFT], seen[:, CROWD_RIGHT] = beside.crowd(-1), beside.crowd(1)
-        seen[:, ABREAST] = beside.abreast()
-    seen[:, BEHIND_KIND], seen[:, SECOND_KIND] = ahead.follower_kind, ahead.second_kind
+        seen[:, FASTER], seen[:, ABREAST] = beside.faster_speed(), beside.abreast()
+        seen[:, BESIDE_GAP], seen[:, MOTORCYCLES] = beside.beside_gap(ahead.rear - x), beside.motorcycles()
+    seen[:, BEHIND_KIND], seen[:, SECOND_KIND], seen[:, LENGTH] = ahead.follower_kind, ahead.second_kind, ahead.length
+    seen[:, SINCE_STANDING] = since(v < STANDING, same_run(table))[0]
     seen[:, UNREST] = _running_mean(np.abs(table[c.ACCELERATION].to_numpy(np.float64)), same_run(table), OF_LATE)
     seen[:, LANE] = table[c.LANE].to_numpy(np.float64)
     seen[:, TIME] = _clock(recording)
