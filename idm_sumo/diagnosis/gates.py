@@ -116,8 +116,8 @@ def is_faint_beside(further: Tried, first: Tried) -> bool:
 def is_worth_it(gain: Gain, tried: Tried, first: Tried | None, strongest: float = 0.0) -> bool:
     """Return whether rollouts are better for a cause: clearly; at all, if it is surely there; not worse, if beyond doubt.
 
-    What something else looks like, too, must make them better clearly, unless it is far beyond doubt. A further cause must, nine to
-    one, unless it is beyond doubt and about as sure as the first: what the first one's form leaves over is there, too.
+    What something else looks like, too, must make them better clearly, unless it is far beyond doubt. What is not quite sure must be
+    the surest of all that is looked at: of two that are as sure either may be the other. A further cause must, nine to one, unless it is beyond doubt and about as sure as the first: what the first one's form leaves over is there, too.
 
     Parameters
     ----------
@@ -140,7 +140,11 @@ def is_worth_it(gain: Gain, tried: Tried, first: Tried | None, strongest: float 
     surest = like_no_other and (unlike_laws or z >= strongest)
     beyond_doubt = surest and z > BEYOND_DOUBT and share > -CHANCE
     if first is None:
-        return clearly or (surest and z > SURE and share > 0.0) or beyond_doubt
+        return (
+            (clearly and (z > SURE or unlike_laws or z >= strongest))
+            or (surest and z > SURE and share > 0.0)
+            or beyond_doubt
+        )
     if is_faint_beside(tried, first) or (z < strongest and not unlike_laws):
         return clearly and share >= FAINT_GAIN
     return (enough and gain.is_likely) or (beyond_doubt and tried.support > AS_SURE * first.support)
@@ -171,13 +175,17 @@ def standing_out(evidence: ev.Evidence) -> tuple[LeftOver, ...]:
 
     Where something looks strong that cannot be (drivers who act before their leader does), the car-following is another law than the
     model's. What that law makes of what a driver sees is then no effect, unless it is half as sure as that, nor is what it makes of
-    places (where traffic is denser or faster), unless it is surer.
+    places (where traffic is denser or faster), unless it is surer. A response that changes must be surer than the surest of which that
+    cannot be: some vehicles did something there and then that all fields around it share.
     """
     impossible = hy.most_impossible(evidence)
+    incredible = max(
+        (abs(one.z) for one in evidence.free if one.covariate.startswith(CHANGES) and not one.is_credible), default=0.0
+    )
 
     def least(one: LeftOver) -> float:
         if one.covariate.startswith(CHANGES):
-            return max(FREE_SURER, FREE_ELSEWHERE * impossible if "position" in one.covariate else 0.0)
+            return max(FREE_SURER, incredible, FREE_ELSEWHERE * impossible if "position" in one.covariate else 0.0)
         clear = FREE_SURER if one.kind in SUSPECT else FREE_CLEAR
         usual = FREE_DOUBTFUL if one.covariate.endswith(DOUBTFUL) else clear
         return max(usual, FREE_IMPOSSIBLE * impossible) if one.is_seen else usual
