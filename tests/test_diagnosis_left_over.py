@@ -50,6 +50,28 @@ def test_pulses_add_up_to_the_score_and_the_gram_matrix_of_a_field(driven):
     np.testing.assert_allclose(gram, direct.gram[known:, known:], rtol=1e-5, atol=1e-6 * np.abs(gram).max())
 
 
+@pytest.mark.parametrize(
+    ("covariate", "column", "near", "far"),
+    [
+        ("beside_gap", w.BESIDE_GAP, 1.0, 0.0), ("motorcycles_beside", w.MOTORCYCLES, 2.0, 0.0),
+        ("leader_length", w.LENGTH, 6.0, 0.0), ("since_standing", w.SINCE_STANDING, 2.0, 1e6),
+        ("faster_difference", w.FASTER, 15.0, np.nan),
+    ],
+)  # fmt: skip
+def test_what_is_free_along_a_covariate_is_where_the_recording_shows_it(driven, covariate, column, near, far):
+    windows, _, grid, answer = driven
+    seen = windows.seen.copy()
+    seen[:, :, column] = far
+    there = np.arange(len(seen)) % 3 == 0
+    seen[there, :, column] = near
+    shown = replace(windows, seen=seen)
+    numbers = [number for family, number in ff.families(shown, answer.state, grid) if family.covariate == covariate]
+    assert len(numbers) == 2  # some acceleration, and the headway
+    for number in numbers:
+        assert (number[there] >= 0).all()
+        assert (number[~there] == -1).all()
+
+
 def test_twins_and_recording_count_the_same_fields_in_the_same_order(driven):
     windows, fit, grid, answer = driven
     heard = lo.hear(windows, fit, grid, answer)

@@ -1,4 +1,4 @@
-"""Other lanes: trucks beside, brake lights, crowds, and how fast the slower one is."""
+"""Other lanes: trucks and motorcycles beside, brake lights, crowds, who is beside the gap, and how fast they are."""
 
 from __future__ import annotations
 
@@ -6,7 +6,7 @@ import numpy as np
 import pandas as pd
 
 from idm_sumo import columns as c
-from idm_sumo.diagnosis.other_lanes import OtherLanes
+from idm_sumo.diagnosis.other_lanes import MOTORCYCLE, OtherLanes
 from idm_sumo.effects.leader_class import TRUCK
 
 
@@ -70,3 +70,27 @@ def test_the_slower_adjacent_lane_is_the_one_that_holds_back():
     assert np.isnan(beside(**{c.X: 135.0}).slower_speed()).all()
     third = pd.concat([frame(), frame().iloc[:1].assign(**{c.VEHICLE: 3, c.LANE: 1, c.SPEED: 6.0})], ignore_index=True)
     assert OtherLanes(third).slower_speed()[0] == 6.0
+
+
+def test_the_faster_adjacent_lane_is_the_other_one():
+    assert beside().faster_speed()[0] == 8.0
+    assert np.isnan(beside(**{c.X: 135.0}).faster_speed()).all()
+    third = pd.concat([frame(), frame().iloc[:1].assign(**{c.VEHICLE: 3, c.LANE: 1, c.SPEED: 6.0})], ignore_index=True)
+    assert OtherLanes(third).faster_speed()[0] == 8.0
+
+
+def test_beside_the_gap_is_who_drives_between_the_own_front_and_the_leaders_rear():
+    gap = np.array([12.0, 12.0])
+    for x in (106.0, 116.0):
+        assert beside(**{c.X: x}).beside_gap(gap)[0] == 1
+    for nothing in ({c.X: 104.0}, {c.X: 118.0}, {c.X: 110.0, c.LANE: 2}, {c.X: 110.0, c.LANE: 4}):
+        assert beside(**nothing).beside_gap(gap)[0] == 0
+    assert beside(**{c.X: 106.0}).beside_gap(np.full(2, np.nan))[0] == 0
+
+
+def test_a_motorcycle_counts_in_an_adjacent_lane_ahead_and_behind():
+    for x in (86.0, 114.0):
+        assert beside(**{c.X: x, c.CLASS: MOTORCYCLE}).motorcycles()[0] == 1
+    for nothing in ({c.X: 84.0}, {c.X: 116.0}, {c.X: 110.0, c.LANE: 2}, {c.X: 110.0, c.LANE: 4}):
+        assert beside(**{c.CLASS: MOTORCYCLE, **nothing}).motorcycles()[0] == 0
+    assert beside().motorcycles()[0] == 0
