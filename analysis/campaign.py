@@ -37,7 +37,7 @@ PAIRS = (("reaction_delay", "location"), ("leader_class", "time_of_day"), ("hyst
 # What nothing planted must not be taken for.
 PLAIN: tuple[dict[str, Any], ...] = (
     {"kind": "white noise", "noise": "white"}, {"kind": "correlated noise", "noise": "correlated"},
-    {"kind": "heterogeneous drivers", "spread": 0.4}, {"kind": "many trucks", "trucks": 0.15},
+    {"kind": "smoothed noise", "noise": "smoothed"}, {"kind": "heterogeneous drivers", "spread": 0.4}, {"kind": "many trucks", "trucks": 0.15},
     {"kind": "many lane changes", "lane_changes": 2.5},
 )  # fmt: skip
 # SUMO's drivers change their headways at a place, where ours brake; and who has a truck ahead all along only has a long headway.
@@ -92,9 +92,10 @@ def trials(cases: int, nulls: int, seed: int) -> list[dict[str, Any]]:
 
 
 def _conditions(trial: dict[str, Any], number: int, seed: int, planting: Any) -> dict[str, Any]:
-    """Add the traffic's model, by turns, and light traffic to every eighth; the rest is drawn from the seed."""
+    """Add the traffic's model, by turns, light traffic to every eighth, smoothed noise to some; the rest is drawn from the seed."""
     light = {"density": "light"} if number % 8 == 7 else {}
-    return {"underlying": planting.MODELS[number % len(planting.MODELS)], **light, **trial, "seed": seed}
+    smoothed = {"noise": "smoothed"} if number % 7 == 3 else {}
+    return {"underlying": planting.MODELS[number % len(planting.MODELS)], **light, **smoothed, **trial, "seed": seed}
 
 
 def few(seed: int) -> list[dict[str, Any]]:

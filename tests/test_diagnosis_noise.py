@@ -14,6 +14,7 @@ from idm_sumo.diagnosis.luck import Noises, hidden, measured
 from idm_sumo.diagnosis.smoother import FARTHEST, local_cubic, posterior_mean
 from idm_sumo.recording import Recording
 from idm_sumo.smoothing import WINDOW
+from tests.planting.files import position_noise
 
 
 def recording(noise: no.Noise, *, is_smooth: bool = False) -> Recording:
@@ -73,7 +74,13 @@ def test_noise_that_was_smoothed_before_it_was_recorded_is_found(width):
     moved_by = 0.3 * white / white.std()
     found = no.measurement_noise(given.with_table(given.table.assign(**{c.X: given.table[c.X] + moved_by.ravel()})))
     assert found.deviation == pytest.approx(0.3, rel=0.06)
-    assert found.smoothed @ no.WIDTHS / found.smoothed.sum() == pytest.approx(width, rel=0.1)
+    assert found.smoothed @ no.WIDTHS / found.smoothed.sum() == pytest.approx(width, rel=0.15)
+
+
+def test_noise_that_a_bell_of_another_form_smoothed_is_found():
+    given, planted = recording(no.QUIET), position_noise(np.random.default_rng(6), (60, 512), "smoothed", 0.3)
+    found = no.measurement_noise(given.with_table(given.table.assign(**{c.X: given.table[c.X] + planted.ravel()})))
+    assert found.deviation == pytest.approx(0.3, rel=0.1)
 
 
 def test_a_smooth_recording_has_none():

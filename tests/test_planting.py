@@ -94,12 +94,12 @@ def test_what_sumos_drivers_cannot_have_is_said():
         simulate(plan(6, effect="hysteresis", size="large", **{**SHORT, "underlying": "SUMO IDM"}))
 
 
-@pytest.mark.parametrize("kind", ["white", "correlated"])
-def test_noise_is_as_planned(kind):
+@pytest.mark.parametrize(("kind", "next_to"), [("white", 0.0), ("correlated", np.exp(-0.1 / 0.6)), ("smoothed", (2.0 + np.cos(np.pi / 6.0)) / 3.0)])
+def test_noise_is_as_planned(kind, next_to):
     noise = position_noise(np.random.default_rng(0), (400, 500), kind, 0.3)
     assert noise.std() == pytest.approx(0.3, rel=0.02)
     neighbours = (noise[:, 1:] * noise[:, :-1]).mean() / 0.09
-    assert neighbours == pytest.approx(0.0 if kind == "white" else np.exp(-0.1 / 0.6), abs=0.02)
+    assert neighbours == pytest.approx(next_to, abs=0.02)
 
 
 def test_trucks_keep_right_and_are_followed_at_more_distance_when_planted():

@@ -14,6 +14,7 @@ FOOT = 0.3048
 LANE = 12.0  # ft
 KNOWS_NOTHING = 1118846979700  # ms
 NOISE_TIME = 0.6  # s, of correlated measurement noise
+SMOOTHING = 11  # frames over which errors were smoothed before they were recorded
 COLUMNS = ["Vehicle_ID", "Frame_ID", "Total_Frames", "Global_Time", "Local_X", "Local_Y", "Global_X", "Global_Y",
            "v_Length", "v_Width", "v_Class", "v_Vel", "v_Acc", "Lane_ID", "Preceding", "Following", "Space_Headway",
            "Time_Headway"]  # fmt: skip
@@ -58,7 +59,11 @@ def measured(planted: Planted) -> pd.DataFrame:
 def position_noise(
     rng: np.random.Generator, shape: tuple[int, ...], kind: str, sigma: float
 ) -> npt.NDArray[np.float64]:
-    """Return noise (m) of standard deviation ``sigma``, frame by frame independent, or correlated over 0.6 s."""
+    """Return noise (m) of standard deviation ``sigma``: frame by frame independent, correlated over 0.6 s, or smoothed over 1.1 s."""
+    if kind == "smoothed":
+        weight = np.hanning(SMOOTHING + 2)[1:-1]
+        longer = rng.standard_normal((shape[0], shape[1] + SMOOTHING - 1))
+        return sigma / np.linalg.norm(weight) * np.apply_along_axis(np.convolve, 1, longer, weight, "valid")
     white = rng.standard_normal(shape)
     if kind == "white":
         return np.asarray(sigma * white)
