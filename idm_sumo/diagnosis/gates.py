@@ -22,9 +22,13 @@ SIGNIFICANT = 1e-3  # corrected p of a cause
 # believed, however sure.
 SURER = {"multi_leader_anticipation": 5.0, "lane_change_relaxation": 5.0, "desired_speed": 7.0}
 SUREST = hy.SUREST  # standard errors, from which on they are believed as others are
-# No law of car-following makes these up: who, where and when are no motion of the driver's, and headways that grow with speed are
-# what a law that differs has less of, not more. Headways that fall must be far surer than what cannot be.
-UNLIKE_LAWS = ("leader_class", "location", "time_of_day", "speed_dependent_headway")
+# No law of car-following makes these up: who, where and when are no motion of the driver's, nor is a change of lane to come (at most
+# 4.3 standard errors of room made before a cut-in, 2.2 before the own change, in 122 recordings of ten laws with nothing hidden), and
+# headways that grow with speed are what a law that differs has less of, not more. Headways that fall must be far surer than what
+# cannot be.
+UNLIKE_LAWS = (
+    "leader_class", "location", "time_of_day", "speed_dependent_headway", "courtesy_yielding", "pre_insertion",
+)  # fmt: skip
 # Where the climb ends at the bound, what the data want is another approach to the desired speed than the model's, not another speed
 # (nor a headway that falls with it).
 ENDLESS = ("desired_speed",)
