@@ -30,8 +30,9 @@ CLUMSIEST = 1.5  # times the variance of the model that the clustered one may co
 BY_ONE = 0.5  # of the score: what one block of neighbours says more of is what happened to them
 PLAIN_BEFORE_BOTH = 8.0  # of squared z
 MOST_TOLD, NEARLY = 3, 0.4  # of the strongest's squared z
-# Where next to nothing is answered, or by few, a response seems many times stronger, or turned round; of a share, and of s of delay.
-LARGEST = {ff.RESPONSE: (-1.0, 3.0), ff.DELAY: (-1.0, 3.0)}
+# Where next to nothing is answered, or by few, or in an emergency, a response seems many times stronger, or turned round; of a share,
+# and of s of delay.
+LARGEST = {ff.RESPONSE: (-1.0, 1.5), ff.DELAY: (-1.0, 3.0)}
 LEAST = {ff.ACCELERATION: 0.04, ff.HEADWAY: 0.04, ff.RESPONSE: 0.05, ff.DELAY: 0.1}  # m/s², of log T, share, s
 
 
