@@ -2,8 +2,9 @@
 
     python -m analysis.campaign -o DIR [--cases 1] [--nulls 40] [--jobs 2] [--seed 0]
     python -m analysis.campaign -o DIR --small        # four short recordings, to see that it works
+    python -m analysis.campaign -o DIR --planter elsewhere     # a simulator of another author
 
-The recordings come from a simulator under ``tests/`` that shares no code with ``idm_sumo``; the finder is given the
+The recordings come from simulators under ``tests/`` that share no code with ``idm_sumo`` or with each other; the finder is given the
 file and nothing else. A finished case is kept as JSON in DIR/cases and not run again, so an interrupted campaign goes on
 (after a change of the finder take another DIR).
 Recordings with nothing planted alternate with the others, and the tables are written anew as cases finish.
@@ -17,6 +18,7 @@ import json
 import sys
 import tempfile
 import time
+from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
@@ -24,6 +26,7 @@ import joblib
 import numpy as np
 import pandas as pd
 
+from . import campaign_elsewhere
 from .campaign_tables import summarise
 
 LEVELS = ("mid", "large", "small")
@@ -163,19 +166,10 @@ def main(arguments: list[str] | None = None) -> None:
     options = _parser().parse_args(arguments)
     cases = options.output / "cases"
     cases.mkdir(parents=True, exist_ok=True)
-    planned = few(options.seed) if options.small else trials(options.cases, options.nulls, options.seed)
-    fixed = {
-        "drivers": None if options.small else options.drivers,
-        "underlying": options.underlying,
-        "form": options.form,
-    }
-    given = {key: value for key, value in fixed.items() if value}
-    if options.underlying:  # what SUMO drives is another question
-        planned = [trial for trial in planned if trial["underlying"] in _planting().MODELS]
-    planned = [{**trial, **given} for trial in planned]
+    planned, run = _planned(options)
     work = joblib.Parallel(n_jobs=options.jobs, return_as="generator_unordered")
     records = []
-    for record in work(joblib.delayed(run_trial)(trial, cases) for trial in planned):
+    for record in work(joblib.delayed(run)(trial, cases) for trial in planned):
         records.append(record)
         names = "+".join(cause["name"] for cause in record["found"]["causes"])
         line = (
@@ -186,6 +180,27 @@ def main(arguments: list[str] | None = None) -> None:
             summarise(pd.DataFrame(records), options.output)
 
 
+def _planned(options: argparse.Namespace) -> tuple[list[dict[str, Any]], Callable[..., dict[str, Any]]]:
+    """Return the trials that the command line asks for, and what runs one of them."""
+    if options.planter == "elsewhere":
+        return campaign_elsewhere.trials(options.cases, options.nulls, options.seed), run_elsewhere
+    planned = few(options.seed) if options.small else trials(options.cases, options.nulls, options.seed)
+    fixed = {
+        "drivers": None if options.small else options.drivers,
+        "underlying": options.underlying,
+        "form": options.form,
+    }
+    given = {key: value for key, value in fixed.items() if value}
+    if options.underlying:  # what SUMO drives is another question
+        planned = [trial for trial in planned if trial["underlying"] in _planting().MODELS]
+    return [{**trial, **given} for trial in planned], run_trial
+
+
+def run_elsewhere(trial: dict[str, Any], folder: Path) -> dict[str, Any]:
+    """Run a trial of the second simulator."""
+    return campaign_elsewhere.run_trial(trial, folder, find)
+
+
 def _parser() -> argparse.ArgumentParser:
     parser = argparse.ArgumentParser(
         prog="python -m analysis.campaign", description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter
@@ -193,6 +208,10 @@ def _parser() -> argparse.ArgumentParser:
     parser.add_argument("-o", "--output", type=Path, required=True, metavar="DIR", help="tables, picture, cases/*.json")
     parser.add_argument("--cases", type=int, default=1, help="rounds of every effect and size (about 51 trials each)")
     parser.add_argument("--nulls", type=int, default=40, help="recordings with nothing planted")
+    parser.add_argument(
+        "--planter", choices=("planting", "elsewhere"), default="planting",
+        help="simulator; of elsewhere what --small, --underlying, --form and --drivers would fix is drawn from the seed",
+    )  # fmt: skip
     parser.add_argument("--small", action="store_true", help="four short recordings instead")
     parser.add_argument("--jobs", type=int, default=1, help="processes")
     parser.add_argument("--seed", type=int, default=0, help="other seeds, other recordings")

@@ -19,6 +19,21 @@ SHOWS_IN: dict[str, tuple[str, ...]] = {
     "late_for_a_while": ("time",),
     "brake_lights_across": ("braking_beside",),
     "weariness": ("unrest",),
+    # Those of `tests/elsewhere`.
+    "late_beside_accident": ("place",),
+    "slow_start": ("since_standing",),
+    "motorcycle_beside": ("motorcycles_beside",),
+    "brake_lights": ("leader_acceleration",),
+    "attention_cycle": ("oscillation",),
+    "tired_in_section": ("position",),
+    "long_car_ahead": ("leader_length",),
+    "drawn_along": ("faster_difference", "adjacent_difference"),
+    "staggering": ("abreast", "beside_gap"),
+    "pedal_dead_zone": ("response",),
+    "shower": ("place", "time"),
+    "shaken": ("unrest",),
+    "closes_the_door": ("beside_gap",),
+    "glare": ("place", "time"),
 }
 GAIN_BOUNDS = (0.05, 0.02)  # of ADE
 GAIN_CLASSES = ("5 % or more", "2 to 5 %", "below 2 %")

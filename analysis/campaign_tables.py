@@ -48,7 +48,7 @@ def summarise(trials: pd.DataFrame, folder: Path) -> None:
             continue
         table.to_csv(folder / f"{title.lower().replace(' ', '_')}.csv", index=False)
         lines += ["", f"## {title}", "", EXPLAINED[title], "", _markdown(table)]
-    if (graded["group"] == "single").any():
+    if graded.loc[graded["group"] == "single", "best_gain"].notna().any():
         save(at_a_glance(graded, sizes), folder / "at_a_glance.png")
         lines[3:3] = ["", f"![{PICTURE}](at_a_glance.png)"]
     (folder / "README.md").write_text("\n".join(lines) + "\n", encoding="utf-8")

@@ -94,7 +94,10 @@ def test_what_sumos_drivers_cannot_have_is_said():
         simulate(plan(6, effect="hysteresis", size="large", **{**SHORT, "underlying": "SUMO IDM"}))
 
 
-@pytest.mark.parametrize(("kind", "next_to"), [("white", 0.0), ("correlated", np.exp(-0.1 / 0.6)), ("smoothed", (2.0 + np.cos(np.pi / 6.0)) / 3.0)])
+@pytest.mark.parametrize(
+    ("kind", "next_to"),
+    [("white", 0.0), ("correlated", np.exp(-0.1 / 0.6)), ("smoothed", (2.0 + np.cos(np.pi / 6.0)) / 3.0)],
+)
 def test_noise_is_as_planned(kind, next_to):
     noise = position_noise(np.random.default_rng(0), (400, 500), kind, 0.3)
     assert noise.std() == pytest.approx(0.3, rel=0.02)
