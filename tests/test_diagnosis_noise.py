@@ -17,9 +17,9 @@ from idm_sumo.smoothing import WINDOW
 from tests.planting.files import position_noise
 
 
-def recording(noise: no.Noise, *, is_smooth: bool = False) -> Recording:
+def recording(noise: no.Noise, *, vehicles: int = 60, is_smooth: bool = False) -> Recording:
     rng = np.random.default_rng(3)
-    vehicles, frames = 60, 512
+    frames = 512
     time = 0.1 * np.arange(frames)
     phase = rng.uniform(0, 6, (vehicles, 1))
     x = 10.0 * time + 12.0 * np.sin(0.25 * time + phase) + noise.draw(vehicles, frames, rng)
@@ -69,8 +69,8 @@ def test_white_correlated_and_smoothed_noise_are_told_apart_by_the_spectrum(plan
 def test_noise_that_was_smoothed_before_it_was_recorded_is_found(width):
     """Drawn by other means than ours: scipy's filter over white noise, 30 cm of it."""
     rng = np.random.default_rng(5)
-    white = gaussian_filter1d(rng.standard_normal((60, 600)), width / 0.1, axis=1)[:, 44:556]
-    given = recording(no.QUIET)
+    white = gaussian_filter1d(rng.standard_normal((300, 600)), width / 0.1, axis=1)[:, 44:556]
+    given = recording(no.QUIET, vehicles=300)
     moved_by = 0.3 * white / white.std()
     found = no.measurement_noise(given.with_table(given.table.assign(**{c.X: given.table[c.X] + moved_by.ravel()})))
     assert found.deviation == pytest.approx(0.3, rel=0.06)
@@ -93,7 +93,9 @@ def test_noise_is_stationary_from_the_first_step():
     np.testing.assert_allclose(drawn[:, [0, 29]].std(axis=0), 0.5, rtol=0.03)
 
 
-SMOOTH = no.Noise(0.01, np.array([0.2, 0.4]), np.array([0.5, 1.5]), np.array([False, True]), np.full(16, 0.005))
+SMOOTH = no.Noise(
+    0.01, np.array([0.2, 0.4]), np.array([0.5, 1.5]), np.array([False, True]), np.full(len(no.WIDTHS), 0.004)
+)
 
 
 def test_noise_is_drawn_as_its_covariance_says():

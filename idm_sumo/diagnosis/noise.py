@@ -31,7 +31,7 @@ MEMORIES = np.array([0.1, 0.15, 0.25, 0.4, 0.6, 1.0])
 # s, of the bells (so many that each is between near ones) with which white noise may have been smoothed before it was recorded. Nothing is left of it at high frequencies,
 # where autoregressive noises have most, so none of those can stand in for it. Asked everywhere, they would leave slow errors to the
 # drivers' motion.
-WIDTHS = np.linspace(0.1, 0.4, 16)
+WIDTHS = np.linspace(0.1, 0.5, 21)
 LOST = 0.05  # of the largest power, below which what is left beyond it says little of the noise and much of the form of its bell
 MISFIT = 0.15  # of the powers, from which on noise is no sum of white and autoregressive ones
 USUAL = 0.95  # of the segments at each frequency: the others are jumps of the tracking and hard braking
