@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from functools import cached_property
+
 import numpy as np
 import numpy.typing as npt
 import pandas as pd
@@ -38,21 +40,20 @@ class OtherLanes:
 
     def slower_speed(self) -> Floats:
         """Return the mean speed (m/s) within ``BESIDE`` m in the slower adjacent lane, NaN beside empty lanes."""
-        return self._speed(np.fmin)
+        return np.asarray(np.fmin(*self._speeds))
 
     def faster_speed(self) -> Floats:
         """Return the same of the faster one."""
-        return self._speed(np.fmax)
+        return np.asarray(np.fmax(*self._speeds))
 
-    def _speed(self, chosen: np.ufunc) -> Floats:
-        """Return one of the adjacent lanes' mean speeds (m/s) within ``BESIDE`` m; NaN if there is none."""
+    @cached_property
+    def _speeds(self) -> tuple[Floats, Floats]:
+        """Mean speeds (m/s) within ``BESIDE`` m in the left and in the right lane, NaN beside an empty one."""
         before = self._before(self._table[c.SPEED].to_numpy(np.float64))
-        speed = np.full(len(self._place), np.nan)
-        for side in (-1, 1):
-            first, last = self._between(side, BESIDE, BESIDE)
-            with np.errstate(invalid="ignore", divide="ignore"):
-                speed = chosen(speed, (before[last] - before[first]) / (last - first))
-        return np.asarray(speed)
+        sides = (self._between(side, BESIDE, BESIDE) for side in (-1, 1))
+        with np.errstate(invalid="ignore", divide="ignore"):
+            left, right = ((before[last] - before[first]) / (last - first) for first, last in sides)
+        return left, right
 
     def trucks(self) -> Floats:
         """Return how many trucks in the adjacent lanes have their front between the own and ``ALONGSIDE`` m ahead."""
