@@ -16,8 +16,6 @@ import argparse
 import itertools
 import json
 import sys
-import tempfile
-import time
 from collections.abc import Callable
 from pathlib import Path
 from typing import Any
@@ -27,6 +25,7 @@ import numpy as np
 import pandas as pd
 
 from . import campaign_elsewhere
+from .campaign_cases import keep_case, kept_case, plain, shown
 from .campaign_tables import summarise
 
 LEVELS = ("mid", "large", "small")
@@ -119,10 +118,8 @@ def run_trial(trial: dict[str, Any], folder: Path) -> dict[str, Any]:
     """Hide, write, find and keep: return the trial's record."""
     name = "+".join(trial["effect"]) if isinstance(trial["effect"], list) else trial["effect"] or NO_EFFECT
     kept = folder / f"{trial['seed']}-{name}-{trial['size']}.json"
-    if kept.exists():
-        before = dict(json.loads(kept.read_text(encoding="utf-8")))
-        if all(before.get(key) == value for key, value in trial.items()):
-            return before
+    if (before := kept_case(kept, trial)) is not None:
+        return before
     planting = _planting()
     effect = tuple(trial["effect"]) if isinstance(trial["effect"], list) else trial["effect"]
     given = {key: trial[key] for key in GIVEN if key in trial}
@@ -130,19 +127,12 @@ def run_trial(trial: dict[str, Any], folder: Path) -> dict[str, Any]:
     ours = chosen.underlying in planting.MODELS and not set(chosen.effects) & set(planting.NOT_BEHAVIOUR)
     known = bool(chosen.effects) and ours
     planted = planting.simulate(chosen, remember=known)
-    with tempfile.TemporaryDirectory() as scratch:
-        file = planting.write(planted, Path(scratch) / "recording.parquet")
-        begin = time.perf_counter()
-        found = find(file, trial["seed"])
     record = {
-        **trial, "name": name, "found": found, "seconds": time.perf_counter() - begin,
+        **trial, "name": name, **shown(find, lambda file: planting.write(planted, file), trial["seed"]),
         "achievable": vars(planting.achievable(planted, seconds=WINDOW)) if known else None,
         "plan": {key: value for key, value in vars(chosen).items() if key != "effects"}, "effects": chosen.effects,
     }  # fmt: skip
-    part = kept.with_suffix(".part")
-    part.write_text(json.dumps(record, indent=1, default=_plain), encoding="utf-8")
-    part.replace(kept)
-    return record
+    return keep_case(kept, record)
 
 
 def find(file: Path, seed: int) -> dict[str, Any]:
@@ -154,11 +144,7 @@ def find(file: Path, seed: int) -> dict[str, Any]:
     from .diagnosis_report import contract
 
     recording = clean(read_recording(file).recording).recording
-    return dict(json.loads(json.dumps(contract(diagnose(recording, seed=seed)), default=_plain)))
-
-
-def _plain(value: Any) -> Any:
-    return value.tolist() if isinstance(value, np.ndarray | np.generic) else str(value)
+    return dict(json.loads(json.dumps(contract(diagnose(recording, seed=seed)), default=plain)))
 
 
 def main(arguments: list[str] | None = None) -> None:

@@ -2,12 +2,10 @@
 
 from __future__ import annotations
 
-import json
-import tempfile
-import time
-from collections.abc import Callable
 from pathlib import Path
 from typing import Any
+
+from .campaign_cases import Find, keep_case, kept_case, shown
 
 # What it calls its kinds of cases, how many there are a round, and the campaign's groups.
 GROUPS = {"single": ("single", 15), "pair": ("pair", 5), "outside": ("outside", 14), "some_drivers": ("some drivers", 2),
@@ -29,27 +27,17 @@ def trials(cases: int, nulls: int, seed: int) -> list[dict[str, Any]]:
     ]
 
 
-def run_trial(trial: dict[str, Any], folder: Path, find: Callable[[Path, int], dict[str, Any]]) -> dict[str, Any]:
+def run_trial(trial: dict[str, Any], folder: Path, find: Find) -> dict[str, Any]:
     """Simulate, write, find and keep: return the trial's record. ``find`` is given the file and a seed, and nothing else."""
     from tests import elsewhere
 
     kept = folder / f"{trial['seed']}-{trial['number']:03d}.json"
-    if kept.exists():
-        before = dict(json.loads(kept.read_text(encoding="utf-8")))
-        if all(before.get(key) == value for key, value in trial.items()):
-            return before
+    if (before := kept_case(kept, trial)) is not None:
+        return before
     got, faults = elsewhere.make(trial["seed"], trial["number"], trial["case"])
     hidden = elsewhere.truth(trial["number"], trial["case"], got, faults)
-    with tempfile.TemporaryDirectory() as scratch:
-        file = Path(scratch) / "recording.parquet"
-        got["table"].to_parquet(file, index=False)
-        begin = time.perf_counter()
-        found = find(file, trial["seed"])
-    record = {**trial, **_described(hidden), "found": found, "seconds": time.perf_counter() - begin, "truth": hidden}
-    part = kept.with_suffix(".part")
-    part.write_text(json.dumps(record, indent=1), encoding="utf-8")
-    part.replace(kept)
-    return record
+    seen = shown(find, lambda file: got["table"].to_parquet(file, index=False), trial["seed"])
+    return keep_case(kept, {**trial, **_described(hidden), **seen, "truth": hidden})
 
 
 def _described(truth: dict[str, Any]) -> dict[str, Any]:

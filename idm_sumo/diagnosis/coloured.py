@@ -30,29 +30,30 @@ class Shape(Protocol):
         """Return its power at angular frequencies per frame."""
 
 
+def _kept(memory: float) -> float:
+    """Return the share of an autoregressive noise that is left a frame later; its memory in s."""
+    return float(np.exp(-FRAME_STEP / memory))
+
+
 class Once(NamedTuple):
     """First-order autoregressive noise; its memory in s."""
 
     memory: float
 
-    @property
-    def _kept(self) -> float:
-        return float(np.exp(-FRAME_STEP / self.memory))
-
     def draw(self, rows: int, steps: int, rng: np.random.Generator) -> Floats:
         """Return it, stationary from the first step."""
-        kept = self._kept
+        kept = _kept(self.memory)
         normal = rng.standard_normal((rows, steps)) * np.sqrt(1.0 - kept * kept)
         normal[:, 0] /= np.sqrt(1.0 - kept * kept)
         return np.asarray(lfilter([1.0], [1.0, -kept], normal, axis=1))
 
     def correlation(self, lag: Integers) -> Floats:
         """Return how it goes with itself so many frames later."""
-        return np.asarray(self._kept**lag)
+        return np.asarray(_kept(self.memory) ** lag)
 
     def spectrum(self, omega: Floats) -> Floats:
         """Return its power at angular frequencies per frame."""
-        kept = self._kept
+        kept = _kept(self.memory)
         return np.asarray((1.0 - kept * kept) / (1.0 - 2.0 * kept * np.cos(omega) + kept * kept))
 
 
@@ -61,13 +62,9 @@ class Twice(NamedTuple):
 
     memory: float
 
-    @property
-    def _kept(self) -> float:
-        return float(np.exp(-FRAME_STEP / self.memory))
-
     def draw(self, rows: int, steps: int, rng: np.random.Generator) -> Floats:
         """Return it, stationary from the first step."""
-        kept, next_to = self._kept, self.correlation(np.array(1))
+        kept, next_to = _kept(self.memory), self.correlation(np.array(1))
         before = rng.standard_normal((rows, 2)) @ np.array([[1.0, next_to], [0.0, np.sqrt(1.0 - next_to**2)]])
         state = np.stack([2.0 * kept * before[:, 0] - kept**2 * before[:, 1], -(kept**2) * before[:, 0]], axis=1)
         normal = rng.standard_normal((rows, steps)) * np.sqrt((1.0 - kept**2) ** 3 / (1.0 + kept**2))
@@ -75,12 +72,12 @@ class Twice(NamedTuple):
 
     def correlation(self, lag: Integers) -> Floats:
         """Return how it goes with itself so many frames later."""
-        kept = self._kept
+        kept = _kept(self.memory)
         return np.asarray((1.0 + lag * (1.0 - kept**2) / (1.0 + kept**2)) * kept**lag)
 
     def spectrum(self, omega: Floats) -> Floats:
         """Return its power at angular frequencies per frame."""
-        kept = self._kept
+        kept = _kept(self.memory)
         once = 1.0 - 2.0 * kept * np.cos(omega) + kept * kept
         return np.asarray((1.0 - kept**2) ** 3 / (1.0 + kept**2) / once**2)
 

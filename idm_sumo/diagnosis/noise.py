@@ -82,10 +82,11 @@ class Noise:
     def _parts(self) -> Iterator[tuple[float, Shape]]:
         """Yield what there is of coloured noise, with its shape."""
         twice = np.zeros(len(self.memory), dtype=bool) if self.twice is None else self.twice
-        shapes: list[Shape] = [Twice(m) if t else Once(m) for m, t in zip(self.memory, twice, strict=True)]
-        shapes += [] if self.smoothed is None else [Smoothed(width) for width in WIDTHS]
-        every = [*self.variance.tolist(), *([] if self.smoothed is None else self.smoothed.tolist())]
-        yield from ((variance, shape) for variance, shape in zip(every, shapes, strict=True) if variance > 0.0)
+        remembered = [Twice(m) if t else Once(m) for m, t in zip(self.memory, twice, strict=True)]
+        parts: list[tuple[float, Shape]] = [*zip(self.variance.tolist(), remembered, strict=True)]
+        if self.smoothed is not None:
+            parts += zip(self.smoothed.tolist(), map(Smoothed, WIDTHS), strict=True)
+        yield from (part for part in parts if part[0] > 0.0)
 
 
 QUIET = Noise(0.0, np.zeros(len(DRIVER_MEMORIES)), DRIVER_MEMORIES)

@@ -70,17 +70,20 @@ class OtherLanes:
 
     def abreast(self) -> Floats:
         """Return in how many adjacent lanes, none to two, a vehicle is alongside."""
-        each = (self._between(side, CAR, CAR) for side in (-1, 1))
-        return np.asarray(sum((last > first).astype(np.float64) for first, last in each))
+        return self._lanes_taken(CAR, CAR)
 
     def beside_gap(self, gap: Floats) -> Floats:
         """Return in how many adjacent lanes a vehicle drives beside the own gap (m): wholly ahead, its rear before the leader's."""
-        each = (self._between(side, -CAR, np.nan_to_num(gap) + CAR) for side in (-1, 1))
-        return np.asarray(sum((last > first).astype(np.float64) for first, last in each))
+        return self._lanes_taken(-CAR, np.nan_to_num(gap) + CAR)
 
     def motorcycles(self) -> Floats:
         """Return how many motorcycles in the adjacent lanes are within ``NEAR`` m."""
         return self._count((self._table[c.CLASS] == MOTORCYCLE).to_numpy(), (1, -1), NEAR, NEAR)
+
+    def _lanes_taken(self, back: float, reach: Floats | float) -> Floats:
+        """Return in how many adjacent lanes somebody is from ``back`` m behind to ``reach`` m ahead."""
+        each = (self._between(side, back, reach) for side in (-1, 1))
+        return np.asarray(sum((last > first).astype(np.float64) for first, last in each))
 
     def _count(self, counted: npt.NDArray[np.bool_], sides: tuple[int, ...], reach: float, back: float = 0.0) -> Floats:
         """Return how many that are counted are in other lanes, from ``back`` m behind to ``reach`` m ahead."""

@@ -49,8 +49,9 @@ class Windows:
         infinite for none); jump (m) and time since the last leader change; time until the next cut-in and own
         change; running mean speed; lane; time (s); own position, speed, class; trucks beside and vehicles that brake in other lanes;
         own mean absolute acceleration of late; time headway (s) right after the last leader change; follower's class; vehicles near in the
-        left and in the right adjacent lane (NaN without one); adjacent lanes with a vehicle alongside; second leader's class; faster adjacent lane's speed (NaN for none); adjacent lanes with a
-        vehicle beside the own gap; motorcycles beside; leader's length (m, 0 if not known); time since the own last standstill.
+        left and in the right adjacent lane (NaN without one); adjacent lanes with a vehicle alongside; second leader's class; faster
+        adjacent lane's speed (NaN for none); adjacent lanes with a vehicle beside the own gap; motorcycles beside; leader's length (m, 0
+        if not known); time since the own last standstill.
         The simulation starts at frame ``LEAD``.
     blurred : float64, shape (windows, LEAD + horizon + 1, 5)
         The columns ``LEADERS``, smoothed once more: what a twin's measurement sees.
