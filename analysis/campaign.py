@@ -47,6 +47,7 @@ OF_SUMO: dict[str, dict[str, Any]] = {
     "location": {"form": "third"},
     "leader_class": {"trucks": 0.15, "lane_changes": 2.5},
 }
+IN_LANE = (("hysteresis", 1), ("reaction_delay", 0), ("adjacent_lane_friction", 2))  # beside a location
 NO_EFFECT = "none"
 WINDOW = 12.0  # s, of the rollouts whose gain is compared
 GIVEN = (
@@ -87,6 +88,10 @@ def trials(cases: int, nulls: int, seed: int) -> list[dict[str, Any]]:
         hidden += [{"group": "in SUMO", "effect": name, "size": "large", "underlying": str(model), **OF_SUMO.get(name, {})}
                    for name, model in zip(planting.IN_SUMO, models, strict=True)]  # fmt: skip
         hidden += contrary
+        hidden += [
+            {"group": "one lane", "effect": name, "size": "large", "only_lane": lane, "form": "usual"}
+            for name, lane in IN_LANE
+        ]
     begin = 100_000 * (seed + 1)
     plain = [_conditions(trial, k, begin + k, planting) for k, trial in enumerate(plain)]
     hidden = [_conditions(trial, k, begin + 10_000 + k, planting) for k, trial in enumerate(hidden)]

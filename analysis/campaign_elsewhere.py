@@ -55,6 +55,7 @@ def _described(truth: dict[str, Any]) -> dict[str, Any]:
         "plan": {
             "underlying": truth["model"], "noise": truth["noise"]["kind"], "sigma": truth["noise"]["sigma_m"],
             "form": "usual" if usual else "other", "density": truth["scene"]["traffic"], "lanes": recording["lanes"],
+            "only_lane": next((one["lane"] for one in where if "lane" in one), 0) - 1,
             "place": _range(where, "position_m", recording["section_m"]), "time": _range(where, "time_s", recording["seconds"]),
         },
     }  # fmt: skip

@@ -67,6 +67,7 @@ def outcome(trial: Mapping[str, Any]) -> str:
     """Return right (the right cause first), wrong, silent, unknown; for nulls silent or false alarm.
 
     Pairs are right if both are named, else ``one of two``; ``right and more`` names a further cause that was not hidden.
+    An effect in one lane only is right if it is named there, else ``all lanes``.
     An effect outside the catalogue is right as ``unknown`` where it shows, ``unknown, elsewhere`` otherwise.
     """
     found, hidden = trial["found"], list(trial["effects"])
@@ -83,9 +84,16 @@ def outcome(trial: Mapping[str, Any]) -> str:
         return UNKNOWN if found["verdict"] == UNKNOWN else SILENT
     if names[0] not in hidden:
         return WRONG
+    if trial["group"] == "one lane" and _lanes(found["causes"][0]) != [trial["plan"]["only_lane"] + 1]:
+        return "all lanes"
     if set(hidden) - set(names):
         return "one of two"
     return RIGHT_AND_MORE if set(names) - set(hidden) else RIGHT
+
+
+def _lanes(cause: Mapping[str, Any]) -> list[int]:
+    """Return the lanes to which a cause is confined, from 1; empty for all."""
+    return list((cause.get("where") or {}).get("lanes", []))
 
 
 def shows(trial: Mapping[str, Any]) -> bool:

@@ -12,7 +12,7 @@ from analysis import campaign
 from analysis.campaign_scores import outcome, scored, sized
 from analysis.campaign_tables import summarise
 
-PLAN = {"underlying": "idm", "noise": "white", "sigma": 0.3, "form": "usual", "density": "congested", "lanes": 4,
+PLAN = {"underlying": "idm", "noise": "white", "sigma": 0.3, "form": "usual", "density": "congested", "lanes": 4, "only_lane": 1,
         "place": [200.0, 300.0], "time": [100.0, 200.0]}  # fmt: skip
 
 
@@ -49,6 +49,9 @@ SEAM = {"covariate": "position and time", "position_m": [190.0, 310.0], "time_s"
         (trial("outside", {"distraction": 0.4}, verdict="unknown", unexplained=[SEAM]), "right"),
         (trial("outside", {"distraction": 0.4}, verdict="unknown", unexplained=[{**SEAM, "position_m": [400.0, 500.0]}]),
          "unknown, elsewhere"),
+        (trial("one lane", {"hysteresis": 0.4}, [{**cause("hysteresis"), "where": {"lanes": [2]}}]), "right"),
+        (trial("one lane", {"hysteresis": 0.4}, [{**cause("hysteresis"), "where": {"lanes": [3]}}]), "all lanes"),
+        (trial("one lane", {"hysteresis": 0.4}, [{**cause("hysteresis"), "where": None}]), "all lanes"),
     ],
 )  # fmt: skip
 def test_outcomes(one, expected):

@@ -114,6 +114,15 @@ def test_what_is_hidden_in_one_lane_only_is_named_there(tmp_path):
     assert "in lane 2" in found.causes[0].evidence
 
 
+def test_an_effect_that_only_the_drivers_of_one_lane_have_is_named_there_at_its_size(tmp_path):
+    found = checked(diagnose(hidden(tmp_path, 33, "hysteresis", form="usual", only_lane=1)))
+    assert [cause.name for cause in found.causes] == ["hysteresis"]
+    assert found.causes[0].where is not None
+    assert found.causes[0].where.lanes == found.model.causes[0].lanes == (2,)
+    assert found.causes[0].parameters["h"].value == pytest.approx(0.25, rel=0.3)
+    assert better(found)
+
+
 def test_a_delay_is_named_first_in_each_of_three_forms_and_makes_rollouts_better(tmp_path):
     forms = [checked(diagnose(hidden(tmp_path, 12, "reaction_delay", form=form))) for form in planting.FORMS]
     usual, other, third = (found.causes[0] for found in forms)

@@ -335,6 +335,17 @@ def test_what_rests_on_changes_to_come_is_what_the_catalogue_calls_it(covariate,
         assert gates.outside(evidence(8.0, one))
 
 
+def test_what_shows_an_effect_that_is_too_small_for_a_name_is_not_told_as_unknown():
+    one = replace(free("until_cut_in", 18.0), value=-0.3)
+    small = replace(evidence(5.0, one), atoms=[Atom("courtesy_yielding", 0.3, ((2, 0.3),))])
+    (there,) = gates.believed(small)
+    assert gates.is_too_small(there)
+    assert not gates.outside(small)
+    assert gates.untold(small) == ()
+    for other in (replace(small, free=(free("unrest", 18.0),)), replace(small, u=0.1 * small.u)):
+        assert gates.untold(other) == other.free
+
+
 @pytest.mark.parametrize(
     ("name", "first", "left", "another"),
     [

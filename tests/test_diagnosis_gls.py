@@ -24,6 +24,18 @@ def make_case():
     return covariance, spread, error, own, atoms
 
 
+def test_whiteners_are_the_inverse_of_the_cholesky_factor(case):
+    covariance = case[0]
+    np.testing.assert_allclose(gls.whitener(covariance), np.linalg.inv(np.linalg.cholesky(covariance)), atol=1e-12)
+
+
+def test_no_whitener_of_what_is_no_covariance(case):
+    covariance = case[0].copy()
+    covariance[2] = -np.eye(MOMENTS)
+    with pytest.raises(np.linalg.LinAlgError, match="not positive definite"):
+        gls.whitener(covariance)
+
+
 def whole(case):
     covariance, spread, error, own, atoms = case
     e, j, g = (gls.whitener(covariance) @ part for part in (error, own, atoms))

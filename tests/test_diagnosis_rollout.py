@@ -52,6 +52,17 @@ def make_plain():
     return followers(ro.PLAIN, np.random.default_rng(4))
 
 
+def test_who_changes_lanes_has_no_usual_one(plain):
+    windows, _ = plain
+    seen = windows.seen.copy()
+    seen[windows.driver == 3, :, w.LANE] = 2.0
+    seen[windows.driver == 5, : w.LEAD + 60, w.LANE] = 4.0
+    seen[windows.driver == 6, w.LEAD : w.LEAD + 10, w.LANE] = 4.0  # a few frames are no change
+    expected = np.ones(DRIVERS)
+    expected[[3, 5]] = 2, 0
+    np.testing.assert_array_equal(replace(windows, seen=seen).usual_lane, expected)
+
+
 def test_true_drivers_end_where_they_were_recorded(plain):
     windows, theta = plain
     np.testing.assert_allclose(ro.positions(windows, theta, ro.PLAIN), windows.target, atol=1e-6)

@@ -70,16 +70,20 @@ LONGEST_COLUMN = 3.0  # times the ninetieth percentile over the windows
 
 
 def tamed(columns: Floats) -> Floats:
-    """Return the columns, no window's longer than a few times what nine of ten of those with any effect have.
+    """Return the columns ``(windows, moments, atoms)``, shortened by :func:`taming`."""
+    return np.asarray(columns * taming(columns)[:, None, :])
+
+
+def taming(columns: Floats) -> Floats:
+    """Return factors ``(windows, atoms)`` that leave no window's column longer than a few times what nine of ten with any effect have.
 
     Where a simulated vehicle nearly hits its leader, a little more of anything moves it by kilometres: without a limit a handful
     of such windows would be all the information there is.
     """
-    size, out = np.zeros((columns.shape[0], columns.shape[2])), np.empty_like(columns)
+    size = np.zeros((columns.shape[0], columns.shape[2]))
     in_threads(_measure, len(columns), columns, size)
     usual = [float(np.percentile(one[one > NOTHING], 90)) if (one > NOTHING).any() else 1.0 for one in size.T]
-    in_threads(_shorten, len(columns), columns, size, LONGEST_COLUMN * np.array(usual), out)
-    return out
+    return np.asarray(np.minimum(1.0, LONGEST_COLUMN * np.array(usual) / np.maximum(size, NOTHING)))
 
 
 @njit(cache=True, nogil=True, error_model="numpy")
@@ -88,15 +92,6 @@ def _measure(first, last, columns, size):  # type: ignore[no-untyped-def]
         for k in range(columns.shape[1]):
             for n in range(columns.shape[2]):
                 size[i, n] = max(size[i, n], abs(columns[i, k, n]))
-
-
-@njit(cache=True, nogil=True, error_model="numpy")
-def _shorten(first, last, columns, size, limit, out):  # type: ignore[no-untyped-def]
-    for i in range(first, last):
-        factor = np.minimum(1.0, limit / np.maximum(size[i], NOTHING))
-        for k in range(columns.shape[1]):
-            for n in range(columns.shape[2]):
-                out[i, k, n] = columns[i, k, n] * factor[n]
 
 
 INSTANT = ("acceleration_asymmetry", "speed_dependent_headway", "perception_threshold")

@@ -3,7 +3,8 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
+from functools import cached_property
 from typing import NamedTuple
 
 import numpy as np
@@ -19,6 +20,7 @@ from idm_sumo.progress import Progress
 from idm_sumo.threads import each_in_threads
 
 Floats = npt.NDArray[np.float64]
+Integers = npt.NDArray[np.int64]
 
 ENDOGENOUS = ("follower_pressure",)  # the follower answers the real driver, not the twin: no twin for these
 # What differs between drivers more than within one: part of it is in the fitted drivers, so twins of drawn ones are the null.
@@ -45,6 +47,8 @@ class Evidence:
         Platoon blocks.
     free : tuple of LeftOver
         What no effect was asked for, the most significant first; empty if it was not looked for.
+    lane : int64, shape (drivers,)
+        Usual lanes, 0 for none; empty if lanes are not told apart.
     """
 
     atoms: list[at.Atom]
@@ -52,12 +56,21 @@ class Evidence:
     twins: Floats
     gram: Floats
     part: Floats
-    block: npt.NDArray[np.int64]
+    block: Integers
     free: tuple[LeftOver, ...] = ()
+    lane: Integers = field(default_factory=lambda: np.empty(0, dtype=np.int64))
 
     def total(self) -> Floats:
         """Return the corrected total score of each atom."""
         return np.asarray(self.u.sum(axis=0))
+
+    def of(self, which: npt.NDArray[np.bool_]) -> Evidence:
+        """Return what some of the drivers say, as far as shares tell: theirs of the Gram matrix's diagonal, and of the twins' scores."""
+        share = np.sqrt(np.clip(self.part[which].sum(axis=0) / np.maximum(self.part.sum(axis=0), 1e-300), 0.0, 1.0))
+        return Evidence(
+            self.atoms, self.u[which], self.twins * which.mean(), self.gram * np.outer(share, share), self.part[which],
+            np.unique(self.block[which], return_inverse=True)[1], lane=self.lane[which],
+        )  # fmt: skip
 
     def clustered(self, mix: Floats) -> Floats:
         """Return the variance of combined scores from blocks of drivers and from the twins, shape ``(combinations,)``.
@@ -72,8 +85,9 @@ class Evidence:
         between = (self.twins @ mix).var(axis=0, ddof=1) / len(self.twins) if len(self.twins) > 1 else 0.0
         return np.asarray((sums**2).sum(axis=0) + between)
 
+    @cached_property
     def inflation(self) -> float:
-        """Return by how much the clustered variance exceeds the model's, the median over bins of place and time."""
+        """By how much the clustered variance exceeds the model's, the median over bins of place and time."""
         bins = [n for n, atom in enumerate(self.atoms) if atom.name in ("location", "time_of_day") and not atom.fixed]
         informative = [n for n in bins if self.gram[n, n] > 1e-9]
         if not informative:
@@ -96,12 +110,15 @@ def examine(
     totals = _twin_totals(subject, fit, lucks, looked, heard)
     progress(stage, 1, 1)
     # The twins' mean is taken off each driver by its share of the windows.
-    share = np.bincount(subject.windows.driver, minlength=subject.windows.drivers) / len(subject.windows.driver)
+    windows = subject.windows
+    share = np.bincount(windows.driver, minlength=windows.drivers) / len(windows.driver)
     corrected = looked.u - share[:, None] * totals.mean(axis=0)
-    evidence = Evidence(looked.atoms, corrected, totals, looked.gram, looked.found.part, subject.windows.platoon)
+    evidence = Evidence(
+        looked.atoms, corrected, totals, looked.gram, looked.found.part, windows.platoon, lane=windows.usual_lane
+    )
     if heard is None:
         return evidence
-    left = left_over(subject.windows, fit, subject.grid, answer, heard.fitted, heard.drawn, evidence.inflation())
+    left = left_over(subject.windows, fit, subject.grid, answer, heard.fitted, heard.drawn, evidence.inflation)
     return replace(evidence, free=tuple(left))
 
 

@@ -69,7 +69,7 @@ SHOWS = {
 
 
 def believed(evidence: ev.Evidence) -> list[Candidate]:
-    """Return every effect in its best form, the most significant first.
+    """Return every effect in its best form, and what is in one lane only, the most significant first.
 
     A place or a time that stands out freely, whatever is different there, is that of the catalogue: its form is then as sure as that.
     """
@@ -79,6 +79,7 @@ def believed(evidence: ev.Evidence) -> list[Candidate]:
         seen = free.get(FREELY.get(candidate.name, ""))
         if seen is not None and abs(candidate.z) > LIKELY:
             every[number] = replace(candidate, p=min(candidate.p, seen.p))
+    every = sorted([*every, *hy.confined(evidence)], key=lambda c: -abs(c.z))
     wrong = {c.name for c in hy.impossible(every)}
     return [replace(c, p=1.0) if c.is_falling and c.name in wrong else c for c in every]
 
@@ -91,6 +92,11 @@ def is_likely(candidate: Candidate) -> bool:
 def is_significant(candidate: Candidate) -> bool:
     """Return whether a candidate is significant, and may turn out large enough."""
     return candidate.near_enough and candidate.p < SIGNIFICANT and abs(candidate.z) > SURER.get(candidate.name, 0.0)
+
+
+def is_too_small(candidate: Candidate) -> bool:
+    """Return whether a candidate is there beyond doubt of chance, but smaller than what is named."""
+    return candidate.p < SIGNIFICANT and candidate.is_possible and not candidate.near_enough
 
 
 def is_underrated(candidate: Candidate) -> bool:
@@ -200,19 +206,27 @@ def standing_out(evidence: ev.Evidence) -> tuple[LeftOver, ...]:
 def outside(evidence: ev.Evidence) -> tuple[LeftOver, ...]:
     """Return what is free and says more than any significant effect of the catalogue."""
     every = believed(evidence)
-    best, likely = (
-        max((c.z**2 for c in every if is_significant(c)), default=0.0),
-        {c.name for c in every if is_likely(c)},
-    )
+    best = max((c.z**2 for c in every if is_significant(c)), default=0.0)
+    seen = {c.name for c in every if is_likely(c) or is_too_small(c)}
 
     def needed(one: LeftOver) -> float:
         return FREE_MORE + best * (FREE_CHANGE if one.covariate.startswith(CHANGES) else FREE_EXCESS)
 
     def is_new(one: LeftOver) -> bool:
-        shown = SHOWS.get((one.covariate, _sign_of(one))) in likely
-        return not shown and (best == 0.0 or one.covariate not in HELD)
+        return _shown_by(one) not in seen and (best == 0.0 or one.covariate not in HELD)
 
     return tuple(one for one in standing_out(evidence) if is_new(one) and one.z**2 > needed(one))
+
+
+def untold(evidence: ev.Evidence) -> tuple[LeftOver, ...]:
+    """Return what stands out where no cause is named, but for what shows an effect of the catalogue that is too small for a name."""
+    small = {c.name for c in believed(evidence) if is_too_small(c)}
+    return tuple(one for one in standing_out(evidence) if _shown_by(one) not in small)
+
+
+def _shown_by(one: LeftOver) -> str | None:
+    """Return the effect of the catalogue that something free may only show."""
+    return SHOWS.get((one.covariate, _sign_of(one)))
 
 
 def _sign_of(one: LeftOver) -> float:

@@ -15,6 +15,9 @@ from dataclasses import dataclass
 
 import numpy as np
 import numpy.typing as npt
+from numba import njit
+
+from idm_sumo.threads import in_threads
 
 Floats = npt.NDArray[np.float64]
 Integers = npt.NDArray[np.int64]
@@ -56,8 +59,41 @@ def scaled_inverse(gram: Floats) -> Floats:
 
 
 def whitener(covariance: Floats) -> Floats:
-    r"""Return :math:`L^{-1}` for each window, with :math:`V = LL^\top`; shape ``(windows, moments, moments)``."""
-    return np.asarray(np.linalg.inv(np.linalg.cholesky(covariance)))
+    r"""Return :math:`L^{-1}` for each window, with :math:`V = LL^\top`; both of shape ``(windows, moments, moments)``.
+
+    Raises
+    ------
+    numpy.linalg.LinAlgError
+        If a covariance is not positive definite.
+    """
+    out = np.zeros_like(covariance)
+    in_threads(_whiten, len(covariance), covariance, out)
+    if not np.isfinite(out).all():
+        raise np.linalg.LinAlgError("a covariance of what windows leave is not positive definite")
+    return out
+
+
+# For matrices as small as these, LAPACK spends most of the time on the way to and from each of them.
+@njit(cache=True, nogil=True, error_model="numpy")
+def _whiten(first, last, covariance, out):  # type: ignore[no-untyped-def]
+    size = covariance.shape[1]
+    root = np.zeros((size, size))
+    for i in range(first, last):
+        for k in range(size):
+            for j in range(k + 1):
+                rest = covariance[i, k, j]
+                for n in range(j):
+                    rest -= root[k, n] * root[j, n]
+                root[k, j] = np.sqrt(rest) if k == j else rest / root[j, j]
+        for k in range(
+            size
+        ):  # forward substitution, row by row: each is the unit's less what the rows before it explain
+            for n in range(k):
+                for j in range(n + 1):
+                    out[i, k, j] -= root[k, n] * out[i, n, j]
+            for j in range(k):
+                out[i, k, j] /= root[k, k]
+            out[i, k, k] = 1.0 / root[k, k]
 
 
 def by_driver(values: Floats, driver: Integers, drivers: int) -> Floats:

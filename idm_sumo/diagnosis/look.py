@@ -92,11 +92,13 @@ def score(
     answer = at.answer_of(windows, fit, subject.grid.pivot) if answer is None else answer
     line = answer.line
     atoms, columns = build(windows, fit, answer, subject.grid)
-    columns = at.tamed(columns)
     truck = (windows.seen[:, -1, w.OWN_KIND] == TRUCK)[:, None, None]
-    parts = [line.jacobian, line.jacobian * truck, columns] if truck.any() else [line.jacobian, columns]
-    white = line.whitener @ np.concatenate(parts, axis=2)
-    known = PARAMETERS * (2 if truck.any() else 1)
+    common = np.concatenate([line.jacobian, line.jacobian * truck], axis=2) if truck.any() else line.jacobian
+    known = common.shape[2]
+    white = np.empty((*columns.shape[:2], known + columns.shape[2]))
+    np.matmul(line.whitener, common, out=white[:, :, :known])
+    np.matmul(line.whitener, columns, out=white[:, :, known:])
+    white[:, :, known:] *= at.taming(columns)[:, None, :]
     whole = gls.scores(
         line.whitener @ line.error[:, :, None],
         white[:, :, :PARAMETERS],

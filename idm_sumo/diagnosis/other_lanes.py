@@ -37,6 +37,8 @@ class OtherLanes:
         self._place = (dense * 16.0 + self._lane) * self._stride + (x - x.min())
         self._order = np.argsort(self._place, kind="stable")
         self._ordered = self._place[self._order]
+        self._rank = np.empty(len(x), dtype=np.int64)
+        self._rank[self._order] = np.arange(len(x))
 
     def slower_speed(self) -> Floats:
         """Return the mean speed (m/s) within ``BESIDE`` m in the slower adjacent lane, NaN beside empty lanes."""
@@ -97,5 +99,6 @@ class OtherLanes:
 
     def _between(self, side: int, back: float, reach: Floats | float) -> tuple[Integers, Integers]:
         """Return the places in the order of those from ``back`` m behind to ``reach`` m ahead in another lane, the last exclusive."""
-        begin = self._place + side * self._stride
-        return np.searchsorted(self._ordered, begin - back), np.searchsorted(self._ordered, begin + reach)
+        begin = self._ordered + side * self._stride  # asked in order, several times faster than row by row
+        end = begin + np.broadcast_to(reach, begin.shape)[self._order]
+        return np.searchsorted(self._ordered, begin - back)[self._rank], np.searchsorted(self._ordered, end)[self._rank]

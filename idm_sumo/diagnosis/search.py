@@ -108,7 +108,7 @@ def with_its_noise(subject: Subject, fit: Fit, rng: np.random.Generator) -> Subj
 
 def left_without_causes(first: ev.Evidence) -> tuple[LeftOver, ...]:
     """Return what is worth telling of the first look if no cause is named."""
-    return told(gates.standing_out(first))
+    return told(gates.untold(first))
 
 
 def _is_no_interval(candidate: Candidate, first: ev.Evidence, last: ev.Evidence) -> bool:

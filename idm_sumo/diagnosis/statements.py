@@ -129,9 +129,7 @@ def _region(candidate: Candidate, edges: tuple[float, float]) -> Region | None:
         return Region(position_m=edges, lanes=candidate.only_lanes or None)
     if candidate.name == "time_of_day":
         return Region(time_s=edges)
-    if candidate.name == "desired_speed" and candidate.atom.lane:
-        return Region(lanes=(candidate.atom.lane,))
-    return None
+    return Region(lanes=(candidate.atom.lane,)) if candidate.atom.lane else None
 
 
 def _sentence(accepted: Accepted) -> str:
@@ -232,7 +230,7 @@ def scans(evidence: ev.Evidence) -> tuple[Scan, ...]:
         scale = np.sqrt(np.maximum(np.diag(gram), 1e-12))
         ridge = gram / np.outer(scale, scale) + 0.02 * np.eye(len(rows))
         inverse = np.linalg.inv(ridge) / np.outer(scale, scale)
-        error = np.sqrt(np.diag(inverse @ gram @ inverse) * evidence.inflation())
+        error = np.sqrt(np.diag(inverse @ gram @ inverse) * evidence.inflation)
         edges = np.array([evidence.atoms[n].low for n in rows] + [evidence.atoms[rows[-1]].high])
         out.append(Scan(covariate, unit, edges, inverse @ evidence.total()[rows], error))
     return tuple(out)

@@ -113,7 +113,7 @@ def driver_noise(
         return _left_over(twin, refit(twin, own))
 
     without, wanted = left(no.QUIET), _left_over(part, own)
-    white = gls.whitener(wanted + LEAST_LEFT * np.trace(wanted) * np.eye(len(wanted)))
+    white = gls.whitener((wanted + LEAST_LEFT * np.trace(wanted) * np.eye(len(wanted)))[None])[0]
 
     def along(covariance: Floats) -> Floats:
         return np.asarray(white @ (covariance - without) @ white.T).ravel()

@@ -23,6 +23,7 @@ EVERY = 10  # frames between compared positions
 STANDING = 0.5  # m/s
 MOVING = 1.0  # m/s: a window in which nobody is faster says nothing
 OF_LATE = 150  # frames
+NEARLY_ALWAYS = 0.8  # of the frames
 NEAREST = 0.3  # m: a smaller recorded gap is an overlap of the measurement
 
 # Columns of `Windows.seen`.
@@ -85,6 +86,15 @@ class Windows:
     def target(self) -> Floats:
         """Recorded positions (m) at the compared moments, shape ``(windows, moments)``."""
         return np.ascontiguousarray(self.seen[:, LEAD + EVERY :: EVERY, X])
+
+    @property
+    def usual_lane(self) -> Integers:
+        """The lane in which each driver nearly always is, 0 for who changes; shape ``(drivers,)``."""
+        lane = self.seen[:, LEAD:-1, LANE].astype(np.int64)
+        frames = np.zeros((self.drivers, lane.max(initial=0) + 1))
+        np.add.at(frames, (self.driver[:, None], lane), 1.0)
+        most = frames.argmax(axis=1)
+        return np.where(frames.max(axis=1) > NEARLY_ALWAYS * frames.sum(axis=1), most, 0)
 
     def of_drivers(self, which: Integers) -> Windows:
         """Return the windows of some drivers, renumbered in their order."""
