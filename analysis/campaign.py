@@ -141,7 +141,7 @@ def run_trial(trial: dict[str, Any], folder: Path) -> dict[str, Any]:
 
 
 def find(file: Path, seed: int) -> dict[str, Any]:
-    """Diagnose a file; the content of ``diagnosis.json``."""
+    """Diagnose a file; the content of ``diagnosis.json``, and of causes in some lanes only which."""
     from idm_sumo.cleaning import clean
     from idm_sumo.diagnosis.diagnose import diagnose
     from idm_sumo.reading import read_recording
@@ -149,12 +149,17 @@ def find(file: Path, seed: int) -> dict[str, Any]:
     from .diagnosis_report import contract
 
     recording = clean(read_recording(file).recording).recording
-    return dict(json.loads(json.dumps(contract(diagnose(recording, seed=seed)), default=plain)))
+    found = diagnose(recording, seed=seed)
+    content = dict(json.loads(json.dumps(contract(found), default=plain)))
+    for said, cause in zip(content["causes"], found.causes, strict=True):
+        if cause.where is not None and cause.where.lanes:
+            said["where"]["lanes"] = list(cause.where.lanes)
+    return content
 
 
 def main(arguments: list[str] | None = None) -> None:
     """Run the campaign from the command line."""
-    options = _parser().parse_args(arguments)
+    options = _asked(arguments)
     cases = options.output / "cases"
     cases.mkdir(parents=True, exist_ok=True)
     planned, run = _planned(options)
@@ -192,6 +197,16 @@ def run_elsewhere(trial: dict[str, Any], folder: Path) -> dict[str, Any]:
     return campaign_elsewhere.run_trial(trial, folder, find)
 
 
+def _asked(arguments: list[str] | None) -> argparse.Namespace:
+    """Return the command line's options; what the second simulator draws itself cannot be asked for."""
+    parser = _parser()
+    options = parser.parse_args(arguments)
+    drawn = ("small", "underlying", "form", "drivers")
+    if options.planter == "elsewhere" and (asked := [f"--{name}" for name in drawn if getattr(options, name)]):
+        parser.error(f"--planter elsewhere draws its scenes from the seed: leave out {', '.join(asked)}")
+    return options
+
+
 def _parser() -> argparse.ArgumentParser:
     parser = argparse.ArgumentParser(
         prog="python -m analysis.campaign", description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter
@@ -201,14 +216,14 @@ def _parser() -> argparse.ArgumentParser:
     parser.add_argument("--nulls", type=int, default=40, help="recordings with nothing planted")
     parser.add_argument(
         "--planter", choices=("planting", "elsewhere"), default="planting",
-        help="simulator; of elsewhere what --small, --underlying, --form and --drivers would fix is drawn from the seed",
+        help="simulator; elsewhere draws from the seed what --small, --underlying, --form and --drivers would fix",
     )  # fmt: skip
     parser.add_argument("--small", action="store_true", help="four short recordings instead")
     parser.add_argument("--jobs", type=int, default=1, help="processes")
     parser.add_argument("--seed", type=int, default=0, help="other seeds, other recordings")
     parser.add_argument("--underlying", choices=_planting().MODELS, help="one car-following model (default: by turns)")
     parser.add_argument("--form", choices=_planting().FORMS, help="one form of the effects (default: drawn)")
-    parser.add_argument("--drivers", type=int, default=500, help="vehicles a recording")
+    parser.add_argument("--drivers", type=int, help="vehicles a recording (default: 500)")
     return parser
 
 

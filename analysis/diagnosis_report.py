@@ -99,7 +99,6 @@ def _cause(cause: CauseFound, whole: dict[str, Range]) -> dict[str, Any]:
         where = {
             "position_m": list(cause.where.position_m or whole["position"]),
             "time_s": list(cause.where.time_s or whole["time"]),
-            **({"lanes": list(cause.where.lanes)} if cause.where.lanes else {}),
         }
     return {
         "name": cause.name,

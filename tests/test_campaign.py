@@ -130,3 +130,10 @@ def test_a_finished_case_is_not_run_again(tmp_path, monkeypatch):
     assert campaign.run_trial(given, tmp_path)["kept"]
     with pytest.raises(pytest.fail.Exception, match="ran again"):  # of another size: not the same trial
         campaign.run_trial({**given, "drivers": 40, "minutes": 0.5}, tmp_path)
+
+
+@pytest.mark.parametrize("given", [["--small"], ["--drivers", "300"], ["--form", "usual"], ["--underlying", "idm"]])
+def test_what_the_second_simulator_draws_itself_cannot_be_asked_for(given, tmp_path, capsys):
+    with pytest.raises(SystemExit, match="2"):
+        campaign.main(["-o", str(tmp_path), "--planter", "elsewhere", *given])
+    assert f"leave out {given[0]}" in capsys.readouterr().err

@@ -142,6 +142,18 @@ def test_a_drift_is_said_to_be_one() -> None:
     )
 
 
+def test_a_cause_of_one_lane_says_which(tmp_path, monkeypatch) -> None:
+    found = named()
+    gamma = {"gamma": Estimate(0.4, "1", (0.3, 0.5))}
+    (cause,) = found.causes
+    in_lane = replace(cause, name="acceleration_asymmetry", parameters=gamma, where=Region(lanes=(2,)))
+    found = replace(found, causes=(in_lane,))
+    assert "acceleration asymmetry in lane 2 (gamma = 0.4" in diagnosis_words.headline(found)
+    write(found, tmp_path / "out", monkeypatch)
+    where = json.loads((tmp_path / "out" / "diagnosis.json").read_text())["causes"][0]["where"]
+    assert set(where) == {"position_m", "time_s"}  # of all that was seen; the lane is in the evidence and in the model
+
+
 def test_unknown_says_where_when_and_along_what() -> None:
     place = Unexplained("position", (300.0, 360.0), (300.0, 360.0), None, 1e-5)
     found = replace(silent(), verdict="unknown", unexplained=(place,))
