@@ -10,7 +10,6 @@ import pytest
 from idm_sumo.diagnosis import hypotheses as hy
 from idm_sumo.diagnosis.atoms import SECANT_ATOMS, Atom
 from idm_sumo.diagnosis.evidence import Evidence
-from idm_sumo.diagnosis.left_over import LeftOver
 from idm_sumo.effects import slots
 
 BINS, WIDTH, DRIVERS = 40, 16.0, 30
@@ -157,89 +156,6 @@ def test_a_delay_is_tried_with_the_own_speed_late_and_known_each_at_the_size_tha
     assert dict(hy.slots_of(known))[slots.OWN_SPEED_KNOWN] == 1.0
 
 
-def test_an_acceleration_at_a_place_in_one_lane_is_a_location_there():
-    left = LeftOver(
-        "position in lane 3", (96.0, 224.0), (96.0, 224.0), None, -0.2, -10.0, 1e-9, True, 3, score=-80.0, bias=4.0
-    )
-    found = hy.in_one_lane(left)
-    assert (found.name, found.value, found.error, found.bias) == ("location", -0.2, pytest.approx(0.02), 4.0)
-    assert found.information == pytest.approx(400.0)
-    assert hy.lanes_of(found) == [0, 3]
-    assert dict(hy.slots_of(found))[slots.PLACE_END] == 224.0
-
-
-@pytest.mark.parametrize(
-    "covariate", ["time in lane 3", "response over position in lane 3", "delay over time in lane 3"]
-)
-def test_nothing_else_in_one_lane_is_a_location(covariate):
-    assert hy.in_one_lane(LeftOver(covariate, (0.0, 9.0), (0.0, 9.0), None, -0.2, -10.0, 1e-9, True, 3)) is None
-
-
 def test_a_location_of_all_lanes_fills_all():
     found = hy.candidates(evidence(place(10, 20, -1.0), 0.0))[0]
     assert hy.lanes_of(found) == slice(None)
-
-
-def in_lanes(*sizes: float, name: str = "hysteresis", drivers: int = 40) -> Evidence:
-    """Return what is seen of an effect of another size in each lane, from lane 1 on."""
-    rng = np.random.default_rng(5)
-    lane = np.repeat(1 + np.arange(len(sizes)), drivers)
-    information = (
-        100.0 / drivers
-    )  # of each driver: a standard error of 0.1 in each lane, and of a little more by its inflation
-    u = information * np.array(sizes)[lane - 1] + np.sqrt(information) * rng.standard_normal(len(lane))
-    atoms = [Atom(name, 0.2, ((slots.HYSTERESIS, 0.2),))]
-    part = np.full((len(lane), 1), information)
-    return Evidence(
-        atoms, u[:, None], np.zeros((3, 1)), part.sum(axis=0)[:, None], part, np.arange(len(lane)), lane=lane
-    )
-
-
-def test_what_the_drivers_of_one_lane_do_is_confined_to_it_at_its_size_there():
-    (found,) = hy.confined(in_lanes(0.0, 2.0, 0.0, 0.0))
-    assert (found.name, found.only_lanes) == ("hysteresis", (2,))
-    assert found.value == pytest.approx(2.0, abs=0.4)
-    assert found.p < 1e-6
-    assert hy.lanes_of(found) == [0, 2]
-
-
-@pytest.mark.parametrize("sizes", [(1.0, 1.0, 1.0), (0.0, 0.3, 0.0), (0.0, 0.0, 0.0), (2.0,)])
-def test_what_all_do_or_chance_does_is_confined_to_no_lane(sizes):
-    assert hy.confined(in_lanes(*sizes)) == []
-
-
-def test_a_lane_of_few_drivers_says_nothing_alone():
-    assert hy.confined(in_lanes(0.0, 9.0, 0.0, drivers=hy.LEAST_IN_LANE - 1)) == []
-
-
-@pytest.mark.parametrize("name", hy.ONE_LANE_NOT)
-def test_some_effects_are_not_asked_for_by_lane(name):
-    assert hy.confined(in_lanes(0.0, 2.0, 0.0, name=name)) == []
-
-
-def test_without_lanes_nothing_is_confined():
-    seen = replace(in_lanes(0.0, 2.0, 0.0), lane=np.empty(0, dtype=np.int64))
-    assert hy.confined(seen) == []
-
-
-def test_forms_in_one_lane_are_judged_by_its_drivers():
-    seen = in_lanes(0.0, 2.0, 0.0, name="reaction_delay")
-    other = Atom("reaction_delay", 0.5, ((slots.DELAY, 0.5), (slots.OWN_SPEED_KNOWN, 1.0)))
-    both = replace(
-        seen, atoms=[*seen.atoms, other], u=np.repeat(seen.u, 2, axis=1), part=np.repeat(seen.part, 2, axis=1),
-        twins=np.zeros((3, 2)), gram=np.full((2, 2), float(seen.gram[0, 0])),
-    )  # fmt: skip
-    (found,) = hy.confined(both)
-    every = hy.forms(both, found)
-    assert len(every) == 2
-    assert {one.only_lanes for one in every} == {(2,)}
-    assert [one.value for one in every] == pytest.approx([found.value] * 2)
-    assert {one.z for one in every} == {found.z}
-
-
-def test_what_drivers_say_adds_up_to_what_all_say():
-    seen = in_lanes(0.5, 1.0, 0.0)
-    parts = [seen.of(seen.lane == lane) for lane in (1, 2, 3)]
-    np.testing.assert_allclose(sum(part.total() for part in parts), seen.total())
-    np.testing.assert_allclose(sum(part.gram for part in parts), seen.gram)
-    np.testing.assert_allclose(sum(part.twins for part in parts), seen.twins)

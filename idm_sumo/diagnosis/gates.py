@@ -12,6 +12,7 @@ from idm_sumo.diagnosis import hypotheses as hy
 from idm_sumo.diagnosis.free_fields import CHANGES, DOUBTFUL, HELD, REGION, SUSPECT
 from idm_sumo.diagnosis.hypotheses import Candidate
 from idm_sumo.diagnosis.left_over import LeftOver
+from idm_sumo.diagnosis.one_lane import confined
 from idm_sumo.diagnosis.result import Gain
 from idm_sumo.diagnosis.sizes import Tried
 
@@ -79,7 +80,7 @@ def believed(evidence: ev.Evidence) -> list[Candidate]:
         seen = free.get(FREELY.get(candidate.name, ""))
         if seen is not None and abs(candidate.z) > LIKELY:
             every[number] = replace(candidate, p=min(candidate.p, seen.p))
-    every = sorted([*every, *hy.confined(evidence)], key=lambda c: -abs(c.z))
+    every = sorted([*every, *confined(evidence)], key=lambda c: -abs(c.z))
     wrong = {c.name for c in hy.impossible(every)}
     return [replace(c, p=1.0) if c.is_falling and c.name in wrong else c for c in every]
 

@@ -11,8 +11,6 @@ from scipy.stats import norm
 
 from idm_sumo.diagnosis.atoms import LOCAL, Atom
 from idm_sumo.diagnosis.evidence import Evidence
-from idm_sumo.diagnosis.free_fields import IN_LANE
-from idm_sumo.diagnosis.left_over import LeftOver
 from idm_sumo.diagnosis.scans import best_stretch
 from idm_sumo.effects import BY_NAME, Parameter, slots
 
@@ -41,12 +39,7 @@ SCANNED = ("location", "time_of_day")
 WIDEST = 0.6  # of the bins of road or recording: a wider interval is the rest, with the other sign
 NARROWEST = {"location": 40.0, "time_of_day": 30.0}  # m, s
 RESEMBLING = 0.4  # of the best interval's squared z, from which on one of the other sign may be it as well
-# Of one lane alone: a place there is found freely; what a lane's drivers want is its own effect; of the follower there is no twin.
-ONE_LANE_NOT = (*SCANNED, "desired_speed", "follower_pressure")
-# Standard errors by which a lane must differ from the others (of 24 recordings of six laws with nothing hidden the surest were 4.7
-# and 3.5), and of those of the effect in all lanes.
-SURE_IN_LANE, SURER_EVERYWHERE = 5.5, 0.7
-LEAST_IN_LANE, LEAST_KNOWN = 20, 0.05  # drivers in a lane, and outside; of the information
+LOOKS = 40  # forms and effects, by which p-values are corrected
 NEXT_TO_NOTHING = 1e-3  # of the typical magnitude
 UNDERRATED = 1.6  # times its linear estimate, a magnitude may be
 CONSISTENT = 0.85  # of the strongest secant's z: among these the size that agrees with its own estimate
@@ -154,14 +147,6 @@ def is_at_bound(candidate: Candidate) -> bool:
     return not first.lower < candidate.value < first.upper
 
 
-def in_one_lane(left: LeftOver) -> Candidate | None:
-    """Return the location that acts in one lane only, if that is what a free acceleration is."""
-    if left.kind != "position" + IN_LANE or left.position_m is None:
-        return None
-    atom = Atom("location", lane=left.lane, low=left.position_m[0], high=left.position_m[1])
-    return Candidate(atom.name, left.value, abs(left.value / left.z), left.z, left.p, atom, left.score, left.bias)
-
-
 def local(evidence: Evidence, name: str) -> Candidate | None:
     """Return by how much an accepted magnitude should change."""
     return _best(evidence, LOCAL + name)
@@ -173,7 +158,7 @@ def forms(evidence: Evidence, candidate: Candidate) -> list[Candidate]:
     Those with another companion parameter, or another kind of shift; and where less is done somewhere, more is done beside it: an
     interval of each sign.
     """
-    rows = _informative(evidence, candidate.name)
+    rows = informative(evidence, candidate.name)
     if candidate.name in SCANNED:
         # That it is there at all, the surest kind says; of which sign and where, each interval for itself.
         kind = candidate.atom.fixed
@@ -182,7 +167,7 @@ def forms(evidence: Evidence, candidate: Candidate) -> list[Candidate]:
         alike = [c for c in [*others, *kinds] if c.z**2 >= RESEMBLING * candidate.z**2]
         return [candidate, *(c if c.atom.fixed == kind else _as_sure(c, candidate) for c in alike)]
     inside = evidence.of(evidence.lane == candidate.atom.lane) if candidate.only_lanes else evidence
-    every = [_consistent(form) for form in _by_companions(_each(inside, candidate.name, rows)).values()]
+    every = [_consistent(form) for form in _by_companions(each_form(inside, candidate.name, rows)).values()]
     if candidate.only_lanes:
         every = [replace(form, atom=replace(form.atom, lane=candidate.atom.lane)) for form in every]
     return [_as_sure(form, candidate) for form in every] if len(every) > 1 else [candidate]
@@ -207,63 +192,24 @@ def _consistent(each: list[Candidate]) -> Candidate:
     return min((c for c in each if abs(c.z) >= CONSISTENT * strongest), key=_inconsistent)
 
 
-def confined(evidence: Evidence) -> list[Candidate]:
-    """Return the effects that the drivers of one lane have and the others have not, each in its surest form and lane.
-
-    Each is as sure as both that it is there and that it is less, or contrary, elsewhere. Where the same effect in all lanes is far
-    surer it is not asked which lane has more of it.
-    """
-    found = []
-    for name in (name for name in BY_NAME if name in LEAST and name not in ONE_LANE_NOT):
-        rows = _informative(evidence, name)
-        everywhere = max((abs(c.z) for c in _each(evidence, name, rows)), default=0.0)
-        each = [
-            one
-            for lane in np.unique(evidence.lane[evidence.lane > 0])
-            for one in _alone(evidence, name, rows, int(lane))
-        ]
-        surest = max(each, key=lambda c: abs(c.z), default=None)
-        if surest is not None and abs(surest.z) > max(SURER_EVERYWHERE * everywhere, SURE_IN_LANE):
-            found.append(surest)
-    return found
-
-
-def _alone(evidence: Evidence, name: str, rows: list[int], lane: int) -> list[Candidate]:
-    """Return an effect's forms in one lane, as sure as they are there and differ from those in the others."""
-    inside = evidence.lane == lane
-    if min(inside.sum(), (~inside).sum()) < LEAST_IN_LANE:
-        return []
-    here, there = evidence.of(inside), evidence.of(~inside)
-    known = [n for n in rows if LEAST_KNOWN < here.gram[n, n] / evidence.gram[n, n] < 1.0 - LEAST_KNOWN]
-    lanes = len(np.unique(evidence.lane[evidence.lane > 0]))
-    out = []
-    for one, other in zip(_each(here, name, known), _each(there, name, known), strict=True):
-        contrast = (one.value - other.value) / float(np.hypot(one.error, other.error))
-        if contrast * one.z > 0.0:
-            z = float(np.copysign(min(abs(one.z), abs(contrast)), one.z))
-            p = float(min(1.0, 40 * lanes * 2.0 * norm.sf(abs(z))))
-            out.append(replace(one, z=z, p=p, atom=replace(one.atom, lane=lane)))
-    return out
-
-
-def _each(evidence: Evidence, name: str, rows: list[int]) -> list[Candidate]:
+def each_form(evidence: Evidence, name: str, rows: list[int]) -> list[Candidate]:
     """Return the candidate in the form of each of an effect's atoms."""
     unit = np.eye(len(evidence.atoms))
-    return [_candidate(evidence, name, unit[n], evidence.atoms[n], 40) for n in rows]
+    return [_candidate(evidence, name, unit[n], evidence.atoms[n], LOOKS) for n in rows]
 
 
-def _informative(evidence: Evidence, name: str) -> list[int]:
+def informative(evidence: Evidence, name: str) -> list[int]:
     """Return the numbers of an effect's atoms of which the recording says anything."""
     return [n for n, atom in enumerate(evidence.atoms) if atom.name == name and evidence.gram[n, n] > 1e-6]
 
 
 def _best(evidence: Evidence, name: str) -> Candidate | None:
-    rows = _informative(evidence, name)
+    rows = informative(evidence, name)
     if not rows:
         return None
     if name in SCANNED:
         return max(_scans(evidence, name, rows), key=lambda c: (c.near_enough, abs(c.z)), default=None)
-    forms = _by_companions(_each(evidence, name, rows)).values()
+    forms = _by_companions(each_form(evidence, name, rows)).values()
     return _consistent(max(forms, key=lambda form: max(abs(c.z) for c in form)))
 
 
@@ -303,7 +249,7 @@ def _scans(evidence: Evidence, name: str, rows: list[int], sign: float = 0.0) ->
     kinds: dict[tuple[tuple[int, float], ...], list[int]] = {}
     for n in rows:
         kinds.setdefault(evidence.atoms[n].fixed, []).append(n)
-    each = [_scan(evidence, kind, sign, 40 * len(rows)) for kind in kinds.values()]
+    each = [_scan(evidence, kind, sign, LOOKS * len(rows)) for kind in kinds.values()]
     if name == "time_of_day":
         each.append(_drift(evidence, rows, sign))
     return [one for one in each if one is not None]
@@ -316,7 +262,7 @@ def _drift(evidence: Evidence, rows: list[int], sign: float) -> Candidate | None
     mix = np.zeros(len(evidence.atoms))
     mix[rows] = [(atom.low + atom.high - begin - end) / (end - begin) for atom in bins]
     atom = replace(bins[0], fixed=((slots.PERIOD_DRIFT, 1.0),), low=float(begin), high=float(end))
-    drift = _candidate(evidence, atom.name, mix, atom, 40)
+    drift = _candidate(evidence, atom.name, mix, atom, LOOKS)
     return drift if sign in (0.0, np.sign(drift.value)) else None
 
 

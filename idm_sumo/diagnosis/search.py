@@ -16,6 +16,7 @@ from idm_sumo.diagnosis.hypotheses import Candidate
 from idm_sumo.diagnosis.left_over import LeftOver, told
 from idm_sumo.diagnosis.look import Subject
 from idm_sumo.diagnosis.luck import Luck, draws
+from idm_sumo.diagnosis.one_lane import place_in_one_lane
 from idm_sumo.diagnosis.result import Gain
 from idm_sumo.diagnosis.sizes import Tried, anew, climbed, gain_of, magnitude_of, refined
 from idm_sumo.diagnosis.twins import driver_noise
@@ -153,7 +154,7 @@ def _in_one_lane(
     subject: Subject, fit: Fit, strange: tuple[LeftOver, ...], rng: np.random.Generator
 ) -> Accepted | None:
     """Return the location in one lane only that what is strange is, if it passes the gates."""
-    candidate = hy.in_one_lane(strange[0])
+    candidate = place_in_one_lane(strange[0])
     return None if candidate is None else _judged(subject, fit, [candidate], None, abs(candidate.z), [], rng)[1]
 
 
