@@ -17,11 +17,12 @@ from idm_sumo import columns as c
 from idm_sumo.recording import Recording
 from idm_sumo.smoothing import ORDER, runs
 
-FRAMES, FEW = 41, 13  # of which a step at the middle is told from a cubic: finds it; makes sure
+FRAMES, FEW = 41, 21  # of which a step at the middle is told from a cubic: finds it; makes sure
 KEPT = 0.5  # of a step, that has to be there in few frames, too
 BIN = 2.0  # m
 CLEAR = 8.0  # standard errors: no chance maximum over all bins
 LEAST = 0.15  # m
+ASIDE = 1  # bins to each side of where a long look sees it
 FEWEST = 30  # vehicles that must pass
 
 Floats = npt.NDArray[np.float64]
@@ -61,16 +62,28 @@ def find_seam(recording: Recording) -> Seam | None:
     begin = float(smooth.min())
     place = np.floor((smooth - begin) / BIN).astype(np.int64)
     starts, lengths = runs(recording.table)
-    steps, near = (_steps(x, place, starts, lengths, frames) for frames in (FRAMES, FEW))
+    steps = _steps(x, place, starts, lengths, FRAMES)
     z = np.where(steps.passed >= FEWEST, steps.mean / steps.error, 0.0)
     best = int(np.argmax(np.abs(steps.mean) * (np.abs(z) > CLEAR)))
     shift = float(steps.mean[best])
+    if abs(z[best]) <= CLEAR or abs(shift) < LEAST:
+        return None
     # What drivers do at one place, all of them, is a step in a long look only.
-    around = np.sign(shift) * near.mean[max(best - 1, 0) : best + 2]
-    if abs(z[best]) <= CLEAR or abs(shift) < LEAST or around.max() < KEPT * abs(shift):
+    near = _steps(x, place, starts, lengths, FEW)
+    centres = begin + (best + 0.5) * BIN + BIN * np.arange(-ASIDE, ASIDE + 1)
+    kept = max(
+        _size(near, _steps((x > one).astype(float), place, starts, lengths, FEW)) * np.sign(shift) for one in centres
+    )
+    if kept < KEPT * abs(shift):
         return None
     p = float(min(1.0, len(z) * 2.0 * norm.sf(abs(z[best]))))
     return Seam(begin + (best + 0.5) * BIN, shift, float(steps.error[best]), p)
+
+
+def _size(seen: Steps, unit: Steps) -> float:
+    """Return how large (m) a step is that looks like a unit step at one place does, by weighted least squares over all places."""
+    weight = np.where(seen.passed >= FEWEST, unit.mean / np.maximum(seen.error, 1e-9) ** 2, 0.0)
+    return float((weight * seen.mean).sum() / max((weight * unit.mean).sum(), 1e-12))
 
 
 def _steps(x: Floats, place: Integers, starts: Integers, lengths: Integers, frames: int) -> Steps:

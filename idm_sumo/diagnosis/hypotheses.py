@@ -33,6 +33,10 @@ EITHER_SIGN = (
 )
 # Of a headway that is shorter at speed, as for other laws in light traffic; of one that is another at a place, where they are anywhere.
 LEAST_FALLING, LEAST_PLACE_HEADWAY = 0.12, 0.06
+SURE_PLACE, SURE_PLACE_HEADWAY = (
+    7.0,
+    0.045,
+)  # standard errors from which on such a place may be less different, and how little
 SUREST = 9.0  # standard errors, from which on what other laws look like, too, is believed as other effects are
 FALLING = 1.5  # times the standard errors of what cannot be, for a headway that falls with speed
 SCANNED = ("location", "time_of_day")
@@ -103,7 +107,7 @@ class Candidate:
         if self.is_falling:
             return LEAST_FALLING
         if self.name == "location" and acting_of(self)[0].is_share:
-            return LEAST_PLACE_HEADWAY
+            return LEAST_PLACE_HEADWAY if abs(self.z) < SURE_PLACE else SURE_PLACE_HEADWAY
         return LEAST.get(self.name, np.inf)
 
     @property

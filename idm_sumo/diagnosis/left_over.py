@@ -33,6 +33,7 @@ MOST_TOLD, NEARLY = 3, 0.4  # of the strongest's squared z
 # Where next to nothing is answered, or by few, or in an emergency, a response seems many times stronger, or turned round; of a share,
 # and of s of delay.
 LARGEST = {ff.RESPONSE: (-1.0, 1.5), ff.DELAY: (-1.0, 3.0)}
+OF_ONE_LANE = 1.5  # times the least that may be told: few drivers, and as many looks in each lane as in all
 LEAST = {ff.ACCELERATION: 0.04, ff.HEADWAY: 0.04, ff.RESPONSE: 0.05, ff.DELAY: 0.1}  # m/s², of log T, share, s
 
 
@@ -216,7 +217,8 @@ def _named(said: Said, looks: int) -> LeftOver:
     p = float(min(1.0, looks * 2.0 * norm.sf(abs(z))))
     lane = int(family.covariate.partition(ff.IN_LANE)[2] or 0)
     low, high = LARGEST.get(family.content, (-np.inf, np.inf))
-    is_credible = abs(value) >= LEAST[family.content] and low <= value <= high and not said.by_few
+    least = LEAST[family.content] * (OF_ONE_LANE if lane else 1.0)
+    is_credible = abs(value) >= least and low <= value <= high and not said.by_few
     return LeftOver(covariate, edges[0], place, time, value, z, p, is_credible, lane, stretch.score, said.bias)
 
 
