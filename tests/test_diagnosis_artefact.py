@@ -48,3 +48,15 @@ def test_what_all_drivers_do_at_one_place_is_none():
     assert (np.abs(long.mean) > artefact.LEAST)[long.passed > artefact.FEWEST].any()
     assert artefact.find_seam(given) is None
     assert artefact.find_seam(recording(paths())) is None
+
+
+def test_a_step_has_its_size_in_a_short_look_as_in_a_long_one():
+    x = paths()
+    given = recording(x + 0.4 * (x > PLACE)).table[c.X].to_numpy(np.float64)
+    place = np.floor((given - given.min()) / artefact.BIN).astype(np.int64)
+    ends = runs(recording(x).table)
+    for frames in (artefact.FRAMES, artefact.FEW):
+        unit = artefact._steps((given > PLACE).astype(float), place, *ends, frames)
+        seen = artefact._steps(given, place, *ends, frames)
+        assert artefact._size(seen, unit) == pytest.approx(0.4, rel=0.15)
+        assert artefact._size(unit, unit) == pytest.approx(1.0)

@@ -159,3 +159,11 @@ def test_a_delay_is_tried_with_the_own_speed_late_and_known_each_at_the_size_tha
 def test_a_location_of_all_lanes_fills_all():
     found = hy.candidates(evidence(place(10, 20, -1.0), 0.0))[0]
     assert hy.lanes_of(found) == slice(None)
+
+
+@pytest.mark.parametrize(
+    ("value", "z", "is_large"), [(0.05, 6.0, False), (0.05, 8.0, True), (0.065, 5.0, True), (0.04, 12.0, False)]
+)
+def test_a_sure_headway_at_a_place_may_be_less_different(value, z, is_large):
+    atom = Atom("location", fixed=((slots.PLACE_HEADWAY, 1.0),), low=100.0, high=200.0)
+    assert hy.Candidate("location", value, value / z, z, 1e-9, atom).large_enough is is_large

@@ -120,6 +120,17 @@ def test_nobody_answers_many_times_as_strongly_or_the_other_way_round(content, v
     assert not lo._named(said._replace(by_few=True), 10).is_credible
 
 
+@pytest.mark.parametrize(
+    ("covariate", "told"), [("position", True), ("position in lane 2", False), ("time in lane 2", False)]
+)
+def test_what_only_one_lane_does_must_be_larger(covariate, told):
+    said = lo.Said(
+        ff.Family(covariate, "", (np.arange(6.0),)), Stretch((1,), (3,), 10, -5.0, 100.0), -9.0, 0.0, by_few=False
+    )
+    assert lo._named(said, 10).is_credible is told
+    assert lo._named(said._replace(stretch=said.stretch._replace(score=-8.0)), 10).is_credible
+
+
 @pytest.mark.parametrize("platoon", [3, None])
 def test_what_one_block_of_neighbours_does_is_not_told(driven, platoon):
     windows, fit, grid, _ = driven
