@@ -364,6 +364,24 @@ def test_a_place_that_is_still_there_beside_the_one_in_the_model_is_no_interval(
 
 
 @pytest.mark.parametrize(
+    ("low", "high", "value", "another"),
+    [
+        (0.0, 300.0, 0.1, False),  # more in the first two thirds of it: a form that rises and falls
+        (0.0, 300.0, -0.1, True),
+        (0.0, 600.0, 0.1, True),  # a third of it: one of several
+        (400.0, 600.0, 0.1, True),
+    ],
+)
+def test_more_of_the_same_in_most_of_an_interval_is_no_other_one(low, high, value, another):
+    bins = [Atom("time_of_day", low=100.0 * n, high=100.0 * (n + 1)) for n in range(6)]
+    u = np.zeros((30, 6))
+    u[:, :2] = evidence(9.0).u / np.sqrt(2.0)
+    seen = Evidence(bins, u, np.zeros((2, 6)), 1e4 * np.eye(6), np.full((30, 6), 1e4 / 30), np.arange(30))
+    first = Candidate("time_of_day", value, 0.01, 10.0, 1e-9, Atom("time_of_day", low=low, high=high))
+    assert gates.is_another(first, seen) is another
+
+
+@pytest.mark.parametrize(
     ("value", "low", "high", "accepted", "unseen"),
     [
         (0.1, 0.0, 100.0, "lane_change_relaxation", True),

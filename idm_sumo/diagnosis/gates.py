@@ -58,6 +58,7 @@ FREE_EXCESS, FREE_CHANGE, FREE_MORE = 1.5, 0.5, 25.0
 # Of its squared z, that is left of it with the best cause in the model; less suffices of a place and time: what a place does at all
 # times a location takes away, and what a location leaves there is not its form.
 FREE_STILL, REGION_STILL = 0.5, 0.3
+CORE_INSIDE, CORE_SHARE = 0.8, 0.5  # of what is left, inside the interval in the model; of that interval
 FREELY = dict(zip(hy.SCANNED, HELD, strict=True))  # what is free where a place or a time of the catalogue acts
 # What is free and yet only shows what a likely effect of the catalogue does, by its sign times that of the covariate.
 SHOWS = {
@@ -246,7 +247,17 @@ def is_another(first: Candidate, evidence: ev.Evidence) -> bool:
     if first.name not in FREELY:
         return False
     left = next((c for c in hy.candidates(evidence) if c.name == first.name), None)
-    return left is not None and bool(left.p < SIGNIFICANT and left.z**2 > FREE_STILL * first.z**2)
+    if left is None or left.p >= SIGNIFICANT or left.z**2 <= FREE_STILL * first.z**2:
+        return False
+    return not _is_its_core(left, first)
+
+
+def _is_its_core(left: Candidate, first: Candidate) -> bool:
+    """Return whether what is left is more of the same in the better part of an interval: its form is no step."""
+    begin, end = max(left.atom.low, first.atom.low), min(left.atom.high, first.atom.high)
+    both = max(end - begin, 0.0)
+    inside = both > CORE_INSIDE * (left.atom.high - left.atom.low)
+    return inside and both > CORE_SHARE * (first.atom.high - first.atom.low) and left.value * first.value > 0.0
 
 
 def is_past_unseen(candidate: Candidate, evidence: ev.Evidence, accepted: Container[str]) -> bool:
