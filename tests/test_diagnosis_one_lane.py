@@ -42,7 +42,7 @@ def in_lanes(*sizes: float, name: str = "hysteresis", drivers: int = 40) -> Evid
     lane = np.repeat(1 + np.arange(len(sizes)), drivers)
     information = (
         100.0 / drivers
-    )  # of each driver: a standard error of 0.1 in each lane, and of a little more by its inflation
+    )  # of each driver: a standard error of 0.1 in each lane, and a little more by its inflation
     u = information * np.array(sizes)[lane - 1] + np.sqrt(information) * rng.standard_normal(len(lane))
     atoms = [Atom(name, 0.2, ((slots.HYSTERESIS, 0.2),))]
     part = np.full((len(lane), 1), information)

@@ -7,7 +7,7 @@ import itertools
 import numpy as np
 import pytest
 
-from idm_sumo.diagnosis.scans import best_stretch
+from idm_sumo.diagnosis.scans import best_stretch, corrected_p
 
 RNG = np.random.default_rng(3)
 
@@ -81,3 +81,9 @@ def test_of_two_stretches_the_one_of_the_wanted_sign_is_taken():
     assert (either.first, either.last) == ((12,), (18,))
     assert (more.first, more.last) == ((3,), (6,))
     assert best_stretch(gram @ planted.clip(0.0), gram, (20,), of_sign=-1.0) is None
+
+
+def test_p_values_are_two_sided_and_corrected_for_looks():
+    assert corrected_p(1.959964, 1) == pytest.approx(0.05, rel=1e-5)
+    assert corrected_p(-1.959964, 10) == pytest.approx(0.5, rel=1e-5)
+    assert corrected_p(0.5, 100) == 1.0

@@ -11,9 +11,9 @@ from typing import NamedTuple
 
 import numpy as np
 import numpy.typing as npt
-from scipy.stats import norm
 
 from idm_sumo import columns as c
+from idm_sumo.diagnosis.scans import corrected_p
 from idm_sumo.recording import Recording
 from idm_sumo.smoothing import ORDER, runs
 
@@ -76,7 +76,7 @@ def find_seam(recording: Recording) -> Seam | None:
     )
     if kept < KEPT * abs(shift):
         return None
-    p = float(min(1.0, len(z) * 2.0 * norm.sf(abs(z[best]))))
+    p = corrected_p(float(z[best]), len(z))
     return Seam(begin + (best + 0.5) * BIN, shift, float(steps.error[best]), p)
 
 

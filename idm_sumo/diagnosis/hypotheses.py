@@ -7,11 +7,10 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 import numpy.typing as npt
-from scipy.stats import norm
 
 from idm_sumo.diagnosis.atoms import LOCAL, Atom
 from idm_sumo.diagnosis.evidence import Evidence
-from idm_sumo.diagnosis.scans import best_stretch
+from idm_sumo.diagnosis.scans import best_stretch, corrected_p
 from idm_sumo.effects import BY_NAME, Parameter, slots
 
 Floats = npt.NDArray[np.float64]
@@ -238,7 +237,7 @@ def _candidate(evidence: Evidence, name: str, mix: Floats, atom: Atom, looks: in
         score / information,
         np.sqrt(variance) / information,
         z,
-        float(min(1.0, looks * 2.0 * norm.sf(abs(z)))),
+        corrected_p(z, looks),
         atom,
         score,
         float(evidence.twins.mean(axis=0) @ mix),

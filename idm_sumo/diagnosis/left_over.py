@@ -16,7 +16,7 @@ from idm_sumo.diagnosis.bins import pulse_means, sums_by_bin
 from idm_sumo.diagnosis.fit import Fit
 from idm_sumo.diagnosis.pulses import Pulses, pulses_of
 from idm_sumo.diagnosis.rollout import BIN
-from idm_sumo.diagnosis.scans import Stretch, best_stretch
+from idm_sumo.diagnosis.scans import Stretch, best_stretch, corrected_p
 from idm_sumo.diagnosis.windows import Windows
 from idm_sumo.threads import each_in_threads
 
@@ -214,7 +214,7 @@ def _named(said: Said, looks: int) -> LeftOver:
     covariate = f"{family.content} over {family.covariate}" if family.content else family.covariate
     place = edges[0] if family.covariate.startswith("position") else None
     time = edges[-1] if family.covariate.startswith(("time", ff.REGION)) else None
-    p = float(min(1.0, looks * 2.0 * norm.sf(abs(z))))
+    p = corrected_p(z, looks)
     lane = int(family.covariate.partition(ff.IN_LANE)[2] or 0)
     low, high = LARGEST.get(family.content, (-np.inf, np.inf))
     least = LEAST[family.content] * (OF_ONE_LANE if lane else 1.0)

@@ -6,18 +6,18 @@ from collections.abc import Iterator
 from dataclasses import replace
 
 import numpy as np
-from scipy.stats import norm
 
 from idm_sumo.diagnosis import hypotheses as hy
 from idm_sumo.diagnosis.atoms import Atom
-from idm_sumo.diagnosis.evidence import Evidence
+from idm_sumo.diagnosis.evidence import ENDOGENOUS, Evidence
 from idm_sumo.diagnosis.free_fields import IN_LANE
 from idm_sumo.diagnosis.hypotheses import Candidate
 from idm_sumo.diagnosis.left_over import LeftOver
+from idm_sumo.diagnosis.scans import corrected_p
 from idm_sumo.effects import BY_NAME
 
 # Of one lane alone: a place there is found freely; what a lane's drivers want is its own effect; of the follower there is no twin.
-NOT_BY_LANE = (*hy.SCANNED, "desired_speed", "follower_pressure")
+NOT_BY_LANE = (*hy.SCANNED, "desired_speed", *ENDOGENOUS)
 # Standard errors by which a lane must differ from the others (of 24 recordings of six laws with nothing hidden the surest were 4.7
 # and 3.5), and of those of the effect in all lanes.
 SURE_IN_LANE, SURER_EVERYWHERE = 5.5, 0.7
@@ -44,14 +44,12 @@ def confined(evidence: Evidence) -> list[Candidate]:
     for one in (one for lane in lanes for one in _alone(evidence, rows, int(lane), len(lanes))):
         if one.name not in surest or abs(one.z) > abs(surest[one.name].z):
             surest[one.name] = one
-    return [
-        one for one in surest.values() if abs(one.z) > max(SURE_IN_LANE, SURER_EVERYWHERE * _surest(evidence, one.name))
-    ]
 
+    def needed(name: str) -> float:
+        everywhere = max(abs(one.z) for one in hy.each_form(evidence, name, rows[name]))
+        return max(SURE_IN_LANE, SURER_EVERYWHERE * everywhere)
 
-def _surest(evidence: Evidence, name: str) -> float:
-    """Return the standard errors of an effect in all lanes, in its surest form."""
-    return max(abs(one.z) for one in hy.each_form(evidence, name, hy.informative(evidence, name)))
+    return [one for one in surest.values() if abs(one.z) > needed(one.name)]
 
 
 def _alone(evidence: Evidence, rows: dict[str, list[int]], lane: int, lanes: int) -> Iterator[Candidate]:
@@ -66,5 +64,5 @@ def _alone(evidence: Evidence, rows: dict[str, list[int]], lane: int, lanes: int
             contrast = (one.value - other.value) / float(np.hypot(one.error, other.error))
             if contrast * one.z > 0.0:
                 z = float(np.copysign(min(abs(one.z), abs(contrast)), one.z))
-                p = float(min(1.0, hy.LOOKS * lanes * 2.0 * norm.sf(abs(z))))
+                p = corrected_p(z, hy.LOOKS * lanes)
                 yield replace(one, z=z, p=p, atom=replace(one.atom, lane=lane))

@@ -6,6 +6,7 @@ from typing import NamedTuple
 
 import numpy as np
 import numpy.typing as npt
+from scipy.stats import norm
 
 Floats = npt.NDArray[np.float64]
 Integers = npt.NDArray[np.int64]
@@ -99,3 +100,8 @@ def _corners(first: tuple[Integers, ...], last: tuple[Integers, ...]) -> list[tu
     for a, b in zip(first, last, strict=True):
         corners = [(s * t, (*at, edge)) for s, at in corners for t, edge in ((1.0, b), (-1.0, a))]
     return corners
+
+
+def corrected_p(z: float, looks: int) -> float:
+    """Return the two-sided p-value of so many standard errors, corrected for the number of looks (Bonferroni)."""
+    return float(min(1.0, looks * 2.0 * norm.sf(abs(z))))
