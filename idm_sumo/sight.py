@@ -16,7 +16,7 @@ from numba import njit
 from idm_sumo import columns as c
 from idm_sumo import road
 from idm_sumo.effects import Sight
-from idm_sumo.effects.adjacent_lane_friction import BESIDE
+from idm_sumo.effects.adjacent_lane_friction import AHEAD, BESIDE
 from idm_sumo.effects.lane_change_relaxation import headway_after
 from idm_sumo.recording import Recording
 from idm_sumo.rollout import perceive
@@ -216,15 +216,30 @@ def mean_speed_near(offsets, x, speed, vehicle, cell, front, own):  # type: igno
 
 
 @njit(cache=True)
+def next_speed(offsets, x, speed, vehicle, cell, front, own):  # type: ignore[no-untyped-def]
+    """Return the speed (m/s) of the next vehicle of ``cell`` up to ``AHEAD`` of ``front`` (m), NaN for none."""
+    row = first_ahead(offsets, x, cell, front)
+    while row < offsets[cell + 1] and vehicle[row] == own:
+        row += 1
+    return speed[row] if row < offsets[cell + 1] and x[row] - front <= AHEAD else np.nan
+
+
+@njit(cache=True)
+def slower(one, other):  # type: ignore[no-untyped-def]
+    """Return the lower of two speeds, of which either may be unknown (NaN)."""
+    return other if other == other and not other >= one else one
+
+
+@njit(cache=True)
 def slower_beside(offsets, x, speed, vehicle, cell, frames, lane, front, own):  # type: ignore[no-untyped-def]
-    """Return the mean speed (m/s) near in the slower adjacent lane, NaN without anybody there."""
-    slowest = np.nan
+    """Return, of the adjacent lanes, the lower mean speed (m/s) near and that of the slower next one; NaN without anybody there."""
+    mean, next_one = np.nan, np.nan
     for side in (-1, 1):
         if 1 <= lane + side <= road.MAIN_LANES:
-            mean = mean_speed_near(offsets, x, speed, vehicle, cell + side * frames, front, own)
-            if mean == mean and not mean >= slowest:
-                slowest = mean
-    return slowest
+            there = cell + side * frames
+            mean = slower(mean, mean_speed_near(offsets, x, speed, vehicle, there, front, own))
+            next_one = slower(next_one, next_speed(offsets, x, speed, vehicle, there, front, own))
+    return mean, next_one
 
 
 @njit(cache=True)
@@ -234,7 +249,8 @@ def look(  # type: ignore[no-untyped-def]
 ):  # fmt: skip
     """Return what a driver with its front at ``front`` (m) and its leader in ``row`` sees; ``alone``: in a lane of its own."""
     leader_acceleration, leader_class = 0.0, np.nan
-    second_gap, second_speed, adjacent_speed, rear_gap = np.inf, np.nan, np.nan, np.nan
+    second_gap, second_speed, rear_gap = np.inf, np.nan, np.nan
+    adjacent_speed, next_beside_speed = np.nan, np.nan
     if row != NOBODY:
         leader_acceleration, leader_class = others.acceleration[row], others.vehicle_class[row]
         second = row + 1
@@ -244,10 +260,10 @@ def look(  # type: ignore[no-untyped-def]
             second_gap = gap + x[second] - length[second] - x[row]
             second_speed = speed[second]
     if not alone:
-        adjacent_speed = slower_beside(offsets, x, speed, vehicle, cell, frames, lane, front, own)
+        adjacent_speed, next_beside_speed = slower_beside(offsets, x, speed, vehicle, cell, frames, lane, front, own)
         rear = behind(offsets, x, vehicle, cell, front, own)
         rear_gap = front - own_length - x[rear] if rear != NOBODY else np.inf
     return Sight(
         front, t, leader_acceleration, leader_class, own_class, float(lane), second_gap, second_speed, adjacent_speed,
-        rear_gap, jump, since, accepted, until_cut_in, until_own_change, mean_speed,
+        rear_gap, jump, since, accepted, until_cut_in, until_own_change, mean_speed, next_beside_speed,
     )  # fmt: skip

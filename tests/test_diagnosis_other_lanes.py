@@ -72,6 +72,18 @@ def test_the_slower_adjacent_lane_is_the_one_that_holds_back():
     assert OtherLanes(third).slower_speed()[0] == 6.0
 
 
+def test_the_next_one_is_ahead_in_an_adjacent_lane_and_the_slower_of_two_holds_back():
+    for x in (100.0, 110.0, 159.0):
+        assert beside(**{c.X: x}).slower_next_speed()[0] == 8.0
+    for nothing in ({c.X: 99.0}, {c.X: 161.0}, {c.LANE: 2}, {c.LANE: 4}):
+        assert np.isnan(beside(**nothing).slower_next_speed()[0])
+    assert np.isnan(beside().slower_next_speed()[1])
+    farther = frame(**{c.X: 130.0}).iloc[1:].assign(**{c.VEHICLE: 3, c.SPEED: 2.0})
+    assert OtherLanes(pd.concat([frame(), farther], ignore_index=True)).slower_next_speed()[0] == 8.0
+    other_side = farther.assign(**{c.LANE: 1})
+    assert OtherLanes(pd.concat([frame(), other_side], ignore_index=True)).slower_next_speed()[0] == 2.0
+
+
 def test_the_faster_adjacent_lane_is_the_other_one():
     assert beside().faster_speed()[0] == 8.0
     assert np.isnan(beside(**{c.X: 135.0}).faster_speed()).all()

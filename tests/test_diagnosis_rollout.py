@@ -10,7 +10,7 @@ import pytest
 from idm_sumo.diagnosis import rollout as ro
 from idm_sumo.diagnosis import windows as w
 from idm_sumo.diagnosis.fit import fit_drivers, for_rollouts
-from idm_sumo.diagnosis.linear_pulses import LINEAR, linear_pulses
+from idm_sumo.diagnosis.linear_pulses import LINEAR, NEXT, linear_pulses
 from idm_sumo.diagnosis.luck import Noises, draw
 from idm_sumo.diagnosis.noise import QUIET
 from idm_sumo.diagnosis.smoother import local_cubic
@@ -90,7 +90,7 @@ def by_hand(windows: w.Windows, theta: np.ndarray, m: np.ndarray) -> np.ndarray:
             see = Sight(
                 x, row[w.TIME], row[w.ACCELERATION], row[w.KIND], row[w.OWN_KIND], row[w.LANE], row[w.SECOND] - x,
                 row[w.SECOND_SPEED], row[w.ADJACENT], x - row[w.BEHIND], row[w.JUMP], row[w.SINCE], row[w.ACCEPTED], row[w.UNTIL_CUT_IN],
-                row[w.UNTIL_OWN], row[w.MEAN_SPEED],
+                row[w.UNTIL_OWN], row[w.MEAN_SPEED], row[w.NEXT_BESIDE],
             )  # fmt: skip
             own = theta[windows.driver[i]]
             a = extended_acceleration(speed, rate, gap, see, *own[:4], 0.0, own[4], m)
@@ -198,6 +198,21 @@ def test_linear_pulses_are_the_derivatives_by_the_magnitudes(plain):
         m[:, slot], m[:, slots.PIVOT_SPEED] = 1e-4, 9.0
         change = (ro.positions(windows, theta, m) - ro.positions(windows, theta, ro.PLAIN)) / 1e-4
         predicted = np.einsum("wkp,wp->wk", response, pulses[:, :, LINEAR.index(name)])
+        assert np.abs(predicted - change).max() < 0.06 * np.abs(change).max()
+
+
+def test_friction_beside_a_lane_and_beside_its_next_vehicle_are_each_their_own_derivative(plain):
+    windows, theta = plain
+    seen = windows.seen.copy()
+    seen[:, :, w.ADJACENT], seen[:, :, w.NEXT_BESIDE] = seen[:, :, w.SPEED] - 2.0, seen[:, :, w.SPEED] - 5.0
+    windows = replace(windows, seen=seen)
+    response, state = ro.respond(seen, windows.driver, theta, ro.PLAIN)
+    pulses = linear_pulses(seen, state, pivot=9.0)
+    for number, of_next in ((LINEAR.index("adjacent_lane_friction"), 0.0), (NEXT, 1.0)):
+        m = ro.PLAIN.copy()
+        m[:, slots.FRICTION], m[:, slots.FRICTION_NEXT] = 1e-4, of_next
+        change = (ro.positions(windows, theta, m) - ro.positions(windows, theta, ro.PLAIN)) / 1e-4
+        predicted = np.einsum("wkp,wp->wk", response, pulses[:, :, number])
         assert np.abs(predicted - change).max() < 0.06 * np.abs(change).max()
 
 

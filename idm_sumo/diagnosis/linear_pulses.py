@@ -26,8 +26,10 @@ Floats = npt.NDArray[np.float64]
 GUARD = "form:"  # begins the names of what another car-following model underneath would look like
 LINEAR = (
     "acceleration_asymmetry", "leader_class", "speed_dependent_headway", "hysteresis", "adjacent_lane_friction",
-    "vehicle_class", "follower_pressure", "courtesy_yielding", "pre_insertion", *(f"{GUARD}{n}" for n in range(6)),
+    "adjacent_lane_friction", "vehicle_class", "follower_pressure", "courtesy_yielding", "pre_insertion",
+    *(f"{GUARD}{n}" for n in range(6)),
 )  # fmt: skip
+NEXT = 5  # of them: friction beside the next vehicle ahead
 
 
 def linear_pulses(seen: Floats, state: Floats, pivot: float) -> Floats:
@@ -65,16 +67,17 @@ def _fill(first, last, seen, state, pivot, out):  # type: ignore[no-untyped-def]
             to[2] += by_t * speed
             to[3] += by_t * (in_phase(leader, 1.0) - 1.0)
             to[4] += friction(v, row[w.ADJACENT], 1.0)
-            to[5] += by_t * (of_truck(row[w.OWN_KIND], 1.0) - 1.0)
-            to[6] += pressed(x - row[w.BEHIND], 1.0)
-            to[7] += by_t * (before_cut_in(row[w.UNTIL_CUT_IN], 1.0) - 1.0)
-            to[8] += by_t * (before_own_change(row[w.UNTIL_OWN], 1.0) - 1.0)
-            to[9] += speed * speed
-            to[10] += closing * closing
-            to[11] += speed * closing
-            to[12] += gap * gap
-            to[13] += gap * speed
-            to[14] += gap * closing
+            to[5] += friction(v, row[w.NEXT_BESIDE], 1.0)
+            to[6] += by_t * (of_truck(row[w.OWN_KIND], 1.0) - 1.0)
+            to[7] += pressed(x - row[w.BEHIND], 1.0)
+            to[8] += by_t * (before_cut_in(row[w.UNTIL_CUT_IN], 1.0) - 1.0)
+            to[9] += by_t * (before_own_change(row[w.UNTIL_OWN], 1.0) - 1.0)
+            to[10] += speed * speed
+            to[11] += closing * closing
+            to[12] += speed * closing
+            to[13] += gap * gap
+            to[14] += gap * speed
+            to[15] += gap * closing
         for p in range(out.shape[1]):
             for n in range(out.shape[2]):
                 out[i, p, n] /= BIN

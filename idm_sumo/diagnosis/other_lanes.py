@@ -9,7 +9,7 @@ import numpy.typing as npt
 import pandas as pd
 
 from idm_sumo import columns as c
-from idm_sumo.effects.adjacent_lane_friction import BESIDE
+from idm_sumo.effects.adjacent_lane_friction import AHEAD, BESIDE
 from idm_sumo.effects.leader_class import TRUCK
 from idm_sumo.leaders import frame_code
 
@@ -47,6 +47,12 @@ class OtherLanes:
     def faster_speed(self) -> Floats:
         """Return the same of the faster one."""
         return np.asarray(np.fmax(*self._speeds))
+
+    def slower_next_speed(self) -> Floats:
+        """Return the speed (m/s) of the slower one of the next vehicles in the adjacent lanes, up to ``AHEAD`` m ahead; NaN for none."""
+        speed = np.append(self._table[c.SPEED].to_numpy(np.float64)[self._order], np.nan)
+        sides = (self._between(side, 0.0, AHEAD) for side in (-1, 1))
+        return np.asarray(np.fmin(*(np.where(last > first, speed[first], np.nan) for first, last in sides)))
 
     @cached_property
     def _speeds(self) -> tuple[Floats, Floats]:

@@ -30,8 +30,8 @@ NEAREST = 0.3  # m: a smaller recorded gap is an overlap of the measurement
 REAR, SPEED, ACCELERATION, KIND, SECOND, SECOND_SPEED, ADJACENT, BEHIND = range(8)
 JUMP, SINCE, UNTIL_CUT_IN, UNTIL_OWN, MEAN_SPEED, LANE, TIME, X, V, OWN_KIND = range(8, 18)
 TRUCKS_BESIDE, BRAKING_BESIDE, UNREST, ACCEPTED, BEHIND_KIND, CROWD_LEFT, CROWD_RIGHT = range(18, 25)
-ABREAST, SECOND_KIND, FASTER, BESIDE_GAP, MOTORCYCLES, LENGTH, SINCE_STANDING = range(25, 32)
-COLUMNS = 32
+ABREAST, SECOND_KIND, FASTER, BESIDE_GAP, MOTORCYCLES, LENGTH, SINCE_STANDING, NEXT_BESIDE = range(25, 33)
+COLUMNS = 33
 LEADERS = (REAR, SPEED, ACCELERATION, SECOND, SECOND_SPEED)  # of which a recording shows what smoothing leaves
 
 Floats = npt.NDArray[np.float64]
@@ -52,7 +52,7 @@ class Windows:
         own mean absolute acceleration of late; time headway (s) right after the last leader change; follower's class; vehicles near in the
         left and in the right adjacent lane (NaN without one); adjacent lanes with a vehicle alongside; second leader's class; faster
         adjacent lane's speed (NaN for none); adjacent lanes with a vehicle beside the own gap; motorcycles beside; leader's length (m, 0
-        if not known); time since the own last standstill.
+        if not known); time since the own last standstill; speed of the slower of the next vehicles ahead in the adjacent lanes (NaN for none).
         The simulation starts at frame ``LEAD``.
     blurred : float64, shape (windows, LEAD + horizon + 1, 5)
         The columns ``LEADERS``, smoothed once more: what a twin's measurement sees.
@@ -186,7 +186,7 @@ def _columns(recording: Recording, ahead: Ahead) -> Floats:
     seen[:, BEHIND] = ahead.follower_front + length
     seen[:, [JUMP, SINCE, ACCEPTED, UNTIL_CUT_IN, UNTIL_OWN]] = np.stack(events, 1)
     seen[:, MEAN_SPEED] = _running_mean(v, same_run(table))
-    seen[:, [ADJACENT, FASTER, CROWD_LEFT, CROWD_RIGHT]] = np.nan
+    seen[:, [ADJACENT, NEXT_BESIDE, FASTER, CROWD_LEFT, CROWD_RIGHT]] = np.nan
     seen[:, [TRUCKS_BESIDE, BRAKING_BESIDE, ABREAST, BESIDE_GAP, MOTORCYCLES]] = 0.0
     if recording.has_leader_rows:
         beside = OtherLanes(table)
@@ -195,6 +195,7 @@ def _columns(recording: Recording, ahead: Ahead) -> Floats:
         )  # fmt: skip
         seen[:, CROWD_LEFT], seen[:, CROWD_RIGHT] = beside.crowd(-1), beside.crowd(1)
         seen[:, FASTER], seen[:, ABREAST] = beside.faster_speed(), beside.abreast()
+        seen[:, NEXT_BESIDE] = beside.slower_next_speed()
         seen[:, BESIDE_GAP], seen[:, MOTORCYCLES] = beside.beside_gap(ahead.rear - x), beside.motorcycles()
     seen[:, BEHIND_KIND], seen[:, SECOND_KIND], seen[:, LENGTH] = ahead.follower_kind, ahead.second_kind, ahead.length
     seen[:, SINCE_STANDING] = since(v < STANDING, same_run(table))[0]

@@ -26,6 +26,9 @@ from idm_sumo.effects.time_of_day import at_time, drifted
 from idm_sumo.effects.vehicle_class import of_truck
 
 
+NAN = float("nan")
+
+
 class Sight(NamedTuple):
     """What a driver sees at one moment, own gap, speed and approach rate apart. Unknown is NaN.
 
@@ -51,6 +54,8 @@ class Sight(NamedTuple):
         Seconds until a vehicle is inserted ahead; until the own lane change.
     mean_speed : float
         Running mean of the own speed (m/s).
+    next_beside_speed : float
+        Speed (m/s) of the slower one of the next vehicles ahead in the adjacent lanes.
     """
 
     x: float
@@ -69,9 +74,9 @@ class Sight(NamedTuple):
     until_cut_in: float
     until_own_change: float
     mean_speed: float
+    next_beside_speed: float = NAN
 
 
-NAN = float("nan")
 BLIND = Sight(*([NAN] * len(Sight._fields)))  # sees nothing but its leader
 
 
@@ -139,6 +144,7 @@ def moment_of(see, m):  # type: ignore[no-untyped-def]
     of_gap, of_headway = 1.0 - m[slots.HEADWAY_ACCEPTED], m[slots.HEADWAY_ACCEPTED]
     given_up = headway_given_up(see.jump, see.since_change, m[slots.RELAXATION] * of_headway, m[slots.RELAXATION_TIME])
     share = m[slots.SECOND_LEADER] if see.second_gap < 1e6 else 0.0
+    beside = see.next_beside_speed if m[slots.FRICTION_NEXT] > 0.5 else see.adjacent_speed
     return Moment(
         headway,
         in_lane(see.lane, m[slots.DESIRED_SPEED], m[slots.DESIRED_SPEED_LANE]),
@@ -148,7 +154,7 @@ def moment_of(see, m):  # type: ignore[no-untyped-def]
         m[slots.BAND], m[slots.BAND] * m[slots.BAND_TAKEN], m[slots.ASYMMETRY], m[slots.SPEED_HEADWAY], m[slots.PIVOT_SPEED],
         m[slots.MEMORY] if see.mean_speed == see.mean_speed else 0.0, see.mean_speed,
         m[slots.PLACE], m[slots.PLACE_HEADWAY], m[slots.PLACE_BEGIN], m[slots.PLACE_END],
-        m[slots.FRICTION], see.adjacent_speed, m[slots.PRESSURE],
+        m[slots.FRICTION], beside, m[slots.PRESSURE],
     )  # fmt: skip
 
 

@@ -2,7 +2,8 @@ r"""Friction: slower beside a slower lane.
 
 .. math:: \dot v \to \dot v - k \max(0, v - v_{adj})
 
-with :math:`v_{adj}` the mean speed of the vehicles near in the slower one of the adjacent lanes.
+with :math:`v_{adj}` the mean speed of the vehicles near in the slower one of the adjacent lanes, or (:math:`\phi = 1`) the speed of
+the slower one of the next vehicles ahead there: of those on whom the eye is.
 """
 
 from __future__ import annotations
@@ -13,6 +14,7 @@ from idm_sumo.effects import slots
 from idm_sumo.effects.record import Effect, Parameter
 
 BESIDE = 30.0  # m, to either side: who counts as near
+AHEAD = 60.0  # m: how far the next one counts
 
 
 @njit(cache=True, error_model="numpy")
@@ -24,8 +26,11 @@ def friction(speed: float, adjacent_speed: float, strength: float) -> float:
 EFFECT = Effect(
     name="adjacent_lane_friction",
     summary="slows beside a slower lane",
-    parameters=(Parameter("k", "1/s", slots.FRICTION, -0.3, 0.5, 0.05),),
-    must_see=("adjacent_speed",),
+    parameters=(
+        Parameter("k", "1/s", slots.FRICTION, -0.3, 0.5, 0.05),
+        Parameter("phi", "1", slots.FRICTION_NEXT, 0.0, 1.0, 0.0),
+    ),
+    must_see=("adjacent_speed", "next_beside_speed"),
     confusable_with=("location", "desired_speed"),
     source="Liu, Schroeder, Thomson, Wang, Rouphail and Yin (2011), Cartage friction between freeway lanes",
 )
