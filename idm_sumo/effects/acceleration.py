@@ -25,7 +25,6 @@ from idm_sumo.effects.speed_dependent_headway import at_speed
 from idm_sumo.effects.time_of_day import at_time, drifted
 from idm_sumo.effects.vehicle_class import of_truck
 
-
 NAN = float("nan")
 
 
