@@ -17,10 +17,12 @@ from idm_sumo import columns as c
 from idm_sumo import road
 from idm_sumo.effects import Sight
 from idm_sumo.effects.adjacent_lane_friction import AHEAD, BESIDE
+from idm_sumo.effects.hysteresis import OF_LATE
 from idm_sumo.effects.lane_change_relaxation import headway_after
 from idm_sumo.recording import Recording
 from idm_sumo.rollout import perceive
 from idm_sumo.scenes import LEADER_FROM_LANE, Scenes
+from idm_sumo.smoothing import running_mean, same_run
 from idm_sumo.traffic import NOBODY, first_ahead
 from idm_sumo.twin_leaders import leader_lengths, leader_runs, recorded_leaders
 
@@ -35,8 +37,8 @@ class Others(NamedTuple):
 
     Attributes
     ----------
-    acceleration : float64
-        m/s².
+    acceleration, acceleration_of_late : float64
+        m/s², the latter the mean of the last seconds.
     vehicle_class : float64
         NaN where not recorded.
     who : int64
@@ -44,6 +46,7 @@ class Others(NamedTuple):
     """
 
     acceleration: Floats
+    acceleration_of_late: Floats
     vehicle_class: Floats
     who: Integers
 
@@ -86,16 +89,25 @@ def what_is_seen(recording: Recording, scenes: Scenes) -> tuple[Others, Twin]:
     scenes : Scenes
     """
     table = recording.table
-    who, gap, acceleration, kind = _leaders(recording, scenes)
-    return _others(table, scenes, who, acceleration, kind), _twin(table, scenes, who, gap)
+    known = _leaders(recording, scenes)
+    return _others(table, scenes, known), _twin(table, scenes, known.who, known.gap)
 
 
-def _leaders(recording: Recording, scenes: Scenes) -> tuple[Integers, Floats, Floats, Floats]:
-    """Return of every recorded row its leader's number (0 none) and gap (m), and whose row of the traffic it is.
+class _Known(NamedTuple):
+    """Of every recorded row its leader's number (0 none) and gap (m), and whose row of the traffic it is.
 
-    The last two, acceleration and class, are those of the vehicle that stands in the traffic: the row's own where
-    the vehicles ahead are recorded, its leader's where the headway is all that is known.
+    The others, acceleration, whether it goes on from the row before, and class, are those of the vehicle that stands in the
+    traffic: the row's own where the vehicles ahead are recorded, its leader's where the headway is all that is known.
     """
+
+    who: Integers
+    gap: Floats
+    acceleration: Floats
+    goes_on: npt.NDArray[np.bool_]
+    kind: Floats
+
+
+def _leaders(recording: Recording, scenes: Scenes) -> _Known:
     table = recording.table
     if scenes.leader_source == LEADER_FROM_LANE:
         t = scenes.traffic
@@ -104,14 +116,14 @@ def _leaders(recording: Recording, scenes: Scenes) -> tuple[Integers, Floats, Fl
             cell, table[c.X].to_numpy(), table[c.VEHICLE].to_numpy(), t.offsets, t.x, t.length, t.vehicle
         )
         kind = table[c.CLASS].to_numpy(np.float64)
-        return who, gap, table[c.ACCELERATION].to_numpy(), np.where(kind > 0, kind, np.nan)
+        return _Known(who, gap, table[c.ACCELERATION].to_numpy(), same_run(table), np.where(kind > 0, kind, np.nan))
     leader, run = recorded_leaders(recording), leader_runs(recording)
     known = np.isfinite(leader.x)
     acceleration = np.gradient(leader.speed, road.FRAME_STEP)
     edge = np.concatenate([[True], np.diff(run) != 0])
     acceleration[edge | np.append(edge[1:], True)] = 0.0  # a difference there would be of two vehicles
     gap = np.where(known, table[c.HEADWAY].to_numpy() - leader_lengths(recording), np.inf)
-    return np.where(known, run + 1, 0), gap, acceleration, np.full(len(table), np.nan)
+    return _Known(np.where(known, run + 1, 0), gap, acceleration, ~edge, np.full(len(table), np.nan))
 
 
 @njit(cache=True)
@@ -132,21 +144,22 @@ def _rows(table: pd.DataFrame, vehicle: Integers, frame: Integers) -> Integers:
     return np.where(code[place] == wanted, place, -1).astype(np.int64)
 
 
-def _others(table: pd.DataFrame, scenes: Scenes, who: Integers, acceleration: Floats, kind: Floats) -> Others:
+def _others(table: pd.DataFrame, scenes: Scenes, known: _Known) -> Others:
     """Look up every row of the traffic in the table."""
-    t = scenes.traffic
+    t, acceleration, kind = scenes.traffic, known.acceleration, known.kind
+    of_late = running_mean(acceleration, known.goes_on, round(OF_LATE / road.FRAME_STEP))
     group, frame = np.divmod(np.repeat(np.arange(len(t.offsets) - 1), np.diff(t.offsets)), t.frames)
     if scenes.leader_source == LEADER_FROM_LANE:
         row = _rows(table, t.vehicle, frame + t.first_frame)
-        return Others(acceleration[row], kind[row], t.vehicle)
+        return Others(acceleration[row], of_late[row], kind[row], t.vehicle)
     vehicle, first = np.full((2, int(group.max(initial=0)) + 1), -1, dtype=np.int64)
     window = scenes.cell // t.frames
     used = window < len(vehicle)  # a window without any leader has no row
     vehicle[window[used]], first[window[used]] = scenes.vehicle[used], scenes.first_frame[used]
     row = _rows(table, vehicle[group], first[group] + frame)
     return Others(
-        np.where(row >= 0, acceleration[row], 0.0), np.where(row >= 0, kind[row], np.nan),
-        np.where(row >= 0, who[row], 0),
+        np.where(row >= 0, acceleration[row], 0.0), np.where(row >= 0, of_late[row], 0.0),
+        np.where(row >= 0, kind[row], np.nan), np.where(row >= 0, known.who[row], 0),
     )  # fmt: skip
 
 
@@ -248,11 +261,12 @@ def look(  # type: ignore[no-untyped-def]
     own_class, jump, since, accepted, until_cut_in, until_own_change, mean_speed,
 ):  # fmt: skip
     """Return what a driver with its front at ``front`` (m) and its leader in ``row`` sees; ``alone``: in a lane of its own."""
-    leader_acceleration, leader_class = 0.0, np.nan
+    leader_acceleration, leader_acceleration_of_late, leader_class = 0.0, 0.0, np.nan
     second_gap, second_speed, rear_gap = np.inf, np.nan, np.nan
     adjacent_speed, next_beside_speed = np.nan, np.nan
     if row != NOBODY:
         leader_acceleration, leader_class = others.acceleration[row], others.vehicle_class[row]
+        leader_acceleration_of_late = others.acceleration_of_late[row]
         second = row + 1
         while second < offsets[cell + 1] and vehicle[second] == own:
             second += 1
@@ -266,4 +280,5 @@ def look(  # type: ignore[no-untyped-def]
     return Sight(
         front, t, leader_acceleration, leader_class, own_class, float(lane), second_gap, second_speed, adjacent_speed,
         rear_gap, jump, since, accepted, until_cut_in, until_own_change, mean_speed, next_beside_speed,
+        leader_acceleration_of_late,
     )  # fmt: skip

@@ -89,6 +89,14 @@ def same_run(table: pd.DataFrame) -> npt.NDArray[np.bool_]:
     return same
 
 
+def running_mean(values: Floats, same: npt.NDArray[np.bool_], most: int | None = None) -> Floats:
+    """Return the mean of each run up to each row, of the last ``most`` rows if given; ``same`` of :func:`same_run`."""
+    row, total = np.arange(len(values)), np.concatenate([[0.0], np.cumsum(values)])
+    begin = np.maximum.accumulate(np.where(~same, row, 0))
+    begin = begin if most is None else np.maximum(begin, row + 1 - most)
+    return np.asarray((total[row + 1] - total[begin]) / (row + 1 - begin))
+
+
 def filter_runs(position: Floats, starts: Integers, lengths: Integers) -> Path:
     """Return position, its rate and its second rate, each of shape ``(rows,)``, run by run; see :func:`smooth`."""
     value, rate, second = (_savgol(position, WINDOW, deriv) for deriv in range(3))

@@ -10,7 +10,7 @@ import pytest
 from idm_sumo.diagnosis import rollout as ro
 from idm_sumo.diagnosis import windows as w
 from idm_sumo.diagnosis.fit import fit_drivers, for_rollouts
-from idm_sumo.diagnosis.linear_pulses import LINEAR, NEXT, linear_pulses
+from idm_sumo.diagnosis.linear_pulses import LINEAR, OF_LATE, OF_NEXT, linear_pulses
 from idm_sumo.diagnosis.luck import Noises, draw
 from idm_sumo.diagnosis.noise import QUIET
 from idm_sumo.diagnosis.smoother import local_cubic
@@ -91,6 +91,7 @@ def by_hand(windows: w.Windows, theta: np.ndarray, m: np.ndarray) -> np.ndarray:
                 x, row[w.TIME], row[w.ACCELERATION], row[w.KIND], row[w.OWN_KIND], row[w.LANE], row[w.SECOND] - x,
                 row[w.SECOND_SPEED], row[w.ADJACENT], x - row[w.BEHIND], row[w.JUMP], row[w.SINCE], row[w.ACCEPTED], row[w.UNTIL_CUT_IN],
                 row[w.UNTIL_OWN], row[w.MEAN_SPEED], row[w.NEXT_BESIDE],
+                row[w.ACCELERATION_OF_LATE],
             )  # fmt: skip
             own = theta[windows.driver[i]]
             a = extended_acceleration(speed, rate, gap, see, *own[:4], 0.0, own[4], m)
@@ -201,18 +202,26 @@ def test_linear_pulses_are_the_derivatives_by_the_magnitudes(plain):
         assert np.abs(predicted - change).max() < 0.06 * np.abs(change).max()
 
 
-def test_friction_beside_a_lane_and_beside_its_next_vehicle_are_each_their_own_derivative(plain):
+@pytest.mark.parametrize(
+    ("name", "slot", "other", "number"),
+    [
+        ("adjacent_lane_friction", slots.FRICTION, slots.FRICTION_NEXT, OF_NEXT),
+        ("hysteresis", slots.HYSTERESIS, slots.HYSTERESIS_OF_LATE, OF_LATE),
+    ],
+)
+def test_both_forms_are_each_their_own_derivative(plain, name, slot, other, number):
     windows, theta = plain
     seen = windows.seen.copy()
     seen[:, :, w.ADJACENT], seen[:, :, w.NEXT_BESIDE] = seen[:, :, w.SPEED] - 2.0, seen[:, :, w.SPEED] - 5.0
+    seen[:, :, w.ACCELERATION_OF_LATE] = 0.1 - 0.3 * seen[:, :, w.ACCELERATION]
     windows = replace(windows, seen=seen)
     response, state = ro.respond(seen, windows.driver, theta, ro.PLAIN)
     pulses = linear_pulses(seen, state, pivot=9.0)
-    for number, of_next in ((LINEAR.index("adjacent_lane_friction"), 0.0), (NEXT, 1.0)):
+    for column, form in ((LINEAR.index(name), 0.0), (number, 1.0)):
         m = ro.PLAIN.copy()
-        m[:, slots.FRICTION], m[:, slots.FRICTION_NEXT] = 1e-4, of_next
+        m[:, slot], m[:, other] = 1e-4, form
         change = (ro.positions(windows, theta, m) - ro.positions(windows, theta, ro.PLAIN)) / 1e-4
-        predicted = np.einsum("wkp,wp->wk", response, pulses[:, :, number])
+        predicted = np.einsum("wkp,wp->wk", response, pulses[:, :, column])
         assert np.abs(predicted - change).max() < 0.06 * np.abs(change).max()
 
 

@@ -18,7 +18,7 @@ LIMIT = 25.0
 SEEN = Sight(
     x=100.0, t=50.0, leader_acceleration=0.8, leader_class=3.0, own_class=3.0, lane=2.0, second_gap=40.0,
     second_speed=9.0, adjacent_speed=6.0, rear_gap=5.0, jump=12.0, since_change=4.0, accepted_headway=0.6, until_cut_in=2.0,
-    until_own_change=2.0, mean_speed=8.0, next_beside_speed=4.0,
+    until_own_change=2.0, mean_speed=8.0, next_beside_speed=4.0, leader_acceleration_of_late=0.2,
 )  # fmt: skip
 
 speeds = st.floats(0.0, 35.0)
@@ -89,6 +89,13 @@ def test_whoever_does_not_see_is_not_moved(name):
 def test_friction_is_beside_the_mean_of_a_lane_or_beside_its_next_vehicle(of_next, difference):
     m = only("adjacent_lane_friction", k=0.05, phi=of_next)
     assert drive(m) == pytest.approx(drive(none()) - 0.05 * difference)
+
+
+@pytest.mark.parametrize(("of_late", "acceleration"), [(0.0, 0.8), (1.0, 0.2)])
+def test_hysteresis_answers_the_leader_of_the_moment_or_of_late(of_late, acceleration):
+    m = only("hysteresis", h=0.3, phi=of_late)
+    longer = (*DRIVER[:2], DRIVER[2] * (1.0 + 0.3 * np.tanh(acceleration / 0.5)), *DRIVER[3:])
+    assert drive(m) == pytest.approx(idm.acceleration(12.0, 0.5, 18.0, *longer, LIMIT))
 
 
 def test_a_place_ends():

@@ -54,13 +54,14 @@ def test_sumo_and_kernel_agree_on_every_effect(awkward, effect) -> None:
     assert np.abs(kernel.x - drive_idm(scenes, DRIVER).x).max() > 0.02  # it does something
 
 
-def test_friction_beside_the_next_vehicle_is_seen_alike_and_is_another(awkward) -> None:
+@pytest.mark.parametrize("name", ["adjacent_lane_friction", "hysteresis"])
+def test_another_form_is_seen_alike_and_is_another(awkward, name) -> None:
     recording, scenes = awkward
     which = np.arange(0, len(scenes), 6)
-    near, of_next = (model_of(Cause("adjacent_lane_friction", {"k": 0.1, "phi": phi})) for phi in (0.0, 1.0))
-    kernel = drive_extended(scenes, recording, of_next, DRIVER)
-    assert_same(replay(scenes, DRIVER, which=which, extension=(recording, of_next)), kernel.rows(which))
-    assert np.abs(kernel.x - drive_extended(scenes, recording, near, DRIVER).x).max() > 0.02
+    usual, other = (model_of(Cause(name, {"phi": phi})) for phi in (0.0, 1.0))
+    kernel = drive_extended(scenes, recording, other, DRIVER)
+    assert_same(replay(scenes, DRIVER, which=which, extension=(recording, other)), kernel.rows(which))
+    assert np.abs(kernel.x - drive_extended(scenes, recording, usual, DRIVER).x).max() > 0.02
 
 
 @pytest.mark.parametrize(("known", "new_known", "of_headway"), [(0.0, 0.0, 0.0), (1.0, 0.0, 0.0), (0.0, 1.0, 1.0)])

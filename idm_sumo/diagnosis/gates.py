@@ -58,6 +58,9 @@ FREE_EXCESS, FREE_CHANGE, FREE_MORE = 1.5, 0.5, 25.0
 # Of its squared z, that is left of it with the best cause in the model; less suffices of a place and time: what a place does at all
 # times a location takes away, and what a location leaves there is not its form.
 FREE_STILL, REGION_STILL = 0.5, 0.3
+# Standard errors, and share of its squared z, of a rectangle beyond what its place does always and its time everywhere: no place and no
+# time is it then, nor both.
+BEYOND_MARGINS, BEYOND_SHARE = 5.0, 0.2
 CORE_INSIDE, CORE_SHARE = 0.8, 0.5  # of what is left, inside the interval in the model; of that interval
 FREELY = dict(zip(hy.SCANNED, HELD, strict=True))  # what is free where a place or a time of the catalogue acts
 # What is free and yet only shows what a likely effect of the catalogue does, by its sign times that of the covariate.
@@ -148,7 +151,7 @@ def is_worth_it(gain: Gain, tried: Tried, first: Tried | None, strongest: float 
     if candidate.name in ev.ENDOGENOUS:
         return clearly and share >= UNTWINNED_GAIN
     like_no_other = candidate.name not in SURER or z > SUREST
-    unlike_laws = candidate.name in UNLIKE_LAWS and not candidate.is_falling
+    unlike_laws = _is_unlike_laws(candidate)
     surest = like_no_other and (unlike_laws or z >= strongest)
     beyond_doubt = surest and z > BEYOND_DOUBT and share > -CHANCE
     if first is None:
@@ -162,11 +165,16 @@ def is_worth_it(gain: Gain, tried: Tried, first: Tried | None, strongest: float 
     return (enough and gain.is_likely) or (beyond_doubt and tried.support > AS_SURE * first.support)
 
 
+def _is_unlike_laws(candidate: Candidate) -> bool:
+    """Return whether no law of car-following makes an effect up."""
+    return candidate.name in UNLIKE_LAWS and not candidate.is_falling
+
+
 def is_confirmed(held_out: Gain, fitted: Gain, first: Candidate) -> bool:
     """Return whether drivers that were never touched bear out the causes: they drive better, nine to one.
 
-    They are a third as many as those that fit. So what is surely there and gains clearly on those must not be worse on these, and
-    what is beyond doubt not clearly worse.
+    They are a third as many as those that fit. So what is surely there and gains clearly on those, or is made up by no law of
+    car-following, must not be worse on these, and what is beyond doubt not clearly worse.
 
     Parameters
     ----------
@@ -179,7 +187,8 @@ def is_confirmed(held_out: Gain, fitted: Gain, first: Candidate) -> bool:
     z = abs(first.z)
     if z > BEYOND_DOUBT and held_out.ci95[1] > 0.0:
         return True
-    return held_out.is_likely or (z > SURE_AGAIN and fitted.ci95[0] > 0.0 and held_out.difference > 0.0)
+    surely_real = fitted.ci95[0] > 0.0 or _is_unlike_laws(first)
+    return held_out.is_likely or (z > SURE_AGAIN and surely_real and held_out.difference > 0.0)
 
 
 def standing_out(evidence: ev.Evidence) -> tuple[LeftOver, ...]:
@@ -234,6 +243,11 @@ def _shown_by(one: LeftOver) -> str | None:
 def _sign_of(one: LeftOver) -> float:
     """Return the sign of what is free times that of the covariate where it is."""
     return float(np.sign(one.value) * (1.0 if one.range is None else np.sign(sum(one.range))))
+
+
+def is_neither(strange: LeftOver) -> bool:
+    """Return whether what is free is there and then only: no place that is so at all times, and no time that is so everywhere."""
+    return abs(strange.beyond) > BEYOND_MARGINS and strange.beyond**2 > BEYOND_SHARE * strange.z**2
 
 
 def is_left(strange: LeftOver, evidence: ev.Evidence) -> bool:

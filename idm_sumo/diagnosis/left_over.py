@@ -16,7 +16,7 @@ from idm_sumo.diagnosis.bins import pulse_means, sums_by_bin
 from idm_sumo.diagnosis.fit import Fit
 from idm_sumo.diagnosis.pulses import Pulses, pulses_of
 from idm_sumo.diagnosis.rollout import BIN
-from idm_sumo.diagnosis.scans import Stretch, best_stretch, corrected_p
+from idm_sumo.diagnosis.scans import Stretch, best_stretch, beyond_margins, corrected_p
 from idm_sumo.diagnosis.windows import Windows
 from idm_sumo.threads import each_in_threads
 
@@ -30,6 +30,7 @@ CLUMSIEST = 1.5  # times the variance of the model that the clustered one may co
 BY_ONE = 0.5  # of the score: what one block of neighbours says more of is what happened to them
 PLAIN_BEFORE_BOTH = 8.0  # of squared z
 MOST_TOLD, NEARLY = 3, 0.4  # of the strongest's squared z
+OWN_WORDS = 0.5  # of the score, at least, that the recording itself must say of where and when: the rest is what drawn drivers do
 # Where next to nothing is answered, or by few, or in an emergency, a response seems many times stronger, or turned round; of a share,
 # and of s of delay.
 LARGEST = {ff.RESPONSE: (-1.0, 1.5), ff.DELAY: (-1.0, 3.0)}
@@ -55,11 +56,15 @@ class LeftOver:
     p : float
         Corrected for everything looked at.
     is_credible : bool
-        Whether it may be told at all: large enough, no larger than can be, and not said by a single block of neighbours.
+        Whether it may be told at all: large enough, no larger than can be, not said by a single block of neighbours, and by the
+        recording rather than by its twins: in light traffic drivers drawn anew are far from where those before them were.
     lane : int
         In which alone it is; 0 for all, or if it is not a question of place or time.
     score, bias : float
         Of a field: the recording's, less the twins' mean, which is the bias.
+    beyond : float
+        Standard errors of a rectangle of place and time beyond what each of its places does at all times and each of its times at all
+        places; zero for everything else.
     """
 
     covariate: str
@@ -73,6 +78,7 @@ class LeftOver:
     lane: int = 0
     score: float = 0.0
     bias: float = 0.0
+    beyond: float = 0.0
 
     @property
     def subject(self) -> str:
@@ -163,13 +169,20 @@ def _rank(one: LeftOver) -> float:
 
 
 class Said(NamedTuple):
-    """The best stretch of a family, its standard errors, the twins' mean score there, and whether few drivers say it all."""
+    """The best stretch of a family, its standard errors, the twins' mean score there, whether few drivers say it all; ``beyond``."""
 
     family: ff.Family
     stretch: Stretch
     z: float
     bias: float
     by_few: bool
+    beyond: float = 0.0
+
+    @property
+    def by_twins(self) -> bool:
+        """Whether it is the twins, of drawn drivers, that say it and not the recording."""
+        own = self.stretch.score + self.bias
+        return self.family.is_regional and own * np.sign(self.stretch.score) < OWN_WORDS * abs(self.stretch.score)
 
 
 def _of_family(
@@ -181,19 +194,24 @@ def _of_family(
     if family.is_contrast:
         mix[-1] = -gram[-1, :-1] / max(gram[-1, -1], 1e-9)
     total = (u.sum(axis=0) - twins.mean(axis=0)) @ mix
-    best = best_stretch(total, mix.T @ gram @ mix, family.shape, *_limits(family))
+    within = mix.T @ gram @ mix
+    best = best_stretch(total, within, family.shape, *_limits(family))
     if best is None:
         return None
+    unsure = inflation * (1.0 + 1.0 / len(twins))
+    beyond = (
+        beyond_margins(total, within, best, family.shape) / np.sqrt(unsure) if family.covariate == ff.REGION else 0.0
+    )
     mix = mix @ best.inside(family.shape)
     field = pulse_means(value * (mix[:-1][number] * (number >= 0) + mix[-1]))
     part, own = pulses.information(field), u @ mix
     blocks = np.bincount(pulses.windows.platoon, own - own.sum() * part / max(part.sum(), 1e-300))
-    known = best.information * inflation * (1.0 + 1.0 / len(twins))
+    known = best.information * unsure
     clustered = float((blocks**2).sum() + (twins @ mix).var(ddof=min(1, len(twins) - 1)) / len(twins))
     z = best.score / np.sqrt(max(known, min(clustered, CLUMSIEST * known)))
     by_block = np.bincount(pulses.windows.platoon, own) * np.sign(best.score)
     return Said(
-        family, best, float(z), float(twins.mean(axis=0) @ mix), bool(by_block.max() > BY_ONE * abs(best.score))
+        family, best, float(z), float(twins.mean(axis=0) @ mix), bool(by_block.max() > BY_ONE * abs(best.score)), beyond
     )
 
 
@@ -218,8 +236,10 @@ def _named(said: Said, looks: int) -> LeftOver:
     lane = int(family.covariate.partition(ff.IN_LANE)[2] or 0)
     low, high = LARGEST.get(family.content, (-np.inf, np.inf))
     least = LEAST[family.content] * (OF_ONE_LANE if lane else 1.0)
-    is_credible = abs(value) >= least and low <= value <= high and not said.by_few
-    return LeftOver(covariate, edges[0], place, time, value, z, p, is_credible, lane, stretch.score, said.bias)
+    is_credible = abs(value) >= least and low <= value <= high and not said.by_few and not said.by_twins
+    return LeftOver(
+        covariate, edges[0], place, time, value, z, p, is_credible, lane, stretch.score, said.bias, said.beyond
+    )
 
 
 def _unsteady(family: ff.Family, most: variance.Unsteady) -> LeftOver:

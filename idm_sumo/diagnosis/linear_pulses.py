@@ -25,11 +25,11 @@ Floats = npt.NDArray[np.float64]
 
 GUARD = "form:"  # begins the names of what another car-following model underneath would look like
 LINEAR = (
-    "acceleration_asymmetry", "leader_class", "speed_dependent_headway", "hysteresis", "adjacent_lane_friction",
-    "adjacent_lane_friction", "vehicle_class", "follower_pressure", "courtesy_yielding", "pre_insertion",
+    "acceleration_asymmetry", "leader_class", "speed_dependent_headway", "hysteresis", "hysteresis",
+    "adjacent_lane_friction", "adjacent_lane_friction", "vehicle_class", "follower_pressure", "courtesy_yielding", "pre_insertion",
     *(f"{GUARD}{n}" for n in range(6)),
 )  # fmt: skip
-NEXT = 5  # of them: friction beside the next vehicle ahead
+OF_LATE, OF_NEXT = 4, 6  # of them: hysteresis by what the leader did of late, friction beside the next vehicle ahead
 
 
 def linear_pulses(seen: Floats, state: Floats, pivot: float) -> Floats:
@@ -59,25 +59,32 @@ def _fill(first, last, seen, state, pivot, out):  # type: ignore[no-untyped-def]
         for k in range(out.shape[1] * BIN):
             row, to, base = seen[i, w.LEAD + k], out[i, k // BIN], state[i, k]
             by_t, a, v, x = base[BY_T], base[BASE_A], base[BASE_V], base[BASE_X]
-            leader = row[w.ACCELERATION] if row[w.ACCELERATION] == row[w.ACCELERATION] else 0.0
+            leader, of_late = _known(row[w.ACCELERATION]), _known(row[w.ACCELERATION_OF_LATE])
             speed, closing = (v - pivot) / SPEED_UNIT, (v - row[w.SPEED]) / 3.0
             gap = math.log(max(row[w.REAR] - x, 1.0) / (2.0 + 1.2 * v))
             to[0] += weakened(a, 1.0) - a
             to[1] += by_t * (behind_truck(row[w.KIND], 1.0) - 1.0)
             to[2] += by_t * speed
             to[3] += by_t * (in_phase(leader, 1.0) - 1.0)
-            to[4] += friction(v, row[w.ADJACENT], 1.0)
-            to[5] += friction(v, row[w.NEXT_BESIDE], 1.0)
-            to[6] += by_t * (of_truck(row[w.OWN_KIND], 1.0) - 1.0)
-            to[7] += pressed(x - row[w.BEHIND], 1.0)
-            to[8] += by_t * (before_cut_in(row[w.UNTIL_CUT_IN], 1.0) - 1.0)
-            to[9] += by_t * (before_own_change(row[w.UNTIL_OWN], 1.0) - 1.0)
-            to[10] += speed * speed
-            to[11] += closing * closing
-            to[12] += speed * closing
-            to[13] += gap * gap
-            to[14] += gap * speed
-            to[15] += gap * closing
+            to[OF_LATE] += by_t * (in_phase(of_late, 1.0) - 1.0)
+            to[5] += friction(v, row[w.ADJACENT], 1.0)
+            to[OF_NEXT] += friction(v, row[w.NEXT_BESIDE], 1.0)
+            to[7] += by_t * (of_truck(row[w.OWN_KIND], 1.0) - 1.0)
+            to[8] += pressed(x - row[w.BEHIND], 1.0)
+            to[9] += by_t * (before_cut_in(row[w.UNTIL_CUT_IN], 1.0) - 1.0)
+            to[10] += by_t * (before_own_change(row[w.UNTIL_OWN], 1.0) - 1.0)
+            to[11] += speed * speed
+            to[12] += closing * closing
+            to[13] += speed * closing
+            to[14] += gap * gap
+            to[15] += gap * speed
+            to[16] += gap * closing
         for p in range(out.shape[1]):
             for n in range(out.shape[2]):
                 out[i, p, n] /= BIN
+
+
+@njit(cache=True, error_model="numpy")
+def _known(value):  # type: ignore[no-untyped-def]
+    """Return a value, zero for one that is not known."""
+    return value if value == value else 0.0

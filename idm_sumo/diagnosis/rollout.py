@@ -39,7 +39,7 @@ def _moment(row, m):  # type: ignore[no-untyped-def]
         x, row[w.TIME], row[w.ACCELERATION], row[w.KIND], row[w.OWN_KIND], row[w.LANE],
         row[w.SECOND] - x, row[w.SECOND_SPEED], row[w.ADJACENT], x - row[w.BEHIND],
         row[w.JUMP], row[w.SINCE], row[w.ACCEPTED], row[w.UNTIL_CUT_IN], row[w.UNTIL_OWN], row[w.MEAN_SPEED],
-        row[w.NEXT_BESIDE],
+        row[w.NEXT_BESIDE], row[w.ACCELERATION_OF_LATE],
     )  # fmt: skip
     return moment_of(see, m)
 

@@ -133,11 +133,11 @@ def _outside(
 
     Where the best effect, once at its size, says more than what is free, it is put into the model, its edges where they belong (a
     second beside, and drivers seem to answer otherwise there), and what is free is looked for again: then it counts only if it is
-    still there.
+    still there. What is there and then only needs no such look: no cause of the catalogue is.
     """
     strange = gates.outside(first)
     likely = [c for c in gates.believed(first) if gates.is_likely(c)][:TRIED]
-    if not strange or not likely:
+    if not strange or not likely or gates.is_neither(strange[0]):
         return strange
     each = [climbed(subject, fit, form, lucks[:HEARD]) for c in likely for form in hy.forms(first, c)]
     best = max((one for one in each if gates.is_there(one)), key=lambda one: one.support, default=None)

@@ -10,13 +10,15 @@ import pandas as pd
 
 from idm_sumo import columns as c
 from idm_sumo import road
+from idm_sumo.effects.hysteresis import OF_LATE
 from idm_sumo.effects.lane_change_relaxation import LARGEST_JUMP, headway_after
 from idm_sumo.leaders import row_ahead, row_of
 from idm_sumo.recording import Recording
-from idm_sumo.smoothing import same_run
+from idm_sumo.smoothing import running_mean, same_run
 from idm_sumo.twin_leaders import JUMP, leader_lengths, recorded_leaders
 
 LEAST_JUMP = 0.5  # m; a smaller step of the gap is noise
+LATELY = round(OF_LATE / road.FRAME_STEP)  # frames
 NEVER = 1e6  # s, since or until an event that there is not
 
 Floats = npt.NDArray[np.float64]
@@ -31,6 +33,7 @@ class Ahead(NamedTuple):
     rear: Floats
     speed: Floats
     acceleration: Floats
+    acceleration_of_late: Floats  # mean of the last seconds
     kind: Floats  # vehicle class
     length: Floats  # 0 where there is none, or it is not known
     second_place: Floats  # second leader's rear minus the first leader's length, infinite for none
@@ -47,6 +50,7 @@ def look_around(recording: Recording) -> Ahead:
 
 def _with_rows(table: pd.DataFrame) -> Ahead:
     x, speed, acceleration = (table[name].to_numpy(np.float64) for name in (c.X, c.SPEED, c.ACCELERATION))
+    of_late = running_mean(acceleration, same_run(table), LATELY)
     length = table[c.LENGTH].fillna(road.CAR_LENGTH).to_numpy(np.float64)
     named = row_of(table, table[c.LEADER].to_numpy(np.int64))
     leader = np.where(named >= 0, named, row_ahead(table))
@@ -60,7 +64,8 @@ def _with_rows(table: pd.DataFrame) -> Ahead:
     return Ahead(
         identity=np.where(leader >= 0, table[c.VEHICLE].to_numpy(np.int64)[leader], -1),
         rear=of(x - length, leader, np.nan), speed=of(speed, leader, np.nan),
-        acceleration=of(acceleration, leader, np.nan), kind=of(table[c.CLASS].to_numpy(np.float64), leader, 0.0),
+        acceleration=of(acceleration, leader, np.nan), acceleration_of_late=of(of_late, leader, np.nan),
+        kind=of(table[c.CLASS].to_numpy(np.float64), leader, 0.0),
         length=of(length, leader, 0.0), second_place=of(x - length, second, np.inf) - of(length, leader, 0.0), second_speed=of(speed, second, 0.0),
         second_kind=of(table[c.CLASS].to_numpy(np.float64), second, 0.0),
         follower_front=of(x, behind, -np.inf), follower_kind=of(table[c.CLASS].to_numpy(np.float64), behind, 0.0),
@@ -86,7 +91,7 @@ def _without_rows(recording: Recording) -> Ahead:
     seen = np.isfinite(front)
     return Ahead(
         identity=np.where(seen, np.cumsum(~same), -1), rear=front - leader_lengths(recording), speed=speed,
-        acceleration=acceleration, kind=np.zeros(count), length=np.zeros(count), second_place=np.full(count, np.inf),
+        acceleration=acceleration, acceleration_of_late=running_mean(acceleration, same, LATELY), kind=np.zeros(count), length=np.zeros(count), second_place=np.full(count, np.inf),
         second_speed=np.zeros(count), second_kind=np.zeros(count), follower_front=np.full(count, -np.inf), follower_kind=np.zeros(count),
     )  # fmt: skip
 

@@ -14,7 +14,7 @@ from idm_sumo.diagnosis.smoother import Smoother, smooth_along
 from idm_sumo.diagnosis.traffic_context import Ahead, leader_events, look_around, since
 from idm_sumo.recording import Recording
 from idm_sumo.road import CAR_LENGTH, FRAME_STEP
-from idm_sumo.smoothing import same_run
+from idm_sumo.smoothing import running_mean, same_run
 
 LEAD = 25  # frames before the start: the past that a delay reaches into, and a twin's run-up
 HORIZON = 120  # frames, 12 s
@@ -30,8 +30,10 @@ NEAREST = 0.3  # m: a smaller recorded gap is an overlap of the measurement
 REAR, SPEED, ACCELERATION, KIND, SECOND, SECOND_SPEED, ADJACENT, BEHIND = range(8)
 JUMP, SINCE, UNTIL_CUT_IN, UNTIL_OWN, MEAN_SPEED, LANE, TIME, X, V, OWN_KIND = range(8, 18)
 TRUCKS_BESIDE, BRAKING_BESIDE, UNREST, ACCEPTED, BEHIND_KIND, CROWD_LEFT, CROWD_RIGHT = range(18, 25)
-ABREAST, SECOND_KIND, FASTER, BESIDE_GAP, MOTORCYCLES, LENGTH, SINCE_STANDING, NEXT_BESIDE = range(25, 33)
-COLUMNS = 33
+ABREAST, SECOND_KIND, FASTER, BESIDE_GAP, MOTORCYCLES, LENGTH, SINCE_STANDING, NEXT_BESIDE, ACCELERATION_OF_LATE = (
+    range(25, 34)
+)
+COLUMNS = 34
 LEADERS = (REAR, SPEED, ACCELERATION, SECOND, SECOND_SPEED)  # of which a recording shows what smoothing leaves
 
 Floats = npt.NDArray[np.float64]
@@ -52,7 +54,8 @@ class Windows:
         own mean absolute acceleration of late; time headway (s) right after the last leader change; follower's class; vehicles near in the
         left and in the right adjacent lane (NaN without one); adjacent lanes with a vehicle alongside; second leader's class; faster
         adjacent lane's speed (NaN for none); adjacent lanes with a vehicle beside the own gap; motorcycles beside; leader's length (m, 0
-        if not known); time since the own last standstill; speed of the slower of the next vehicles ahead in the adjacent lanes (NaN for none).
+        if not known); time since the own last standstill; speed of the slower of the next vehicles ahead in the adjacent lanes (NaN for none);
+        leader's mean acceleration of the last seconds.
         The simulation starts at frame ``LEAD``.
     blurred : float64, shape (windows, LEAD + horizon + 1, 5)
         The columns ``LEADERS``, smoothed once more: what a twin's measurement sees.
@@ -182,10 +185,11 @@ def _columns(recording: Recording, ahead: Ahead) -> Floats:
     events = leader_events(table, ahead)
     seen = np.empty((len(table), COLUMNS))
     seen[:, [REAR, SPEED, ACCELERATION, KIND]] = np.stack([ahead.rear, ahead.speed, ahead.acceleration, ahead.kind], 1)
+    seen[:, ACCELERATION_OF_LATE] = ahead.acceleration_of_late
     seen[:, SECOND], seen[:, SECOND_SPEED] = ahead.second_place, ahead.second_speed
     seen[:, BEHIND] = ahead.follower_front + length
     seen[:, [JUMP, SINCE, ACCEPTED, UNTIL_CUT_IN, UNTIL_OWN]] = np.stack(events, 1)
-    seen[:, MEAN_SPEED] = _running_mean(v, same_run(table))
+    seen[:, MEAN_SPEED] = running_mean(v, same_run(table))
     seen[:, [ADJACENT, NEXT_BESIDE, FASTER, CROWD_LEFT, CROWD_RIGHT]] = np.nan
     seen[:, [TRUCKS_BESIDE, BRAKING_BESIDE, ABREAST, BESIDE_GAP, MOTORCYCLES]] = 0.0
     if recording.has_leader_rows:
@@ -199,19 +203,11 @@ def _columns(recording: Recording, ahead: Ahead) -> Floats:
         seen[:, BESIDE_GAP], seen[:, MOTORCYCLES] = beside.beside_gap(ahead.rear - x), beside.motorcycles()
     seen[:, BEHIND_KIND], seen[:, SECOND_KIND], seen[:, LENGTH] = ahead.follower_kind, ahead.second_kind, ahead.length
     seen[:, SINCE_STANDING] = since(v < STANDING, same_run(table))[0]
-    seen[:, UNREST] = _running_mean(np.abs(table[c.ACCELERATION].to_numpy(np.float64)), same_run(table), OF_LATE)
+    seen[:, UNREST] = running_mean(np.abs(table[c.ACCELERATION].to_numpy(np.float64)), same_run(table), OF_LATE)
     seen[:, LANE] = table[c.LANE].to_numpy(np.float64)
     seen[:, TIME] = _clock(recording)
     seen[:, X], seen[:, V], seen[:, OWN_KIND] = x, v, table[c.CLASS].to_numpy(np.float64)
     return seen
-
-
-def _running_mean(values: Floats, same: npt.NDArray[np.bool_], most: int | None = None) -> Floats:
-    """Return the mean of each run up to each row, of the last ``most`` rows if given."""
-    row, total = np.arange(len(values)), np.concatenate([[0.0], np.cumsum(values)])
-    begin = np.maximum.accumulate(np.where(~same, row, 0))
-    begin = begin if most is None else np.maximum(begin, row + 1 - most)
-    return np.asarray((total[row + 1] - total[begin]) / (row + 1 - begin))
 
 
 def _clock(recording: Recording) -> Floats:

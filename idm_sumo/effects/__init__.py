@@ -19,7 +19,8 @@ Events that lie ahead (``until_cut_in``, ``until_own_change``) are known in repl
 ``jump`` is the old gap minus the new one (m) at the last change of leader, both at the moment of the change, ``accepted_headway`` what
 :func:`~idm_sumo.effects.lane_change_relaxation.headway_after` makes of the new one and the speed;
 ``adjacent_speed`` the mean speed of the vehicles within :data:`~idm_sumo.effects.adjacent_lane_friction.BESIDE` m in the slower of the adjacent lanes,
-``next_beside_speed`` that of the slower of the next vehicles there, up to :data:`~idm_sumo.effects.adjacent_lane_friction.AHEAD` m ahead.
+``next_beside_speed`` that of the slower of the next vehicles there, up to :data:`~idm_sumo.effects.adjacent_lane_friction.AHEAD` m ahead;
+``leader_acceleration_of_late`` the leader's mean acceleration over the last :data:`~idm_sumo.effects.hysteresis.OF_LATE` s, or since it came.
 """
 
 from idm_sumo.effects.acceleration import BLIND, Sight, extended_acceleration

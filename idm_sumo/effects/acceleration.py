@@ -55,6 +55,8 @@ class Sight(NamedTuple):
         Running mean of the own speed (m/s).
     next_beside_speed : float
         Speed (m/s) of the slower one of the next vehicles ahead in the adjacent lanes.
+    leader_acceleration_of_late : float
+        Its mean over the last seconds (m/s²).
     """
 
     x: float
@@ -74,6 +76,7 @@ class Sight(NamedTuple):
     until_own_change: float
     mean_speed: float
     next_beside_speed: float = NAN
+    leader_acceleration_of_late: float = NAN
 
 
 BLIND = Sight(*([NAN] * len(Sight._fields)))  # sees nothing but its leader
@@ -130,10 +133,10 @@ class Moment(NamedTuple):
 @njit(cache=True, error_model="numpy", forceinline=True)
 def moment_of(see, m):  # type: ignore[no-untyped-def]
     """Return what does not depend on the driver's own place and speed."""
-    leader_acceleration = see.leader_acceleration if see.leader_acceleration == see.leader_acceleration else 0.0
+    answered = see.leader_acceleration_of_late if m[slots.HYSTERESIS_OF_LATE] > 0.5 else see.leader_acceleration
     headway = (
         behind_truck(see.leader_class, m[slots.LEADER_CLASS])
-        * in_phase(leader_acceleration, m[slots.HYSTERESIS])
+        * in_phase(answered if answered == answered else 0.0, m[slots.HYSTERESIS])
         * at_time(see.t, m[slots.PERIOD], m[slots.PERIOD_BEGIN], m[slots.PERIOD_END])
         * drifted(see.t, m[slots.PERIOD_DRIFT], m[slots.PERIOD_BEGIN], m[slots.PERIOD_END])
         * of_truck(see.own_class, m[slots.OWN_CLASS])

@@ -14,6 +14,7 @@ from idm_sumo import driver_table as d
 from idm_sumo import road
 from idm_sumo.departures import DESTINATION, THROUGH
 from idm_sumo.effects import ExtendedModel, extended_acceleration, slots
+from idm_sumo.effects.hysteresis import OF_LATE
 from idm_sumo.effects.lane_change_relaxation import headway_after
 from idm_sumo.effects.reaction_delay import REMEMBERED, acted_on, own_delay
 from idm_sumo.extended_rollout import meet
@@ -24,6 +25,7 @@ from idm_sumo.traffic import NOBODY
 Floats = npt.NDArray[np.float64]
 Integers = npt.NDArray[np.int64]
 
+LATELY = round(OF_LATE / road.FRAME_STEP)  # steps
 PAST = REMEMBERED + 1  # moments: that a delay can reach back to, and the present
 OURS, SUMOS = 0, 31  # SUMO's speed modes: no check of its own; all of them
 
@@ -42,8 +44,8 @@ class Memory(NamedTuple):
         By how much the last leader change shortened the gap (m), when, and the time headway right after it (s).
     driven : float64, shape (vehicles,)
         Sum of speeds (m/s).
-    speed : float64, shape (vehicles,)
-        Of the step before, NaN before the first.
+    speed : float64, shape (vehicles, LATELY + 1)
+        Of the last steps (m/s), the present last, NaN before the first.
     """
 
     past: Floats
@@ -91,7 +93,7 @@ class ModelDrivers:
         self._through = (demand[DESTINATION] == THROUGH).to_numpy()
         self._memory = Memory(
             np.full((n, PAST, 3), np.nan), np.zeros(n, dtype=np.int64), np.full(n, NOBODY_YET, dtype=np.int64),
-            np.full((n, 3), np.nan), np.zeros(n), np.full(n, np.nan),
+            np.full((n, 3), np.nan), np.zeros(n), np.full((n, LATELY + 1), np.nan),
         )  # fmt: skip
         self._ours: set[str] = set()
         self.driven_steps = 0  # vehicle-steps that we drove
@@ -117,15 +119,22 @@ class ModelDrivers:
         """Return everybody's acceleration (m/s²), vehicles sorted by lane and position."""
         offsets = np.zeros(road.MAIN_LANES + 1, dtype=np.int64)
         np.cumsum(np.bincount(lane - 1, minlength=road.MAIN_LANES), out=offsets[1:])
-        change = np.nan_to_num((speed - self._memory.speed[place]) / road.FRAME_STEP)
-        others = Others(change, self._class[place], place + 1)
-        self._memory.speed[place] = speed
+        others = Others(*self._accelerations(place, speed), self._class[place], place + 1)
         return np.asarray(
             _decide_all(
                 place, x, speed, self._length[place], lane, offsets, others, self._memory, self._magnitudes, self._theta,
                 self._limit, step * road.FRAME_STEP,
             )
         )  # fmt: skip
+
+    def _accelerations(self, place: Integers, speed: Floats) -> tuple[Floats, Floats]:
+        """Return everybody's acceleration (m/s²) since the step before, and its mean of the last seconds; note the speeds."""
+        before = self._memory.speed[place, 1:]
+        self._memory.speed[place] = np.column_stack([before, speed])
+        known = np.isfinite(before)
+        first = before[np.arange(len(place)), np.argmax(known, axis=1)]
+        change = np.nan_to_num((speed - before[:, -1]) / road.FRAME_STEP)
+        return change, np.nan_to_num((speed - first) / (np.maximum(known.sum(axis=1), 1) * road.FRAME_STEP))
 
     def _tell(self, sumo: Any, names: list[str], ours: npt.NDArray[np.bool_], speed: Floats) -> None:
         """Set the speeds of ours; give back who is ours no more."""
