@@ -201,6 +201,29 @@ def test_held_out_drivers_are_few_and_what_is_sure_need_not_be_clear_on_them(dif
 
 
 @pytest.mark.parametrize(
+    ("name", "value", "z", "difference", "confirmed"),
+    [
+        ("perception_threshold", 0.5, 6.0, 0.002, False),
+        ("courtesy_yielding", 0.5, 6.0, 0.002, True),
+        ("courtesy_yielding", 0.5, 4.8, 0.002, False),
+        ("courtesy_yielding", 0.5, 6.0, -0.002, False),
+        ("speed_dependent_headway", 0.2, 6.0, 0.002, True),
+        ("speed_dependent_headway", -0.2, 6.0, 0.002, False),  # a law in light traffic has that, too
+    ],
+)
+def test_what_no_law_makes_up_and_is_surely_there_need_not_gain(name, value, z, difference, confirmed):
+    candidate = tried(z, name, value).candidate
+    assert gates.is_confirmed(gain(difference, 0.04), gain(0.003, 0.01), candidate) is confirmed
+
+
+@pytest.mark.parametrize(
+    ("z", "beyond", "neither"), [(12.0, 8.0, True), (-12.0, -8.0, True), (12.0, 4.0, False), (20.0, 6.0, False)]
+)
+def test_what_is_there_and_then_only_is_no_place_and_no_time(z, beyond, neither):
+    assert gates.is_neither(replace(free("position and time", z), beyond=beyond)) is neither
+
+
+@pytest.mark.parametrize(
     ("covariate", "z", "stands_out"),
     [
         ("position and time", 6.0, True),

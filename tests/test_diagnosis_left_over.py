@@ -121,6 +121,27 @@ def test_nobody_answers_many_times_as_strongly_or_the_other_way_round(content, v
 
 
 @pytest.mark.parametrize(
+    ("covariate", "bias", "told"),
+    [
+        ("position", 0.0, True),
+        ("position", 4.0, True),  # the recording says more than the score
+        ("position", -2.0, True),
+        ("position", -3.0, False),  # most of it is what twins of drawn drivers do the other way
+        ("position and time", -9.0, False),
+        ("leader_acceleration", -4.0, True),  # these twins are of the fitted drivers
+    ],
+)
+def test_what_the_recording_does_not_say_itself_of_where_and_when_is_not_told(covariate, bias, told):
+    edges = (np.arange(6.0),) * (2 if covariate == "position and time" else 1)
+    stretch = Stretch((1,) * len(edges), (3,) * len(edges), 10, 5.0, 10.0)
+    for sign in (1.0, -1.0):
+        said = lo.Said(
+            ff.Family(covariate, "", edges), stretch._replace(score=5.0 * sign), 9.0 * sign, bias * sign, by_few=False
+        )
+        assert lo._named(said, 10).is_credible is told
+
+
+@pytest.mark.parametrize(
     ("covariate", "told"), [("position", True), ("position in lane 2", False), ("time in lane 2", False)]
 )
 def test_what_only_one_lane_does_must_be_larger(covariate, told):

@@ -7,7 +7,7 @@ import itertools
 import numpy as np
 import pytest
 
-from idm_sumo.diagnosis.scans import best_stretch, corrected_p
+from idm_sumo.diagnosis.scans import Stretch, best_stretch, beyond_margins, corrected_p
 
 RNG = np.random.default_rng(3)
 
@@ -37,6 +37,18 @@ def test_it_finds_the_planted_rectangle():
     assert found is not None
     assert (found.first, found.last) == ((1, 2), (3, 5))
     assert found.score / found.information == pytest.approx(-0.5)
+
+
+def test_beyond_margins_is_what_a_rectangle_says_and_no_row_or_column():
+    shape, gram = (5, 6), correlated(30)
+    rectangle = Stretch((1, 2), (3, 5), 1, 0.0, 0.0)
+    of_rows, of_columns = RNG.standard_normal((5, 1)), RNG.standard_normal((1, 6))
+    additive = gram @ (of_rows + of_columns).ravel()
+    assert beyond_margins(additive, gram, rectangle, shape) == pytest.approx(0.0, abs=1e-6)
+    own = gram @ rectangle.inside(shape)
+    alone = beyond_margins(own, gram, rectangle, shape)
+    assert 0.0 < alone < np.sqrt(rectangle.inside(shape) @ own)
+    assert beyond_margins(additive - 2.0 * own, gram, rectangle, shape) == pytest.approx(-2.0 * alone)
 
 
 @pytest.mark.parametrize("shape", [(9,), (3, 4)])

@@ -66,6 +66,18 @@ def test_a_place_that_brakes_slows_everybody_there(tmp_path, recorded, plain) ->
     assert outcome.collisions == 0
 
 
+def test_accelerations_are_of_the_step_before_and_of_late(recorded) -> None:
+    demand = demand_of(recorded)
+    drivers = ModelDrivers(ExtendedModel(TEXTBOOK), demand, np.tile([1.0, 1.5, 1.2, 2.0, 0.0], (len(demand), 1)))
+    time = np.arange(60) * road.FRAME_STEP
+    speed = np.stack([5.0 + 0.5 * time, np.where(time < 4.0, 8.0, 9.0)])
+    found = np.array([drivers._accelerations(np.array([3, 0]), now) for now in speed.T])
+    np.testing.assert_array_equal(found[0], 0.0)  # nobody knows yet
+    np.testing.assert_allclose(found[1:, :, 0], 0.5, atol=1e-9)
+    np.testing.assert_allclose(found[[39, 40, 41, 55], 0, 1], [0.0, 10.0, 0.0, 0.0], atol=1e-9)
+    np.testing.assert_allclose(found[[39, 40, 55, 59], 1, 1], [0.0, 1.0 / 3.0, 1.0 / 3.0, 1.0 / 3.0], atol=1e-9)
+
+
 def test_a_delay_shows_and_the_same_run_twice_is_the_same(tmp_path, recorded, plain) -> None:
     one, other = (
         drive(tmp_path / name, recorded, Cause("reaction_delay", {"tau": 0.9}))[0] for name in ("one", "other")

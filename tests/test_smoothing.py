@@ -6,7 +6,7 @@ from hypothesis import strategies as st
 from scipy.signal import savgol_filter
 
 from idm_sumo import columns as c
-from idm_sumo.smoothing import runs, smooth
+from idm_sumo.smoothing import running_mean, runs, smooth
 from tests.builders import Car, recording
 
 STEP = 0.1
@@ -107,3 +107,10 @@ def test_runs_end_at_holes_vehicles_and_periods() -> None:
     starts, lengths = runs(table.reset_index(drop=True))
     assert starts.tolist() == [0, 2, 4]
     assert lengths.tolist() == [2, 2, 4]
+
+
+def test_a_running_mean_is_of_one_run_and_of_its_last_rows_only() -> None:
+    values = np.array([1.0, 3.0, 5.0, 10.0, 20.0, 40.0])
+    same = np.array([False, True, True, False, True, True])
+    np.testing.assert_allclose(running_mean(values, same), [1.0, 2.0, 3.0, 10.0, 15.0, 70.0 / 3.0])
+    np.testing.assert_allclose(running_mean(values, same, 2), [1.0, 2.0, 4.0, 10.0, 15.0, 30.0])

@@ -77,17 +77,17 @@ def best_stretch(
     )  # fmt: skip
 
 
-def beyond_margins(total: Floats, gram: Floats, stretch: Stretch, shape: tuple[int, int]) -> float:
+def beyond_margins(total: Floats, gram: Floats, stretch: Stretch, shape: tuple[int, ...]) -> float:
     """Return the standard errors of a rectangle's score beyond what whole rows and whole columns of bins say.
 
     Parameters as of :func:`best_stretch`.
     """
-    row, column = np.divmod(np.arange(shape[0] * shape[1]), shape[1])
-    margins = np.hstack([np.eye(shape[0])[row], np.eye(shape[1])[column]])
+    row, column = np.indices(shape).reshape(2, -1)
+    margins: Floats = np.hstack([np.eye(shape[0])[row], np.eye(shape[1])[column]])
     field = stretch.inside(shape)
     held = np.linalg.pinv(margins.T @ gram @ margins, hermitian=True) @ (margins.T @ (gram @ field))
     rest = field - margins @ held
-    return float(rest @ total / np.sqrt(max(rest @ gram @ rest, 1e-9)))
+    return float(rest @ total) / max(float(rest @ gram @ rest), 1e-9) ** 0.5
 
 
 def _prefix(values: Floats, axes: range) -> Floats:
