@@ -143,6 +143,15 @@ def test_a_relaxation_of_the_headway_is_told_from_one_of_the_gap(tmp_path):
     assert (third.parameters["phi"].value, usual.parameters["phi"].value) == (1.0, 0.0)
 
 
+def test_friction_beside_the_next_vehicle_is_told_from_that_beside_a_lane(tmp_path):
+    given = {"form": "third", "density": "congested"}
+    found = checked(diagnose(hidden(tmp_path, 19, "adjacent_lane_friction", **given)))
+    assert [cause.name for cause in found.causes] == ["adjacent_lane_friction"]
+    assert found.causes[0].parameters["phi"].value == 1.0
+    assert found.causes[0].parameters["k"].value == pytest.approx(0.1, rel=0.3)
+    assert better(found)
+
+
 @pytest.mark.parametrize(
     ("effect", "seed", "told"), [("throttle_wave", 17, "oscillation"), ("lane_enforcement", 16, "time in lane 1")]
 )

@@ -258,7 +258,8 @@ def test_without_noise_the_true_model_drives_what_was_driven():
 
 
 @pytest.mark.parametrize(
-    "effect", ["reaction_delay", "lane_change_relaxation", "time_of_day", "speed_dependent_headway"]
+    "effect",
+    ["reaction_delay", "lane_change_relaxation", "time_of_day", "speed_dependent_headway", "adjacent_lane_friction"],
 )
 def test_without_noise_the_true_model_drives_what_a_third_form_drove(effect):
     given = {**SHORT, "form": "third", "underlying": "idm", "density": "congested", "driver_noise": 0.0, "sigma": 0.0}

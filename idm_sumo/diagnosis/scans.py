@@ -87,7 +87,7 @@ def beyond_margins(total: Floats, gram: Floats, stretch: Stretch, shape: tuple[i
     field = stretch.inside(shape)
     held = np.linalg.pinv(margins.T @ gram @ margins, hermitian=True) @ (margins.T @ (gram @ field))
     rest = field - margins @ held
-    return float(rest @ total) / max(float(rest @ gram @ rest), 1e-9) ** 0.5
+    return float(rest @ total / np.sqrt(np.maximum(rest @ gram @ rest, 1e-9)))
 
 
 def _prefix(values: Floats, axes: range) -> Floats:

@@ -40,15 +40,21 @@ def around(i, target, order, on, x, lane):  # type: ignore[no-untyped-def]
 
 
 @njit(cache=True)
-def look_aside(i, order, on, x, v, acc, lane, length, seen):  # type: ignore[no-untyped-def]
-    """Fill the slower adjacent lane's speed, whether a truck is alongside, and braking two lanes over."""
+def look_aside(i, form, order, on, x, v, acc, lane, length, seen):  # type: ignore[no-untyped-def]
+    """Fill the slower adjacent lane's speed, whether a truck is alongside, and braking two lanes over.
+
+    In the third form the slower one counts of those who are next ahead there, who is the last of the order.
+    """
     total, count = np.zeros(2), np.zeros(2)
     seen[act.BESIDE_V], seen[act.TRUCK_BESIDE], seen[act.BRAKING_ACROSS] = np.nan, 0.0, 0.0
     for j in order:
         side = lane[j] - lane[i]
+        if form == act.THIRD and on[j] and abs(side) == 1 and 0.0 <= x[j] - x[i] < 60.0:
+            total[(side + 1) // 2], count[(side + 1) // 2] = v[j], 1
         if on[j] and abs(side) == 1 and abs(x[j] - x[i]) < 30.0:
-            total[(side + 1) // 2] += v[j]
-            count[(side + 1) // 2] += 1
+            if form != act.THIRD:
+                total[(side + 1) // 2] += v[j]
+                count[(side + 1) // 2] += 1
             if length[j] > 8.0 and x[j] + 2.0 > x[i] - 5.0 and x[j] - length[j] < x[i] + 2.0:
                 seen[act.TRUCK_BESIDE] = 1.0
         if on[j] and abs(side) == 2 and 0.0 < x[j] - x[i] < 40.0 and acc[j] < -1.0:
@@ -122,7 +128,7 @@ def run(  # type: ignore[no-untyped-def]
             j, seen = ahead[i], sees[i]
             look_ahead(i, ahead, behind, x, v, acc, length, kind, seen)
             if look_beside:
-                look_aside(i, order, on, x, v, acc, lane, length, seen)
+                look_aside(i, form, order, on, x, v, acc, lane, length, seen)
             s = seen[act.REAR] - x[i] if j >= 0 else 1e9
             dv = v[i] - v[j] if j >= 0 else 0.0
             seen[act.SINCE] += DT
