@@ -18,7 +18,7 @@ from idm_sumo.diagnosis.look import Subject
 from idm_sumo.diagnosis.luck import Luck, draws
 from idm_sumo.diagnosis.one_lane import place_in_one_lane
 from idm_sumo.diagnosis.result import Gain
-from idm_sumo.diagnosis.sizes import Tried, anew, climbed, gain_of, magnitude_of, refined
+from idm_sumo.diagnosis.sizes import Tried, ade_of, anew, climbed, gain_of, magnitude_of, refined
 from idm_sumo.diagnosis.twins import driver_noise
 from idm_sumo.progress import Progress
 
@@ -210,15 +210,18 @@ def _strongest(
 
     Of an effect's forms those count that are significant and large enough at their size, if any is. The best has most support,
     unless another drives the vehicles clearly better: where no form is quite right, the likelihood may hold on to how errors vary
-    together more than to where the vehicles are. Which of two places (or times) is meant, support alone decides: what one has too
-    much the other has too little. So it does between forms of an effect of which one has far less.
+    together more than to where the vehicles are. Of causes with nearly as much support the one that drives them best is taken.
+    Which of two places (or times) is meant, support alone decides: what one has too much the other has too little. So it does
+    between forms of an effect of which one has far less.
     """
     each = [climbed(subject, fit, c, lucks[:HEARD]) for c in close]
     there = {tried.candidate.name for tried in each if gates.is_there(tried)}
     believed = [tried for tried in each if gates.is_there(tried) or tried.candidate.name not in there]
-    best, *others = sorted(believed, key=lambda t: -t.support)
-    rivals = {t.candidate.name for t in others if t.support > RIVAL * best.support}
-    for other in others:
+    most, *others = sorted(believed, key=lambda t: -t.support)
+    alike = [t for t in others if t.support > RIVAL * most.support and t.candidate.name != most.candidate.name]
+    rivals = {t.candidate.name for t in [most, *alike]}
+    best = min([most, *alike], key=lambda t: ade_of(subject, t.fit)) if alike else most
+    for other in [t for t in [most, *others] if t is not best]:
         if not _support_decides(other, best) and gain_of(subject, best.fit, other.fit, rng).ci95[0] > 0.0:
             best = other
     return best, tuple(sorted(rivals - {best.candidate.name}))

@@ -98,7 +98,7 @@ def climbed(subject: Subject, fit: Fit, candidate: Candidate, lucks: Sequence[Lu
             break
         now = refitted(subject, with_value(now, candidate.name, value), rounds=1)
     end = Tried(replace(candidate, value=value, error=error), now, support)
-    return end if _ade(subject, now) < (1.0 + LARGEST_LOSS) * _ade(subject, path[0].fit) else path[0]
+    return end if ade_of(subject, now) < (1.0 + LARGEST_LOSS) * ade_of(subject, path[0].fit) else path[0]
 
 
 def _integral(scores: Mapping[float, float], end: float) -> float:
@@ -123,7 +123,8 @@ def _heard_on_the_way(
     return heard, scores
 
 
-def _ade(subject: Subject, fit: Fit) -> float:
+def ade_of(subject: Subject, fit: Fit) -> float:
+    """Return the average displacement error (m) on the drivers that fit."""
     return float(driven(subject.windows, fit, known=True).ade_m.mean())
 
 
@@ -136,7 +137,7 @@ def _delayed(subject: Subject, fit: Fit, candidate: Candidate) -> list[Fit]:
         fit_drivers(subject.windows, with_cause(fit, candidate, size).by_lane, fit.start_variance, rounds=6)
         for size in at.DELAYS
     ]
-    return models[: 1 + int(np.argmin([_ade(subject, model) for model in models]))]
+    return models[: 1 + int(np.argmin([ade_of(subject, model) for model in models]))]
 
 
 def refined(subject: Subject, fit: Fit, names: list[str], lucks: list[Luck], rng: np.random.Generator) -> Fit:
