@@ -17,10 +17,12 @@ ACCELERATION = "acceleration"  # m/s^2, along the road
 HEADING = "heading"  # rad, 0 along the road, positive to the left
 LENGTH = "length"  # m, NaN where not recorded
 WIDTH = "width"  # m, NaN where not recorded
-CLASS = "vehicle_class"  # 1 motorcycle, 2 car, 3 truck, 0 not recorded
+CLASS = "vehicle_class"  # MOTORCYCLE, CAR or TRUCK, 0 not recorded
 LANE = "lane"  # 1 leftmost ... 5, 6 auxiliary, 7 on-ramp, 8 off-ramp
 LEADER = "leader"  # number of the recorded leader, 0 for none or not recorded
 HEADWAY = "headway"  # m, own front to the leader's front, NaN for none or not recorded
+
+MOTORCYCLE, CAR, TRUCK = 1, 2, 3  # vehicle classes, as in NGSIM
 
 KEYS = (PERIOD, VEHICLE, FRAME)
 ALL = (

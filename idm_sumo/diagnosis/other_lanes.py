@@ -9,15 +9,15 @@ import numpy.typing as npt
 import pandas as pd
 
 from idm_sumo import columns as c
+from idm_sumo.columns import MOTORCYCLE, TRUCK
 from idm_sumo.effects.adjacent_lane_friction import AHEAD, BESIDE
-from idm_sumo.effects.leader_class import TRUCK
 from idm_sumo.leaders import frame_code
 
 HARD = 1.0  # m/s²: who brakes harder shows brake lights
 ALONGSIDE, LOOK_AHEAD = 20.0, 40.0  # m, ahead of the own front
 CROWD = 40.0  # m, to either side of it
 CAR = 5.0  # m: fronts that are no further apart overlap
-MOTORCYCLE, NEAR = 1, 15.0  # class; m, to either side of the own front
+NEAR = 15.0  # m, to either side of the own front
 
 Floats = npt.NDArray[np.float64]
 Integers = npt.NDArray[np.int64]

@@ -7,8 +7,8 @@ from __future__ import annotations
 
 from numba import njit
 
+from idm_sumo.columns import TRUCK
 from idm_sumo.effects import slots
-from idm_sumo.effects.leader_class import TRUCK
 from idm_sumo.effects.record import Effect, Parameter
 
 

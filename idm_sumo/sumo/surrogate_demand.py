@@ -9,6 +9,7 @@ from xml.sax.saxutils import quoteattr
 import numpy as np
 import pandas as pd
 
+from idm_sumo.columns import CAR, MOTORCYCLE, TRUCK
 from idm_sumo.road import OFF_RAMP_X
 from idm_sumo.sumo.network import ON_RAMP, place, route
 
@@ -22,7 +23,6 @@ ON_RAMP_SHARE = 0.05
 OFF_RAMP_SHARE = 0.035
 MODELS = {"EIDM": 0.40, "Krauss": 0.30, "IDM": 0.20, "W99": 0.10}
 
-MOTORCYCLE, CAR, TRUCK = 1, 2, 3
 CLASSES = {MOTORCYCLE: 0.007, CAR: 0.967, TRUCK: 0.026}
 SUMO_CLASS = {MOTORCYCLE: "motorcycle", CAR: "passenger", TRUCK: "truck"}
 
