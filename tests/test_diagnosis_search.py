@@ -129,3 +129,53 @@ def test_what_some_drivers_have_the_likelihood_may_refuse_but_they_drive_clearly
     monkeypatch.setattr(search, "gain_of", lambda *_: gain)
     chosen = _next(None, fit, evidence(0.0), [], [], [], np.random.default_rng(0))
     assert (chosen is not None) is named
+
+
+@pytest.mark.parametrize(("support", "chosen"), [(90.0, "hysteresis"), (70.0, "perception_threshold")])
+def test_of_causes_with_nearly_as_much_support_the_one_that_drives_best_is_taken(monkeypatch, support, chosen):
+    windows, _ = followers(ro.PLAIN, np.random.default_rng(5))
+    base = fit_drivers(windows, ro.PLAIN.copy(), np.array([1e-4, 1e-4]), rounds=2)
+    subject = Subject(windows, Noises(QUIET, QUIET), at.grid_of(windows), True)
+    each = [
+        Tried(candidate(9.0), with_cause(base, candidate(9.0, "acceleration_asymmetry", 0.8)), 100.0),
+        Tried(candidate(9.0, "hysteresis", 0.2), base, support),
+    ]
+    monkeypatch.setattr(search, "climbed", lambda *_: each.pop(0))
+    unclear = Gain("ade_m", 1.0, 0.99, 0.01, (-0.01, 0.03), 100, False)
+    monkeypatch.setattr(search, "gain_of", lambda *_: unclear)
+    best, rivals = _strongest(subject, base, [one.candidate for one in each], [], np.random.default_rng(0))
+    assert best.candidate.name == chosen
+    assert rivals == (("perception_threshold",) if chosen == "hysteresis" else ())
+
+
+@pytest.mark.parametrize("which_holds", [0, 1, None])
+def test_where_one_interval_does_not_hold_it_the_other_sign_in_another_is_tried(monkeypatch, which_holds):
+    windows, _ = followers(ro.PLAIN, np.random.default_rng(5))
+    base = fit_drivers(windows, ro.PLAIN.copy(), np.array([1e-4, 1e-4]), rounds=1)
+    subject = Subject(windows, Noises(QUIET, QUIET), at.grid_of(windows), True)
+    less, more = (Atom("time_of_day", low=low, high=low + 40.0) for low in (40.0, 80.0))
+    found = search.Found(base, base, (), (), evidence(0.0), evidence(0.0), ())
+    monkeypatch.setattr(search.ev, "examine", lambda *_, **__: evidence(0.0))
+    monkeypatch.setattr(search, "_outside", lambda *_: ())
+    left_out = []
+
+    def answer(*given):
+        left_out.append(given[5])
+        fails = which_holds is None or len(left_out) - 1 < which_holds
+        return search.NoInterval((less, more)[len(left_out) - 1], (candidate(5.0),)) if fails else found
+
+    monkeypatch.setattr(search, "_search", answer)
+    result = search.search(subject, base, np.random.default_rng(0), lambda *_: None)
+    assert left_out == [(), (less,)][: 1 if which_holds == 0 else 2]
+    assert (result is found) is (which_holds is not None)
+    assert result.accepted == ()
+
+
+@pytest.mark.parametrize(("tau", "large"), [(0.065, False), (0.09, True)])
+def test_what_its_refined_size_makes_too_small_is_no_cause(tau, large):
+    windows, _ = followers(ro.PLAIN, np.random.default_rng(5))
+    base = fit_drivers(windows, ro.PLAIN.copy(), np.array([1e-4, 1e-4]), rounds=1)
+    came = candidate(6.0, "reaction_delay", 0.09, ((slots.DELAY, 0.5),))
+    nothing = Gain("ade_m", 1.0, 1.0, 0.0, (-0.1, 0.1), 10, False)
+    cause = Accepted(Tried(came, base, 60.0), 0.09, 0.01, nothing, ())
+    assert search._is_still_large(cause, with_cause(base, came, tau)) is large

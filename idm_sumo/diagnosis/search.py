@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Container
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -10,6 +11,7 @@ import numpy.typing as npt
 from idm_sumo.diagnosis import evidence as ev
 from idm_sumo.diagnosis import gates
 from idm_sumo.diagnosis import hypotheses as hy
+from idm_sumo.diagnosis.atoms import Atom
 from idm_sumo.diagnosis.edges import sharpened
 from idm_sumo.diagnosis.fit import Fit
 from idm_sumo.diagnosis.hypotheses import Candidate
@@ -65,19 +67,42 @@ class Found:
     unexplained: tuple[LeftOver, ...]
 
 
+@dataclass(frozen=True)
+class NoInterval:
+    """A place or a time that was put into the model and left another one about as sure: the form, and what was refused before."""
+
+    form: Atom
+    without_gain: tuple[Candidate, ...]
+
+
 def search(subject: Subject, base: Fit, rng: np.random.Generator, progress: Progress) -> Found:
     """Find the causes, strongest first."""
-    fit = base
+    lucks = draws(subject.windows, subject.noises, _twins_of(subject, FIRST_TWINS), rng)
+    first = ev.examine(subject, base, lucks, progress=progress, stage="looking for causes", free=True)
+    strange = _outside(subject, base, first, lucks, progress)
+    found = _search(subject, base, first, strange, lucks, (), rng, progress)
+    if isinstance(
+        found, NoInterval
+    ):  # less in one interval was meant, where more in another had been put, or the reverse
+        found = _search(subject, base, first, strange, lucks, (found.form,), rng, progress)
+    if isinstance(found, NoInterval):
+        return Found(base, base, (), found.without_gain, first, first, left_without_causes(first))
+    return found
+
+
+def _search(
+    subject: Subject, base: Fit, first: ev.Evidence, strange: tuple[LeftOver, ...], lucks: list[Luck],
+    but: tuple[Atom, ...], rng: np.random.Generator, progress: Progress,
+) -> Found | NoInterval:  # fmt: skip
+    """Find the causes, none of them in the forms ``but``, after the first look and what was strange in it."""
+    fit, last = base, first
     accepted: list[Accepted] = []
     without: list[Candidate] = []
-    lucks = draws(subject.windows, subject.noises, _twins_of(subject, FIRST_TWINS), rng)
-    first = last = ev.examine(subject, fit, lucks, progress=progress, stage="looking for causes", free=True)
-    strange = _outside(subject, fit, first, lucks, progress)
     while len(accepted) < MOST_CAUSES:
         chosen = (
             _in_one_lane(subject, fit, strange, rng)
             if strange
-            else _next(subject, fit, last, accepted, without, lucks, rng)
+            else _next(subject, fit, last, accepted, without, lucks, rng, but)
         )
         if chosen is None:
             break
@@ -87,10 +112,14 @@ def search(subject: Subject, base: Fit, rng: np.random.Generator, progress: Prog
         subject = with_its_noise(subject, chosen.tried.fit, rng)
         count = _twins_of(subject, TWINS)
         lucks = draws(subject.windows, subject.noises, count, rng)  # not the luck that had a hand in the choice
+        smaller = fit
         fit = refined(subject, chosen.tried.fit, [cause.candidate.name for cause in accepted], lucks, rng)
+        if not _is_still_large(chosen, fit):
+            fit, without = smaller, [*without, accepted.pop().candidate]
+            break
         last = ev.examine(subject, fit, lucks, progress=progress, stage="looking for further causes")
         if len(accepted) == 1 and _is_no_interval(chosen.candidate, first, last):
-            return Found(base, base, (), tuple(without), first, first, left_without_causes(first))
+            return NoInterval(chosen.candidate.atom, tuple(without))
         accepted = [_measured(cause, fit, last) for cause in accepted]
     left = told(strange) if strange or accepted else left_without_causes(first)
     return Found(base, fit, tuple(accepted), tuple(without), first, last, left)
@@ -117,6 +146,12 @@ def _is_no_interval(candidate: Candidate, first: ev.Evidence, last: ev.Evidence)
     if candidate.only_lanes or not gates.is_another(candidate, last):
         return False
     return any(one.covariate == gates.FREELY[candidate.name] for one in gates.standing_out(first))
+
+
+def _is_still_large(cause: Accepted, fit: Fit) -> bool:
+    """Return whether a cause is large enough for a name with its refined size, too."""
+    value = float(fit.by_lane[0, magnitude_of(fit, cause.candidate.name).slot])
+    return replace(cause.candidate, value=value).large_enough
 
 
 def _measured(cause: Accepted, fit: Fit, evidence: ev.Evidence) -> Accepted:
@@ -160,11 +195,11 @@ def _in_one_lane(
 
 def _next(
     subject: Subject, fit: Fit, evidence: ev.Evidence, accepted: list[Accepted], without: list[Candidate],
-    lucks: list[Luck], rng: np.random.Generator,
+    lucks: list[Luck], rng: np.random.Generator, but: Container[Atom] = (),
 ) -> Accepted | None:  # fmt: skip
     """Return the next cause that passes every gate and is no shadow of one that does not, with the refitted model.
 
-    What is there without gain is added to ``without``.
+    What is there without gain is added to ``without``; the forms ``but`` are left out.
     """
     used = {a.candidate.name for a in accepted} | {c.name for c in without}
     there = [c for c in gates.believed(evidence) if c.name not in used]
@@ -175,7 +210,9 @@ def _next(
     refused = 0.0  # support of what was there and no cause
     while open_:
         close = [c for c in open_ if c.z**2 > CLOSE * open_[0].z ** 2][:TRIED]
-        forms = [form for c in close for form in hy.forms(evidence, c)]
+        forms = [form for c in close for form in hy.forms(evidence, c) if form.atom not in but]
+        if not forms:
+            break
         best, chosen = _judged(subject, fit, forms, accepted[0].tried if accepted else None, strongest, lucks, rng)
         if chosen is not None:
             return chosen if not refused or chosen.tried.support > SHADOW * refused else None
