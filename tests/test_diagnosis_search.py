@@ -109,6 +109,34 @@ def test_the_shadow_of_what_was_refused_is_no_cause(monkeypatch, support, named)
     assert [one.name for one in without] == ["hysteresis"]
 
 
+def test_a_place_that_may_be_a_past_nobody_saw_is_tried_with_the_other_sign_elsewhere(monkeypatch):
+    fit = fit_drivers(
+        followers(ro.PLAIN, np.random.default_rng(5))[0], ro.PLAIN.copy(), np.array([1e-4, 1e-4]), rounds=1
+    )
+    before, after = (
+        replace(candidate(6.0, "location", value), atom=Atom("location", low=low))
+        for value, low in ((0.1, 0.0), (-0.1, 90.0))
+    )
+    nothing = Gain("ade_m", 1.0, 1.0, 0.0, (-0.1, 0.1), 10, False)
+    relaxation = Accepted(Tried(candidate(9.0, "lane_change_relaxation"), fit, 200.0), 0.5, 0.01, nothing, ())
+    asked = []
+    monkeypatch.setattr(search.hy, "candidates", lambda _: [before])
+    monkeypatch.setattr(search.hy, "forms", lambda *_: [before, after])
+    monkeypatch.setattr(search.gates, "is_past_unseen", lambda one, *_: one is before)
+
+    def judged(_subject, _fit, forms, *_):
+        asked.append(forms)
+        tried = Tried(forms[0], fit, 100.0)
+        return tried, Accepted(tried, -0.1, 0.01, nothing, ())
+
+    monkeypatch.setattr(search, "_judged", judged)
+    chosen = _next(None, fit, evidence(0.0), [relaxation], [], [], np.random.default_rng(0))
+    assert asked == [[after]]
+    assert chosen is not None
+    monkeypatch.setattr(search.hy, "forms", lambda *_: [before])
+    assert _next(None, fit, evidence(0.0), [relaxation], [], [], np.random.default_rng(0)) is None
+
+
 @pytest.mark.parametrize(
     ("on_average", "support", "margin", "named"),
     [(0.1, -80.0, 0.01, True), (0.1, -80.0, 0.04, False), (0.1, 80.0, 0.04, True), (0.04, -80.0, 0.01, False), (0.04, 80.0, 0.04, True),

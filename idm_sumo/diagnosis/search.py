@@ -206,13 +206,17 @@ def _next(
     strongest = max((abs(c.z) for c in there), default=0.0)
     open_ = [c for c in there if gates.is_likely(c)]
     if accepted:
-        open_ = [c for c in open_ if gates.is_clear_beside(c) and not gates.is_past_unseen(c, evidence, used)]
+        open_ = [c for c in open_ if gates.is_clear_beside(c)]
     refused = 0.0  # support of what was there and no cause
     while open_:
         close = [c for c in open_ if c.z**2 > CLOSE * open_[0].z ** 2][:TRIED]
-        forms = [form for c in close for form in hy.forms(evidence, c) if form.atom not in but]
+        forms = [
+            form for c in close for form in hy.forms(evidence, c)
+            if form.atom not in but and not gates.is_past_unseen(form, evidence, used)
+        ]  # fmt: skip
         if not forms:
-            break
+            open_ = [c for c in open_ if c not in close]
+            continue
         best, chosen = _judged(subject, fit, forms, accepted[0].tried if accepted else None, strongest, lucks, rng)
         if chosen is not None:
             return chosen if not refused or chosen.tried.support > SHADOW * refused else None
