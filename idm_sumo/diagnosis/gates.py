@@ -58,7 +58,6 @@ FREE_EXCESS, FREE_CHANGE, FREE_MORE = 1.5, 0.5, 25.0
 # Of its squared z, that is left of it with the best cause in the model; less suffices of a place and time: what a place does at all
 # times a location takes away, and what a location leaves there is not its form.
 FREE_STILL, REGION_STILL = 0.5, 0.3
-LESS = 0.5  # of its value: less of the same may be left of what is nearly told
 # Standard errors, and share of its squared z, of a rectangle beyond what its place does always and its time everywhere: no place and no
 # time is it then, nor both.
 BEYOND_MARGINS, BEYOND_SHARE = 5.0, 0.2
@@ -252,16 +251,9 @@ def is_neither(strange: LeftOver) -> bool:
 
 
 def is_left(strange: LeftOver, evidence: ev.Evidence) -> bool:
-    """Return whether, with the best cause in the model, what the catalogue does not hold is still about as strange.
-
-    Less of the same is not: the cause is not quite at its size yet.
-    """
+    """Return whether, with the best cause in the model, what the catalogue does not hold is still about as strange."""
     still = REGION_STILL if strange.covariate.startswith(REGION) else FREE_STILL
-
-    def is_less(one: LeftOver) -> bool:
-        return one.covariate == strange.covariate and abs(one.value) < LESS * abs(strange.value)
-
-    return any(one.z**2 > still * strange.z**2 and not is_less(one) for one in outside(evidence))
+    return any(one.z**2 > still * strange.z**2 for one in outside(evidence))
 
 
 def is_another(first: Candidate, evidence: ev.Evidence) -> bool:
