@@ -26,7 +26,7 @@ EFFECT = Effect(
     name="speed_dependent_headway",
     summary="keeps another time headway at another speed",
     parameters=(
-        Parameter("gamma", "1 per 10 m/s", slots.SPEED_HEADWAY, -0.5, 1.0, 0.15),
+        Parameter("gamma", "1 per 10 m/s", slots.SPEED_HEADWAY, -0.8, 1.0, 0.15),
         Parameter("v_mean", "m/s", slots.PIVOT_SPEED, 0.0, 50.0, 10.0),
     ),
     must_see=(),
