@@ -109,6 +109,13 @@ def test_a_delay_that_climbs_back_to_nothing_has_gained_nothing():
     assert abs(sizes._integral(scores, 0.004)) < 2.0
 
 
+@pytest.mark.parametrize("sign", [1.0, -1.0])
+def test_what_twins_say_of_a_place_lies_on_a_line_up_to_where_they_were_heard(sign: float) -> None:
+    heard = {0.0: 4.0, sign * 0.2: 10.0}
+    said = [sizes._between(heard, sign * value) for value in (0.0, 0.1, 0.2, 0.5)]
+    assert said == pytest.approx([4.0, 7.0, 10.0, 10.0])
+
+
 def test_twins_are_expected_on_the_line_through_two_magnitudes():
     first = TwinScore.at(0.4, ev.Local(3.0, 100.0), None)
     assert first.expected(0.7) == 3.0

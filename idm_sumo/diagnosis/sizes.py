@@ -89,7 +89,7 @@ def climbed(subject: Subject, fit: Fit, candidate: Candidate, lucks: Sequence[Lu
     error, stride, path = candidate.error, Stride(), list[Tried]()
     for _ in range(CLIMBS):
         step = ev.local_scores(ev.look_here(subject, now))[candidate.name]
-        free = scores[value] = step.score - float(np.interp(value, list(heard), list(heard.values())))
+        free = scores[value] = step.score - _between(heard, value)
         support = 2.0 * _integral(scores, value)
         error = candidate.error * np.sqrt(candidate.information / max(step.information, 1e-9))
         path.append(Tried(replace(candidate, value=value, error=error), now, support))
@@ -99,6 +99,12 @@ def climbed(subject: Subject, fit: Fit, candidate: Candidate, lucks: Sequence[Lu
         now = refitted(subject, with_value(now, candidate.name, value), rounds=1)
     end = Tried(replace(candidate, value=value, error=error), now, support)
     return end if ade_of(subject, now) < (1.0 + LARGEST_LOSS) * ade_of(subject, path[0].fit) else path[0]
+
+
+def _between(heard: Mapping[float, float], value: float) -> float:
+    """Return what twins say at a magnitude between those at which they were heard, which may be of either sign."""
+    known = sorted(heard)
+    return float(np.interp(value, known, [heard[size] for size in known]))
 
 
 def _integral(scores: Mapping[float, float], end: float) -> float:
