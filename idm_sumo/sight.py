@@ -17,7 +17,7 @@ from idm_sumo import columns as c
 from idm_sumo import road
 from idm_sumo.effects import Sight
 from idm_sumo.effects.adjacent_lane_friction import AHEAD, BESIDE
-from idm_sumo.effects.hysteresis import OF_LATE
+from idm_sumo.effects.hysteresis import LATELY
 from idm_sumo.effects.lane_change_relaxation import headway_after
 from idm_sumo.recording import Recording
 from idm_sumo.rollout import perceive
@@ -147,7 +147,7 @@ def _rows(table: pd.DataFrame, vehicle: Integers, frame: Integers) -> Integers:
 def _others(table: pd.DataFrame, scenes: Scenes, known: _Known) -> Others:
     """Look up every row of the traffic in the table."""
     t, acceleration, kind = scenes.traffic, known.acceleration, known.kind
-    of_late = running_mean(acceleration, known.goes_on, round(OF_LATE / road.FRAME_STEP))
+    of_late = running_mean(acceleration, known.goes_on, LATELY)
     group, frame = np.divmod(np.repeat(np.arange(len(t.offsets) - 1), np.diff(t.offsets)), t.frames)
     if scenes.leader_source == LEADER_FROM_LANE:
         row = _rows(table, t.vehicle, frame + t.first_frame)

@@ -83,7 +83,7 @@ def search(subject: Subject, base: Fit, rng: np.random.Generator, progress: Prog
     found = _search(subject, base, first, strange, lucks, (), rng, progress)
     if isinstance(
         found, NoInterval
-    ):  # less in one interval was meant, where more in another had been put, or the reverse
+    ):  # less there may have been meant where more elsewhere had been put, or the reverse
         found = _search(subject, base, first, strange, lucks, (found.form,), rng, progress)
     if isinstance(found, NoInterval):
         return Found(base, base, (), found.without_gain, first, first, left_without_causes(first))

@@ -10,7 +10,7 @@ import pandas as pd
 
 from idm_sumo import columns as c
 from idm_sumo import road
-from idm_sumo.effects.hysteresis import OF_LATE
+from idm_sumo.effects.hysteresis import LATELY
 from idm_sumo.effects.lane_change_relaxation import LARGEST_JUMP, headway_after
 from idm_sumo.leaders import row_ahead, row_of
 from idm_sumo.recording import Recording
@@ -18,7 +18,6 @@ from idm_sumo.smoothing import running_mean, same_run
 from idm_sumo.twin_leaders import JUMP, leader_lengths, recorded_leaders
 
 LEAST_JUMP = 0.5  # m; a smaller step of the gap is noise
-LATELY = round(OF_LATE / road.FRAME_STEP)  # frames
 NEVER = 1e6  # s, since or until an event that there is not
 
 Floats = npt.NDArray[np.float64]

@@ -22,7 +22,7 @@ LEAST_HORIZON = 50  # frames, 5 s: below, a driver has not answered yet
 EVERY = 10  # frames between compared positions
 STANDING = 0.5  # m/s
 MOVING = 1.0  # m/s: a window in which nobody is faster says nothing
-OF_LATE = 150  # frames
+UNREST_FRAMES = 150
 NEARLY_ALWAYS = 0.8  # of the frames
 NEAREST = 0.3  # m: a smaller recorded gap is an overlap of the measurement
 
@@ -203,7 +203,7 @@ def _columns(recording: Recording, ahead: Ahead) -> Floats:
         seen[:, BESIDE_GAP], seen[:, MOTORCYCLES] = beside.beside_gap(ahead.rear - x), beside.motorcycles()
     seen[:, BEHIND_KIND], seen[:, SECOND_KIND], seen[:, LENGTH] = ahead.follower_kind, ahead.second_kind, ahead.length
     seen[:, SINCE_STANDING] = since(v < STANDING, same_run(table))[0]
-    seen[:, UNREST] = running_mean(np.abs(table[c.ACCELERATION].to_numpy(np.float64)), same_run(table), OF_LATE)
+    seen[:, UNREST] = running_mean(np.abs(table[c.ACCELERATION].to_numpy(np.float64)), same_run(table), UNREST_FRAMES)
     seen[:, LANE] = table[c.LANE].to_numpy(np.float64)
     seen[:, TIME] = _clock(recording)
     seen[:, X], seen[:, V], seen[:, OWN_KIND] = x, v, table[c.CLASS].to_numpy(np.float64)

@@ -14,9 +14,11 @@ from numba import njit
 
 from idm_sumo.effects import slots
 from idm_sumo.effects.record import Effect, Parameter
+from idm_sumo.road import FRAME_STEP
 
 SATURATION = 0.5  # m/s^2
 OF_LATE = 3.0  # s, of the mean acceleration
+LATELY = round(OF_LATE / FRAME_STEP)  # the same in frames
 
 
 @njit(cache=True, error_model="numpy")

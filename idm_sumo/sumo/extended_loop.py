@@ -14,7 +14,7 @@ from idm_sumo import driver_table as d
 from idm_sumo import road
 from idm_sumo.departures import DESTINATION, THROUGH
 from idm_sumo.effects import ExtendedModel, extended_acceleration, slots
-from idm_sumo.effects.hysteresis import OF_LATE
+from idm_sumo.effects.hysteresis import LATELY
 from idm_sumo.effects.lane_change_relaxation import headway_after
 from idm_sumo.effects.reaction_delay import REMEMBERED, acted_on, own_delay
 from idm_sumo.extended_rollout import meet
@@ -25,7 +25,6 @@ from idm_sumo.traffic import NOBODY
 Floats = npt.NDArray[np.float64]
 Integers = npt.NDArray[np.int64]
 
-LATELY = round(OF_LATE / road.FRAME_STEP)  # steps
 PAST = REMEMBERED + 1  # moments: that a delay can reach back to, and the present
 OURS, SUMOS = 0, 31  # SUMO's speed modes: no check of its own; all of them
 
