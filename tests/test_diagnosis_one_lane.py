@@ -64,6 +64,19 @@ def test_what_all_do_or_chance_does_is_confined_to_no_lane(sizes):
     assert one_lane.confined(in_lanes(*sizes)) == []
 
 
+@pytest.mark.parametrize(("lane", "value", "z"), [(2.0, 0.5, 20.0), (2.0, -0.5, -20.0), (2.0, 0.5, 5.0)])
+def test_a_lane_that_is_freely_later_than_others_has_a_delay_of_its_own_however_sure_all_are_late(lane, value, z):
+    sizes = (0.9, 1.2, 0.9)
+    free = LeftOver("delay over lane", (lane, lane), None, None, value, z, 1e-9, True)
+    assert one_lane.confined(in_lanes(*sizes, name="reaction_delay")) == []
+    found = one_lane.confined(replace(in_lanes(*sizes, name="reaction_delay"), free=(free,)))
+    if z < one_lane.SURE_IN_LANE:
+        assert found == []
+        return
+    assert [(one.name, one.only_lanes, one.z, one.p) for one in found] == [("reaction_delay", (2,), 20.0, 1e-9)]
+    assert found[0].value == pytest.approx(1.2, abs=0.3)
+
+
 def test_a_lane_of_few_drivers_says_nothing_alone():
     assert one_lane.confined(in_lanes(0.0, 9.0, 0.0, drivers=one_lane.LEAST_IN_LANE - 1)) == []
 

@@ -21,6 +21,7 @@ NOT_BY_LANE = (*hy.SCANNED, "desired_speed", *ENDOGENOUS)
 # Standard errors by which a lane must differ from the others (of 24 recordings of six laws with nothing hidden the surest were 4.7
 # and 3.5), and of those of the effect in all lanes.
 SURE_IN_LANE, SURER_EVERYWHERE = 5.5, 0.7
+LATER, DELAY = "delay over lane", "reaction_delay"  # what is free where one lane's drivers are later than the others
 LEAST_IN_LANE, LEAST_KNOWN = 20, 0.05  # drivers in a lane, and outside; of the information
 
 
@@ -36,7 +37,8 @@ def confined(evidence: Evidence) -> list[Candidate]:
     """Return the effects that the drivers of one lane have and the others have not, each in its surest form and lane.
 
     Each is as sure as both that it is there and that it is less, or contrary, elsewhere. Where the same effect in all lanes is far
-    surer it is not asked which lane has more of it.
+    surer it is not asked which lane has more of it. But if one lane's drivers stand out freely as later than the others, a delay there
+    is as sure as that.
     """
     rows = {name: hy.informative(evidence, name) for name in BY_NAME if name in hy.LEAST and name not in NOT_BY_LANE}
     lanes = np.unique(evidence.lane[evidence.lane > 0])
@@ -49,7 +51,18 @@ def confined(evidence: Evidence) -> list[Candidate]:
         everywhere = max(abs(one.z) for one in hy.each_form(evidence, name, rows[name]))
         return max(SURE_IN_LANE, SURER_EVERYWHERE * everywhere)
 
-    return [one for one in surest.values() if abs(one.z) > needed(one.name)]
+    surer = {name: one for name, one in surest.items() if abs(one.z) > needed(name)}
+    return list((surer | _late(evidence, rows[DELAY])).values())
+
+
+def _late(evidence: Evidence, rows: list[int]) -> dict[str, Candidate]:
+    """Return the delay of the lane that stands out freely as later than the others, if one does."""
+    for free in evidence.free:
+        if free.covariate == LATER and free.is_credible and free.z > SURE_IN_LANE:
+            lane = int(free.range[0])
+            surest = max(hy.each_form(evidence.of(evidence.lane == lane), DELAY, rows), key=lambda one: one.z)
+            return {DELAY: replace(surest, z=free.z, p=free.p, atom=replace(surest.atom, lane=lane))}
+    return {}
 
 
 def _alone(evidence: Evidence, rows: dict[str, list[int]], lane: int, lanes: int) -> Iterator[Candidate]:

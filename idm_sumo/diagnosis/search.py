@@ -38,6 +38,9 @@ WANTED = 20.0  # support that says of itself that all drivers have a cause
 RIVAL = 0.85  # of the best cause's support: one with as much cannot be told apart
 
 
+Known = dict[Candidate, Tried]  # candidates at their sizes beside one model: a climb is the dearest there is
+
+
 @dataclass(frozen=True)
 class Accepted:
     """A cause in the model, as it came, with its refined size and its gain on the drivers that fit."""
@@ -79,12 +82,12 @@ def search(subject: Subject, base: Fit, rng: np.random.Generator, progress: Prog
     """Find the causes, strongest first."""
     lucks = draws(subject.windows, subject.noises, _twins_of(subject, FIRST_TWINS), rng)
     first = ev.examine(subject, base, lucks, progress=progress, stage="looking for causes", free=True)
-    strange = _outside(subject, base, first, lucks, progress)
-    found = _search(subject, base, first, strange, lucks, (), rng, progress)
-    if isinstance(
-        found, NoInterval
-    ):  # less there may have been meant where more elsewhere had been put, or the reverse
-        found = _search(subject, base, first, strange, lucks, (found.form,), rng, progress)
+    known = Known()
+    strange = _outside(subject, base, first, lucks, known, progress)
+    found = _search(subject, base, first, strange, lucks, (), known, rng, progress)
+    # Less there may have been meant where more elsewhere had been put, or the reverse.
+    if isinstance(found, NoInterval):
+        found = _search(subject, base, first, strange, lucks, (found.form,), known, rng, progress)
     if isinstance(found, NoInterval):
         return Found(base, base, (), found.without_gain, first, first, left_without_causes(first))
     return found
@@ -92,9 +95,9 @@ def search(subject: Subject, base: Fit, rng: np.random.Generator, progress: Prog
 
 def _search(
     subject: Subject, base: Fit, first: ev.Evidence, strange: tuple[LeftOver, ...], lucks: list[Luck],
-    but: tuple[Atom, ...], rng: np.random.Generator, progress: Progress,
+    but: tuple[Atom, ...], known: Known, rng: np.random.Generator, progress: Progress,
 ) -> Found | NoInterval:  # fmt: skip
-    """Find the causes, none of them in the forms ``but``, after the first look and what was strange in it."""
+    """Find the causes, none of them in the forms ``but``, after the first look, what was strange in it, and what climbed."""
     fit, last = base, first
     accepted: list[Accepted] = []
     without: list[Candidate] = []
@@ -102,11 +105,11 @@ def _search(
         chosen = (
             _in_one_lane(subject, fit, strange, rng)
             if strange
-            else _next(subject, fit, last, accepted, without, lucks, rng, but)
+            else _next(subject, fit, last, accepted, without, lucks, rng, but, known)
         )
         if chosen is None:
             break
-        strange = ()
+        strange, known = (), Known()
         accepted.append(chosen)
         progress(f"refining {chosen.candidate.name}", 0, 1)
         subject = with_its_noise(subject, chosen.tried.fit, rng)
@@ -162,7 +165,7 @@ def _measured(cause: Accepted, fit: Fit, evidence: ev.Evidence) -> Accepted:
 
 
 def _outside(
-    subject: Subject, fit: Fit, first: ev.Evidence, lucks: list[Luck], progress: Progress
+    subject: Subject, fit: Fit, first: ev.Evidence, lucks: list[Luck], known: Known, progress: Progress
 ) -> tuple[LeftOver, ...]:
     """Return what is free and belongs to no effect of the catalogue.
 
@@ -174,7 +177,7 @@ def _outside(
     likely = [c for c in gates.believed(first) if gates.is_likely(c)][:TRIED]
     if not strange or not likely or gates.is_neither(strange[0]):
         return strange
-    each = [climbed(subject, fit, form, lucks[:HEARD]) for c in likely for form in hy.forms(first, c)]
+    each = [_at_size(subject, fit, form, lucks, known) for c in likely for form in hy.forms(first, c)]
     best = max((one for one in each if gates.is_there(one)), key=lambda one: one.support, default=None)
     if best is None or best.support < strange[0].z ** 2:
         return strange
@@ -195,7 +198,7 @@ def _in_one_lane(
 
 def _next(
     subject: Subject, fit: Fit, evidence: ev.Evidence, accepted: list[Accepted], without: list[Candidate],
-    lucks: list[Luck], rng: np.random.Generator, but: Container[Atom] = (),
+    lucks: list[Luck], rng: np.random.Generator, but: Container[Atom] = (), known: Known | None = None,
 ) -> Accepted | None:  # fmt: skip
     """Return the next cause that passes every gate and is no shadow of one that does not, with the refitted model.
 
@@ -217,7 +220,9 @@ def _next(
         if not forms:
             open_ = [c for c in open_ if c not in close]
             continue
-        best, chosen = _judged(subject, fit, forms, accepted[0].tried if accepted else None, strongest, lucks, rng)
+        best, chosen = _judged(
+            subject, fit, forms, accepted[0].tried if accepted else None, strongest, lucks, rng, known
+        )
         if chosen is not None:
             return chosen if not refused or chosen.tried.support > SHADOW * refused else None
         refused = max(refused, best.support)
@@ -229,10 +234,10 @@ def _next(
 
 def _judged(
     subject: Subject, fit: Fit, forms: list[Candidate], first: Tried | None, strongest: float, lucks: list[Luck],
-    rng: np.random.Generator,
+    rng: np.random.Generator, known: Known | None = None,
 ) -> tuple[Tried, Accepted | None]:  # fmt: skip
     """Return the best of several candidates, and it as a cause if it passes every gate."""
-    best, rivals = _strongest(subject, fit, forms, lucks, rng)
+    best, rivals = _strongest(subject, fit, forms, lucks, rng, known)
     best = replace(best, fit=anew(subject, best.fit))
     gain = gain_of(subject, fit, best.fit, rng)
     candidate = best.candidate
@@ -245,8 +250,9 @@ def _judged(
 
 
 def _strongest(
-    subject: Subject, fit: Fit, close: list[Candidate], lucks: list[Luck], rng: np.random.Generator
-) -> tuple[Tried, tuple[str, ...]]:
+    subject: Subject, fit: Fit, close: list[Candidate], lucks: list[Luck], rng: np.random.Generator,
+    known: Known | None = None,
+) -> tuple[Tried, tuple[str, ...]]:  # fmt: skip
     """Bring each candidate to its size and return the best, and those of other names with nearly as much support.
 
     Of an effect's forms those count that are significant and large enough at their size, if any is. The best has most support,
@@ -255,7 +261,7 @@ def _strongest(
     Which of two places (or times) is meant, support alone decides: what one has too much the other has too little. So it does
     between forms of an effect of which one has far less.
     """
-    each = [climbed(subject, fit, c, lucks[:HEARD]) for c in close]
+    each = [_at_size(subject, fit, c, lucks, {} if known is None else known) for c in close]
     there = {tried.candidate.name for tried in each if gates.is_there(tried)}
     believed = [tried for tried in each if gates.is_there(tried) or tried.candidate.name not in there]
     most, *others = sorted(believed, key=lambda t: -t.support)
@@ -266,6 +272,13 @@ def _strongest(
         if not _support_decides(other, best) and gain_of(subject, best.fit, other.fit, rng).ci95[0] > 0.0:
             best = other
     return best, tuple(sorted(rivals - {best.candidate.name}))
+
+
+def _at_size(subject: Subject, fit: Fit, candidate: Candidate, lucks: list[Luck], known: Known) -> Tried:
+    """Return a candidate at its size, from those that are there already if it is one of them."""
+    if candidate not in known:
+        known[candidate] = climbed(subject, fit, candidate, lucks[:HEARD])
+    return known[candidate]
 
 
 def _support_decides(other: Tried, best: Tried) -> bool:
