@@ -28,7 +28,7 @@ SHOWS_IN: dict[str, tuple[str, ...]] = {
     "tired_in_section": ("position",),
     "long_car_ahead": ("leader_length",),
     "drawn_along": ("faster_difference", "adjacent_difference"),
-    "staggering": ("abreast", "beside_gap"),
+    "staggering": ("nearest_beside", "abreast", "beside_gap"),
     "pedal_dead_zone": ("response",),
     "shower": ("place", "time"),
     "shaken": ("unrest",),

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 import pandas as pd
+import pytest
 
 from idm_sumo import columns as c
 from idm_sumo.diagnosis.other_lanes import MOTORCYCLE, OtherLanes
@@ -56,6 +57,18 @@ def test_who_is_alongside_overlaps_in_an_adjacent_lane():
         [frame(**{c.X: 101.0}), frame(**{c.X: 99.0}).iloc[1:].assign(**{c.VEHICLE: 3, c.LANE: 1})], ignore_index=True
     )
     np.testing.assert_array_equal(OtherLanes(both).abreast(), [2, 1, 1])
+
+
+def test_the_nearest_beside_is_ahead_or_behind_in_an_adjacent_lane():
+    for x in (86.0, 97.0, 100.0, 114.0):
+        assert beside(**{c.X: x}).nearest()[0] == pytest.approx(x - 100.0)
+    for nothing in ({c.X: 84.0}, {c.X: 116.0}, {c.X: 110.0, c.LANE: 2}, {c.X: 110.0, c.LANE: 4}):
+        assert np.isnan(beside(**nothing).nearest()[0])
+    third = frame(**{c.X: 96.0}).iloc[1:].assign(**{c.VEHICLE: 3, c.LANE: 1})
+    assert OtherLanes(pd.concat([frame(**{c.X: 107.0}), third], ignore_index=True)).nearest()[0] == pytest.approx(-4.0)
+    table = frame(**{c.X: 101.0})
+    table[c.FRAME] = [7, 8]
+    assert np.isnan(OtherLanes(table).nearest()).all()
 
 
 def test_other_frames_do_not_count():

@@ -80,6 +80,12 @@ class OtherLanes:
         """Return in how many adjacent lanes, none to two, a vehicle is alongside."""
         return self._lanes_taken(CAR, CAR)
 
+    def nearest(self) -> Floats:
+        """Return how far ahead (m) the front of the nearest vehicle of the adjacent lanes is, negative behind; NaN beyond ``NEAR`` m."""
+        sides = [ahead for side in (-1, 1) for ahead in self._next_to(side)]
+        nearest = np.take_along_axis(np.array(sides), np.argmin(np.abs(sides), axis=0)[None], axis=0)[0]
+        return np.where(np.abs(nearest) <= NEAR, nearest, np.nan)
+
     def beside_gap(self, gap: Floats) -> Floats:
         """Return in how many adjacent lanes a vehicle drives beside the own gap (m): wholly ahead, its rear before the leader's."""
         return self._lanes_taken(-CAR, np.nan_to_num(gap) + CAR)
@@ -87,6 +93,13 @@ class OtherLanes:
     def motorcycles(self) -> Floats:
         """Return how many motorcycles in the adjacent lanes are within ``NEAR`` m."""
         return self._count((self._table[c.CLASS] == MOTORCYCLE).to_numpy(), (1, -1), NEAR, NEAR)
+
+    def _next_to(self, side: int) -> tuple[Floats, Floats]:
+        """Return how far ahead (m) the next fronts of another lane are: of the last one behind (negative), of the first one not behind."""
+        begin = (self._ordered + side * self._stride)[self._rank]
+        first = self._between(side, 0.0, 0.0)[0]
+        fronts = np.concatenate([[-np.inf], self._ordered, [np.inf]])
+        return fronts[first] - begin, fronts[first + 1] - begin
 
     def _lanes_taken(self, back: float, reach: Floats | float) -> Floats:
         """Return in how many adjacent lanes somebody is from ``back`` m behind to ``reach`` m ahead."""

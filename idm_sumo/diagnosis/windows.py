@@ -30,10 +30,9 @@ NEAREST = 0.3  # m: a smaller recorded gap is an overlap of the measurement
 REAR, SPEED, ACCELERATION, KIND, SECOND, SECOND_SPEED, ADJACENT, BEHIND = range(8)
 JUMP, SINCE, UNTIL_CUT_IN, UNTIL_OWN, MEAN_SPEED, LANE, TIME, X, V, OWN_KIND = range(8, 18)
 TRUCKS_BESIDE, BRAKING_BESIDE, UNREST, ACCEPTED, BEHIND_KIND, CROWD_LEFT, CROWD_RIGHT = range(18, 25)
-ABREAST, SECOND_KIND, FASTER, BESIDE_GAP, MOTORCYCLES, LENGTH, SINCE_STANDING, NEXT_BESIDE, ACCELERATION_OF_LATE = (
-    range(25, 34)
-)
-COLUMNS = 34
+ABREAST, SECOND_KIND, FASTER, BESIDE_GAP, MOTORCYCLES, LENGTH, SINCE_STANDING, NEXT_BESIDE = range(25, 33)
+ACCELERATION_OF_LATE, NEAREST_BESIDE = range(33, 35)
+COLUMNS = 35
 LEADERS = (REAR, SPEED, ACCELERATION, SECOND, SECOND_SPEED)  # of which a recording shows what smoothing leaves
 
 Floats = npt.NDArray[np.float64]
@@ -190,7 +189,7 @@ def _columns(recording: Recording, ahead: Ahead) -> Floats:
     seen[:, BEHIND] = ahead.follower_front + length
     seen[:, [JUMP, SINCE, ACCEPTED, UNTIL_CUT_IN, UNTIL_OWN]] = np.stack(events, 1)
     seen[:, MEAN_SPEED] = running_mean(v, same_run(table))
-    seen[:, [ADJACENT, NEXT_BESIDE, FASTER, CROWD_LEFT, CROWD_RIGHT]] = np.nan
+    seen[:, [ADJACENT, NEXT_BESIDE, FASTER, CROWD_LEFT, CROWD_RIGHT, NEAREST_BESIDE]] = np.nan
     seen[:, [TRUCKS_BESIDE, BRAKING_BESIDE, ABREAST, BESIDE_GAP, MOTORCYCLES]] = 0.0
     if recording.has_leader_rows:
         beside = OtherLanes(table)
@@ -199,7 +198,7 @@ def _columns(recording: Recording, ahead: Ahead) -> Floats:
         )  # fmt: skip
         seen[:, CROWD_LEFT], seen[:, CROWD_RIGHT] = beside.crowd(-1), beside.crowd(1)
         seen[:, FASTER], seen[:, ABREAST] = beside.faster_speed(), beside.abreast()
-        seen[:, NEXT_BESIDE] = beside.slower_next_speed()
+        seen[:, NEXT_BESIDE], seen[:, NEAREST_BESIDE] = beside.slower_next_speed(), beside.nearest()
         seen[:, BESIDE_GAP], seen[:, MOTORCYCLES] = beside.beside_gap(ahead.rear - x), beside.motorcycles()
     seen[:, BEHIND_KIND], seen[:, SECOND_KIND], seen[:, LENGTH] = ahead.follower_kind, ahead.second_kind, ahead.length
     seen[:, SINCE_STANDING] = since(v < STANDING, same_run(table))[0]
