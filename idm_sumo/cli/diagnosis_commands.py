@@ -9,6 +9,7 @@ from typing import Any
 
 from idm_sumo.cli import options as shared
 from idm_sumo.cli.console import note, progress_bar, say, study_module
+from idm_sumo.memory import keep_freed_memory
 
 ABOUT = """\
 show what the IDM gets wrong in a recording, name the cause, extend the model and measure the gain
@@ -40,6 +41,7 @@ def add(commands: Any) -> None:
 
 def diagnose(options: argparse.Namespace) -> None:
     """Diagnose a recording."""
+    keep_freed_memory()
     module, words = study_module("diagnosis_report"), study_module("diagnosis_words")
     with progress_bar() as report:
         found = module.diagnose_file(
