@@ -16,4 +16,4 @@ def keep_freed_memory() -> bool:
     time. It is for whole programs, before they start threads; elsewhere than with glibc nothing happens.
     """
     mallopt = getattr(ctypes.CDLL(None), "mallopt", None) if sys.platform == "linux" else None
-    return mallopt is not None and all([mallopt(option, value) == 1 for option, value in KEEP.items()])
+    return mallopt is not None and all(mallopt(option, value) == 1 for option, value in KEEP.items())

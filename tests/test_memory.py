@@ -30,5 +30,5 @@ def faults(keep: bool) -> int:
     return int(done.stdout)
 
 
-def test_arrays_that_come_and_go_take_no_new_pages():
+def test_arrays_that_come_and_go_take_no_new_pages() -> None:
     assert faults(keep=True) < faults(keep=False)
