@@ -1,4 +1,4 @@
-"""Gates: what is sure needs less gain, what comes further needs more, what no effect holds is told from what one does."""
+"""Gates: what is sure needs less gain, what comes further needs more."""
 
 from __future__ import annotations
 
@@ -16,7 +16,6 @@ from idm_sumo.diagnosis.hypotheses import Candidate
 from idm_sumo.diagnosis.left_over import LeftOver
 from idm_sumo.diagnosis.result import Gain
 from idm_sumo.diagnosis.sizes import Tried
-from idm_sumo.effects import slots
 
 FIT = Fit(np.zeros(5), np.eye(5), np.zeros((1, 5)), np.eye(1), np.ones(1), np.ones(2), ro.PLAIN)
 SURE_AS_THE_FIRST = 300.0
@@ -214,159 +213,6 @@ def test_held_out_drivers_are_few_and_what_is_sure_need_not_be_clear_on_them(dif
 def test_what_no_law_makes_up_and_is_surely_there_need_not_gain(name, value, z, difference, confirmed):
     candidate = tried(z, name, value).candidate
     assert gates.is_confirmed(gain(difference, 0.04), gain(0.003, 0.01), candidate) is confirmed
-
-
-@pytest.mark.parametrize(
-    ("z", "beyond", "neither"), [(12.0, 8.0, True), (-12.0, -8.0, True), (12.0, 4.0, False), (20.0, 6.0, False)]
-)
-def test_what_is_there_and_then_only_is_no_place_and_no_time(z, beyond, neither):
-    assert gates.is_neither(replace(free("position and time", z), beyond=beyond)) is neither
-
-
-@pytest.mark.parametrize(
-    ("covariate", "z", "stands_out"),
-    [
-        ("position and time", 6.0, True),
-        ("position and time", 5.0, False),
-        ("position", 6.0, False),  # the catalogue's own place would have said it
-        ("position", 7.0, True),
-        ("lane", 6.0, False),  # which to take drivers choose themselves
-        ("delay over position in lane 2", 6.0, False),  # a response that changes: most looks
-        ("delay over time", 7.0, True),
-        ("headway over leader_gap", 7.0, False),  # another car-following model looks like it
-        ("headway over leader_gap", 9.5, True),
-    ],
-)
-def test_what_is_looked_at_more_must_stand_out_more(covariate, z, stands_out):
-    assert bool(gates.standing_out(evidence(0.0, free(covariate, -z)))) is stands_out
-    assert not gates.standing_out(evidence(0.0, free(covariate, z, is_credible=False)))
-
-
-@pytest.mark.parametrize(("covariate", "stands_out"), [("position in lane 2", True), ("time in lane 2", False)])
-def test_one_lane_for_a_while_are_few_drivers_and_must_stand_out_more(covariate, stands_out):
-    one = replace(free(covariate, 6.0), lane=2)
-    assert bool(gates.standing_out(evidence(0.0, one))) is stands_out
-    assert gates.standing_out(evidence(0.0, replace(one, z=7.0)))
-
-
-@pytest.mark.parametrize(
-    ("covariate", "z"), [("unrest", 8.0), ("headway over rear_gap", 11.0), ("position", 8.0), ("delay over time", 8.0)]
-)
-def test_beside_what_cannot_be_what_a_driver_sees_must_be_half_as_sure(covariate, z):
-    is_where_or_when = covariate.endswith(("position", "time"))
-    assert gates.standing_out(evidence(-12.0, free(covariate, z)))
-    assert bool(gates.standing_out(evidence(-24.0, free(covariate, z)))) is is_where_or_when
-    assert gates.standing_out(evidence(24.0, free(covariate, z)))
-
-
-@pytest.mark.parametrize("covariate", ["delay over position", "response over position and time"])
-def test_where_the_law_is_another_its_response_changes_along_the_road(covariate):
-    """So it did, by 7.2 standard errors beside 6.7 of what cannot be, where nothing was hidden."""
-    assert gates.standing_out(evidence(0.0, free(covariate, 7.2)))
-    assert not gates.standing_out(evidence(-6.7, free(covariate, 7.2)))
-    assert gates.standing_out(evidence(-6.7, free(covariate, 9.0)))
-    assert gates.standing_out(evidence(-6.7, free("delay over time", 7.2)))
-
-
-@pytest.mark.parametrize("covariate", ["delay over position", "response over time"])
-def test_a_response_must_be_surer_than_the_surest_of_which_that_cannot_be(covariate):
-    """A few vehicles that stopped short in one lane made 7.4 of a rectangle that held them, in light traffic."""
-    one, event = free(covariate, 7.4), free("response over time in lane 4", -11.5, is_credible=False)
-    assert gates.standing_out(evidence(0.0, one))
-    assert not gates.standing_out(evidence(0.0, event, one))
-    assert gates.standing_out(evidence(0.0, replace(event, z=-6.0), one))
-    assert gates.standing_out(evidence(0.0, event, free("position and time", 7.4)))
-
-
-@pytest.mark.parametrize(
-    ("delay", "covariate", "z", "is_outside"),
-    [
-        (0.0, "trucks_beside", 6.0, True),
-        (0.0, "unrest", 6.0, False),  # is of the driver's own motion
-        (0.0, "unrest", 7.0, True),
-        (6.0, "unrest", 8.0, False),  # less than one and a half times the delay's, and 25
-        (6.0, "unrest", 9.5, True),
-        (6.0, "position", 9.5, False),  # location holds it
-        (6.0, "delay over time", 7.0, True),  # what changes needs half of the delay's, and 25
-    ],
-)
-def test_what_says_more_than_the_catalogue_is_outside_it(delay, covariate, z, is_outside):
-    one = free(covariate, z)
-    assert gates.outside(evidence(delay, one)) == ((one,) if is_outside else ())
-
-
-@pytest.mark.parametrize(
-    ("covariate", "z", "p"),
-    [("position", 6.0, 1e-9), ("position", 5.0, 0.5), ("time", 6.0, 0.5), ("position and time", 6.0, 0.5)],
-)
-def test_a_place_that_stands_out_freely_is_that_of_the_catalogue(monkeypatch, covariate, z, p):
-    place = Candidate("location", -0.06, 0.01, -4.7, 0.5, Atom("location", low=100.0, high=200.0))
-    monkeypatch.setattr(gates.hy, "candidates", lambda _: [place])
-    (found,) = gates.believed(evidence(0.0, free(covariate, z)))
-    assert found == replace(place, p=p)
-    assert gates.outside(evidence(0.0, free("position", 6.0))) == ()
-
-
-def test_what_a_cause_takes_half_away_is_held_by_it():
-    strange = free("unrest", 10.0)
-    assert gates.is_left(strange, evidence(0.0, free("unrest", 8.0)))
-    assert not gates.is_left(strange, evidence(0.0, free("unrest", 6.0)))
-    assert not gates.is_left(strange, evidence(12.0, free("unrest", 8.0)))
-
-
-def test_a_region_that_a_place_leaves_needs_less_to_be_left():
-    strange = free("position and time", 16.0)
-    assert gates.is_left(strange, evidence(0.0, free("position and time", 10.0)))
-    assert not gates.is_left(strange, evidence(0.0, free("position and time", 8.0)))
-
-
-@pytest.mark.parametrize(("value", "is_outside"), [(0.2, False), (-0.2, True)])
-def test_who_drives_closer_after_a_change_relaxes_and_who_holds_back_does_something_else(value, is_outside):
-    after = replace(free("since_change", 14.0), value=value)
-    relaxing = replace(evidence(8.0, after), atoms=[Atom("lane_change_relaxation", 0.2, ((2, 0.2),))])
-    assert bool(gates.outside(relaxing)) is is_outside
-    assert gates.outside(evidence(8.0, after))
-
-
-@pytest.mark.parametrize(
-    ("covariate", "seen", "value", "is_outside"),
-    [
-        ("leader_acceleration", (-20.0, -1.0), 0.3, False),  # pushes on behind a leader that brakes: a shorter headway
-        ("leader_acceleration", (1.0, 20.0), -0.3, False),
-        ("leader_acceleration", (-20.0, -1.0), -0.3, True),  # brakes more than the leader
-        ("headway over leader_acceleration", (-20.0, -1.0), -0.2, False),
-        ("headway over leader_acceleration", (-20.0, -1.0), 0.2, True),
-    ],
-)
-def test_headways_that_follow_the_leaders_acceleration_are_hysteresis(covariate, seen, value, is_outside):
-    one = replace(free(covariate, 18.0), range=seen, value=value)
-    hysteresis = replace(evidence(8.0, one), atoms=[Atom("hysteresis", 0.2, ((slots.HYSTERESIS, 0.2),))])
-    assert bool(gates.outside(hysteresis)) is is_outside
-    assert gates.outside(evidence(0.0, one))
-
-
-@pytest.mark.parametrize(
-    ("covariate", "name"),
-    [("until_cut_in", "courtesy_yielding"), ("headway over until_own_change", "pre_insertion")],
-)
-def test_what_rests_on_changes_to_come_is_what_the_catalogue_calls_it(covariate, name):
-    """Its form there may be another: whoever yields brakes, or keeps a longer headway, for other seconds than five."""
-    for value in (-0.3, 0.3):
-        one = replace(free(covariate, 18.0), value=value)
-        there = replace(evidence(12.0, one), atoms=[Atom(name, 0.3, ((2, 0.3),))])
-        assert not gates.outside(there)
-        assert gates.outside(evidence(8.0, one))
-
-
-def test_what_shows_an_effect_that_is_too_small_for_a_name_is_not_told_as_unknown():
-    one = replace(free("until_cut_in", 18.0), value=-0.3)
-    small = replace(evidence(5.0, one), atoms=[Atom("courtesy_yielding", 0.3, ((2, 0.3),))])
-    (there,) = gates.believed(small)
-    assert gates.is_too_small(there)
-    assert not gates.outside(small)
-    assert gates.untold(small) == ()
-    for other in (replace(small, free=(free("unrest", 18.0),)), replace(small, u=0.1 * small.u)):
-        assert gates.untold(other) == other.free
 
 
 @pytest.mark.parametrize(

@@ -9,7 +9,7 @@ import numpy as np
 import numpy.typing as npt
 
 from idm_sumo.diagnosis import evidence as ev
-from idm_sumo.diagnosis import gates
+from idm_sumo.diagnosis import free_gates, gates
 from idm_sumo.diagnosis import hypotheses as hy
 from idm_sumo.diagnosis.atoms import Atom
 from idm_sumo.diagnosis.edges import sharpened
@@ -141,14 +141,14 @@ def with_its_noise(subject: Subject, fit: Fit, rng: np.random.Generator) -> Subj
 
 def left_without_causes(first: ev.Evidence) -> tuple[LeftOver, ...]:
     """Return what is worth telling of the first look if no cause is named."""
-    return told(gates.untold(first))
+    return told(free_gates.untold(first))
 
 
 def _is_no_interval(candidate: Candidate, first: ev.Evidence, last: ev.Evidence) -> bool:
     """Return whether what goes on along the road or in time is more than the one place or time that was put into the model."""
     if candidate.only_lanes or not gates.is_another(candidate, last):
         return False
-    return any(one.covariate == gates.FREELY[candidate.name] for one in gates.standing_out(first))
+    return any(one.covariate == gates.FREELY[candidate.name] for one in free_gates.standing_out(first))
 
 
 def _is_still_large(cause: Accepted, fit: Fit) -> bool:
@@ -173,9 +173,9 @@ def _outside(
     second beside, and drivers seem to answer otherwise there), and what is free is looked for again: then it counts only if it is
     still there. What is there and then only needs no such look: no cause of the catalogue is.
     """
-    strange = gates.outside(first)
+    strange = free_gates.outside(first)
     likely = [c for c in gates.believed(first) if gates.is_likely(c)][:TRIED]
-    if not strange or not likely or gates.is_neither(strange[0]):
+    if not strange or not likely or free_gates.is_neither(strange[0]):
         return strange
     each = [_at_size(subject, fit, form, lucks, known) for c in likely for form in hy.forms(first, c)]
     best = max((one for one in each if gates.is_there(one)), key=lambda one: one.support, default=None)
@@ -185,7 +185,7 @@ def _outside(
     with_best = ev.examine(
         subject, anew(subject, placed), lucks, progress=progress, stage="looking for what is left", free=True
     )
-    return strange if gates.is_left(strange[0], with_best) else ()
+    return strange if free_gates.is_left(strange[0], with_best) else ()
 
 
 def _in_one_lane(

@@ -1,0 +1,100 @@
+"""What belongs to no cause: which of everything free stands out, and whether the catalogue holds it."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from idm_sumo.diagnosis import evidence as ev
+from idm_sumo.diagnosis import gates
+from idm_sumo.diagnosis import hypotheses as hy
+from idm_sumo.diagnosis.free_fields import CHANGES, DOUBTFUL, HELD, REGION, SUSPECT
+from idm_sumo.diagnosis.gates import FREE_CLEAR
+from idm_sumo.diagnosis.left_over import LeftOver
+
+# Standard errors, for more than stands out: a response that changes, of which there are most looks, and what is suspect; and what
+# another car-following model looks like, too.
+FREE_SURER, FREE_DOUBTFUL = 6.5, 9.0
+FREE_IMPOSSIBLE = 0.5  # of the z of what cannot be, for what is free along what a driver sees
+FREE_ELSEWHERE = 1.2  # of the same, for a response that changes along the road: another law answers dense traffic otherwise than light
+# Times the best cause's squared z, and more, from which on the catalogue does not hold it. A response that changes from place to
+# place, or with time, is what goes beyond the same change everywhere, and has to be only half as sure as that.
+FREE_EXCESS, FREE_CHANGE, FREE_MORE = 1.5, 0.5, 25.0
+# Of its squared z, that is left of it with the best cause in the model; less suffices of a place and time: what a place does at all
+# times a location takes away, and what a location leaves there is not its form.
+FREE_STILL, REGION_STILL = 0.5, 0.3
+# Standard errors, and share of its squared z, of a rectangle beyond what its place does always and its time everywhere: no place and no
+# time is it then, nor both.
+BEYOND_MARGINS, BEYOND_SHARE = 5.0, 0.2
+# What is free and yet only shows what a likely effect of the catalogue does, by its sign times that of the covariate.
+SHOWS = {
+    ("since_change", 1.0): "lane_change_relaxation", ("headway over since_change", -1.0): "lane_change_relaxation",
+    ("leader_acceleration", -1.0): "hysteresis", ("headway over leader_acceleration", 1.0): "hysteresis",
+    ("leader_length", -1.0): "leader_class", ("headway over leader_length", 1.0): "leader_class",
+    **{(f"{what}until_{event}", sign): name for what in ("", "headway over ") for sign in (-1.0, 1.0)
+       for event, name in (("cut_in", "courtesy_yielding"), ("own_change", "pre_insertion"))},
+}  # fmt: skip
+
+
+def standing_out(evidence: ev.Evidence) -> tuple[LeftOver, ...]:
+    """Return what is free and may be told, the most significant first.
+
+    Where something looks strong that cannot be (drivers who act before their leader does), the car-following is another law than the
+    model's. What that law makes of what a driver sees is then no effect, unless it is half as sure as that, nor is what it makes of
+    places (where traffic is denser or faster), unless it is surer. A response that changes must be surer than the surest of which that
+    cannot be: some vehicles did something there and then that all fields around it share.
+    """
+    impossible = hy.most_impossible(evidence)
+    incredible = max(
+        (abs(one.z) for one in evidence.free if one.covariate.startswith(CHANGES) and not one.is_credible), default=0.0
+    )
+
+    def least(one: LeftOver) -> float:
+        if one.covariate.startswith(CHANGES):
+            return max(FREE_SURER, incredible, FREE_ELSEWHERE * impossible if "position" in one.covariate else 0.0)
+        clear = FREE_SURER if one.kind in SUSPECT else FREE_CLEAR
+        usual = FREE_DOUBTFUL if one.covariate.endswith(DOUBTFUL) else clear
+        return max(usual, FREE_IMPOSSIBLE * impossible) if one.is_seen else usual
+
+    return tuple(one for one in evidence.free if one.is_credible and abs(one.z) > least(one))
+
+
+def outside(evidence: ev.Evidence) -> tuple[LeftOver, ...]:
+    """Return what is free and says more than any significant effect of the catalogue."""
+    every = gates.believed(evidence)
+    best = max((c.z**2 for c in every if gates.is_significant(c)), default=0.0)
+    seen = {c.name for c in every if gates.is_likely(c) or gates.is_too_small(c)}
+
+    def needed(one: LeftOver) -> float:
+        return FREE_MORE + best * (FREE_CHANGE if one.covariate.startswith(CHANGES) else FREE_EXCESS)
+
+    def is_new(one: LeftOver) -> bool:
+        return _shown_by(one) not in seen and (best == 0.0 or one.covariate not in HELD)
+
+    return tuple(one for one in standing_out(evidence) if is_new(one) and one.z**2 > needed(one))
+
+
+def untold(evidence: ev.Evidence) -> tuple[LeftOver, ...]:
+    """Return what stands out where no cause is named, but for what shows an effect of the catalogue that is too small for a name."""
+    small = {c.name for c in gates.believed(evidence) if gates.is_too_small(c)}
+    return tuple(one for one in standing_out(evidence) if _shown_by(one) not in small)
+
+
+def _shown_by(one: LeftOver) -> str | None:
+    """Return the effect of the catalogue that something free may only show."""
+    return SHOWS.get((one.covariate, _sign_of(one)))
+
+
+def _sign_of(one: LeftOver) -> float:
+    """Return the sign of what is free times that of the covariate where it is."""
+    return float(np.sign(one.value) * (1.0 if one.range is None else np.sign(sum(one.range))))
+
+
+def is_neither(strange: LeftOver) -> bool:
+    """Return whether what is free is there and then only: no place that is so at all times, and no time that is so everywhere."""
+    return abs(strange.beyond) > BEYOND_MARGINS and strange.beyond**2 > BEYOND_SHARE * strange.z**2
+
+
+def is_left(strange: LeftOver, evidence: ev.Evidence) -> bool:
+    """Return whether, with the best cause in the model, what the catalogue does not hold is still about as strange."""
+    still = REGION_STILL if strange.covariate.startswith(REGION) else FREE_STILL
+    return any(one.z**2 > still * strange.z**2 for one in outside(evidence))
