@@ -77,6 +77,12 @@ def test_a_lane_that_is_freely_later_than_others_has_a_delay_of_its_own_however_
     assert found[0].value == pytest.approx(1.2, abs=0.3)
 
 
+@pytest.mark.parametrize(("name", "lane"), [("reaction_delay", 9.0), ("hysteresis", 2.0)])
+def test_a_later_lane_in_which_nobody_stays_or_of_which_no_delay_is_known_has_none(name, lane):
+    free = LeftOver("delay over lane", (lane, lane), None, None, 0.5, 20.0, 1e-9, True)
+    assert one_lane.confined(replace(in_lanes(0.3, 0.3, 0.3, name=name), free=(free,))) == []
+
+
 def test_a_lane_of_few_drivers_says_nothing_alone():
     assert one_lane.confined(in_lanes(0.0, 9.0, 0.0, drivers=one_lane.LEAST_IN_LANE - 1)) == []
 

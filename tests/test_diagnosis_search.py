@@ -92,6 +92,17 @@ def test_of_an_effects_forms_only_those_count_that_are_there(monkeypatch):
     assert strongest((faint, 63.0), (replace(faint, value=-0.05), 50.0)) is faint
 
 
+def test_candidates_climb_to_their_sizes_once(monkeypatch):
+    came, known = [], search.Known()
+    monkeypatch.setattr(
+        search, "climbed", lambda _subject, _fit, one, _lucks: came.append(one) or Tried(one, None, 1.0)
+    )
+    delay, band = candidate(9.0, "reaction_delay"), candidate(9.0)
+    first = [search._at_size(None, None, one, [], known) for one in (delay, band)]
+    assert [search._at_size(None, None, one, [], known) for one in (delay, band)] == first
+    assert came == [delay, band]
+
+
 @pytest.mark.parametrize(("support", "named"), [(68.0, False), (120.0, True)])
 def test_the_shadow_of_what_was_refused_is_no_cause(monkeypatch, support, named):
     fit = fit_drivers(

@@ -8,7 +8,7 @@ from idm_sumo.diagnosis import evidence as ev
 from idm_sumo.diagnosis import gates
 from idm_sumo.diagnosis import hypotheses as hy
 from idm_sumo.diagnosis.free_fields import CHANGES, DOUBTFUL, HELD, REGION, SUSPECT
-from idm_sumo.diagnosis.gates import FREE_CLEAR
+from idm_sumo.diagnosis.gates import FREE_CLEAR, STILL
 from idm_sumo.diagnosis.left_over import LeftOver
 
 # Standard errors, for more than stands out: a response that changes, of which there are most looks, and what is suspect; and what
@@ -19,9 +19,9 @@ FREE_ELSEWHERE = 1.2  # of the same, for a response that changes along the road:
 # Times the best cause's squared z, and more, from which on the catalogue does not hold it. A response that changes from place to
 # place, or with time, is what goes beyond the same change everywhere, and has to be only half as sure as that.
 FREE_EXCESS, FREE_CHANGE, FREE_MORE = 1.5, 0.5, 25.0
-# Of its squared z, that is left of it with the best cause in the model; less suffices of a place and time: what a place does at all
-# times a location takes away, and what a location leaves there is not its form.
-FREE_STILL, REGION_STILL = 0.5, 0.3
+# Less than what suffices of others, of a place and time: what a place does at all times a location takes away, and what a location
+# leaves there is not its form.
+REGION_STILL = 0.3
 # Standard errors, and share of its squared z, of a rectangle beyond what its place does always and its time everywhere: no place and no
 # time is it then, nor both.
 BEYOND_MARGINS, BEYOND_SHARE = 5.0, 0.2
@@ -96,5 +96,5 @@ def is_neither(strange: LeftOver) -> bool:
 
 def is_left(strange: LeftOver, evidence: ev.Evidence) -> bool:
     """Return whether, with the best cause in the model, what the catalogue does not hold is still about as strange."""
-    still = REGION_STILL if strange.covariate.startswith(REGION) else FREE_STILL
+    still = REGION_STILL if strange.covariate.startswith(REGION) else STILL
     return any(one.z**2 > still * strange.z**2 for one in outside(evidence))

@@ -45,7 +45,7 @@ SURE_AGAIN = 5.0  # standard errors, from which on held-out drivers need not be 
 AS_SURE = 0.5  # of the first cause's support, for a further one beyond doubt
 CHANCE = 0.01  # of the ADE
 FREE_CLEAR = 5.5  # standard errors from which on something free stands out
-STILL = 0.5  # of its squared z, that is left with it in the model: another place or time is there, too
+STILL = 0.5  # of a squared z, that is left with the best cause in the model: that cause does not hold it
 CORE_INSIDE, CORE_SHARE = 0.8, 0.5  # of what is left, inside the interval in the model; of that interval
 FREELY = dict(zip(hy.SCANNED, HELD, strict=True))  # what is free where a place or a time of the catalogue acts
 

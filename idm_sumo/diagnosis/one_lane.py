@@ -60,7 +60,10 @@ def _late(evidence: Evidence, rows: list[int]) -> dict[str, Candidate]:
     for free in evidence.free:
         if free.covariate == LATER and free.is_credible and free.z > SURE_IN_LANE:
             lane = int(free.range[0])
-            surest = max(hy.each_form(evidence.of(evidence.lane == lane), DELAY, rows), key=lambda one: one.z)
+            inside = evidence.lane == lane
+            if not rows or inside.sum() < LEAST_IN_LANE:
+                return {}
+            surest = max(hy.each_form(evidence.of(inside), DELAY, rows), key=lambda one: one.z)
             return {DELAY: replace(surest, z=free.z, p=free.p, atom=replace(surest.atom, lane=lane))}
     return {}
 
