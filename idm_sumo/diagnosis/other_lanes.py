@@ -96,10 +96,10 @@ class OtherLanes:
 
     def _next_to(self, side: int) -> tuple[Floats, Floats]:
         """Return how far ahead (m) the next fronts of another lane are: of the last one behind (negative), of the first one not behind."""
-        begin = (self._ordered + side * self._stride)[self._rank]
-        first = self._between(side, 0.0, 0.0)[0]
+        here = self._ordered + side * self._stride
+        first = np.searchsorted(self._ordered, here)
         fronts = np.concatenate([[-np.inf], self._ordered, [np.inf]])
-        return fronts[first] - begin, fronts[first + 1] - begin
+        return (fronts[first] - here)[self._rank], (fronts[first + 1] - here)[self._rank]
 
     def _lanes_taken(self, back: float, reach: Floats | float) -> Floats:
         """Return in how many adjacent lanes somebody is from ``back`` m behind to ``reach`` m ahead."""
