@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import replace
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
@@ -95,6 +96,18 @@ def test_a_form_that_the_data_want_the_other_way_climbs_nowhere():
     wrong = Candidate("lane_change_relaxation", -0.2, 0.1, -2.0, 0.5, Atom("lane_change_relaxation", 0.5, fixed), -20.0)
     tried = climbed(subject, fit, wrong)
     assert 0.0 < tried.candidate.value < 0.1
+
+
+def test_a_few_drivers_at_the_edge_of_stability_do_not_decide_on_a_size(monkeypatch):
+    many, few = np.full(98, 1.0), np.full(2, 3.0)
+    each = {"before": np.append(many, few), "after": np.append(0.9 * many, 4.0 * few)}
+    assert each["after"].mean() > 1.01 * each["before"].mean()
+    monkeypatch.setattr(sizes, "driven", lambda _windows, fit, **_: SimpleNamespace(ade_m=each[fit]))
+    subject = SimpleNamespace(windows=SimpleNamespace(drivers=100, platoon=np.arange(100) // 2))
+    assert sizes.typical_ade(subject, "after") < 0.95 * sizes.typical_ade(subject, "before")
+    gain = sizes.gain_of(subject, "before", "after", np.random.default_rng(0))
+    assert gain.difference / gain.base == pytest.approx(-(0.98 * np.log(0.9) + 0.02 * np.log(4.0)))
+    assert gain.ci95[0] > 0.0
 
 
 @given(st.lists(st.floats(-2.0, 2.0).filter(bool), min_size=1, max_size=6, unique=True))

@@ -20,7 +20,7 @@ from idm_sumo.diagnosis.look import Subject
 from idm_sumo.diagnosis.luck import Luck, draws
 from idm_sumo.diagnosis.one_lane import place_in_one_lane
 from idm_sumo.diagnosis.result import Gain
-from idm_sumo.diagnosis.sizes import Tried, ade_of, anew, climbed, gain_of, magnitude_of, refined
+from idm_sumo.diagnosis.sizes import Tried, anew, climbed, gain_of, magnitude_of, refined, typical_ade
 from idm_sumo.diagnosis.twins import driver_noise
 from idm_sumo.progress import Progress
 
@@ -267,7 +267,7 @@ def _strongest(
     most, *others = sorted(believed, key=lambda t: -t.support)
     alike = [t for t in others if t.support > RIVAL * most.support and t.candidate.name != most.candidate.name]
     rivals = {t.candidate.name for t in [most, *alike]}
-    best = min([most, *alike], key=lambda t: ade_of(subject, t.fit)) if alike else most
+    best = min([most, *alike], key=lambda t: typical_ade(subject, t.fit)) if alike else most
     for other in [t for t in [most, *others] if t is not best]:
         if not _support_decides(other, best) and gain_of(subject, best.fit, other.fit, rng).ci95[0] > 0.0:
             best = other
