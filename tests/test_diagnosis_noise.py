@@ -146,6 +146,20 @@ def test_motion_without_jumps_is_told_as_such():
     assert (found.spectrum(omega[2:]) < 0.6 * jumping.spectrum(omega[2:])).all()
 
 
+@pytest.mark.parametrize("width", [0.18, 0.22, 0.3])
+def test_motion_is_found_beneath_noise_that_left_nothing_at_high_frequencies(width):
+    """Where the form of the fitted noise says far more than was recorded, it must not say that nothing moved at all."""
+    rng = np.random.default_rng(8)
+    given = recording(no.QUIET)
+    errors = gaussian_filter1d(rng.standard_normal((60, 512)), 10.0 * width, axis=1)
+    errors *= 0.34 / errors.std()
+    x = 10.0 * given.table[c.TIME].to_numpy() + (moved(MOTION, 60, 512, rng) + errors).ravel()
+    given = given.with_table(given.table.assign(**{c.X: x}))
+    found = no.motion_noise(given, no.measurement_noise(given))
+    omega = 2.0 * np.pi * 0.1 * np.array([0.06, 0.1])
+    np.testing.assert_allclose(found.spectrum(omega), MOTION.spectrum(omega), rtol=0.5)
+
+
 def hidden_position(motion: no.Noise, window: int) -> float:
     quiet = no.Noise(0.0, np.zeros(1), np.ones(1))
     truth, _ = hidden(Noises(quiet, quiet, motion), local_cubic(window), 400, 150, np.random.default_rng(7))

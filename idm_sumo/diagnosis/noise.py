@@ -113,7 +113,9 @@ def motion_noise(recording: Recording, measurement: Noise, *, most: int = 3000) 
     # A second difference is the mean of the accelerations before and after, each of which holds for a frame.
     motion = FRAME_STEP**4 * 0.5 * (1.0 + np.cos(omega)) * np.stack(shapes)
     smeared, wanted = _smeared(np.vstack([noise, motion]).T)[1:], power.mean(axis=0)[1:]
-    solved, _ = nnls(smeared[:, 1:] / wanted[:, None], 1.0 - smeared[:, 0] / wanted)
+    # Where next to nothing was recorded (noise that somebody smoothed), what the noise's form says too much is no motion's.
+    scale = np.maximum(wanted, smeared[:, 0])
+    solved, _ = nnls(smeared[:, 1:] / scale[:, None], (wanted - smeared[:, 0]) / scale)
     return Noise(0.0, solved, MOTION_MEMORIES, MOTION_TWICE)
 
 
