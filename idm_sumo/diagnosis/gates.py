@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Container
+from collections.abc import Container, Iterable
 from dataclasses import replace
 
 from idm_sumo.diagnosis import evidence as ev
@@ -11,7 +11,7 @@ from idm_sumo.diagnosis.free_fields import HELD
 from idm_sumo.diagnosis.hypotheses import Candidate
 from idm_sumo.diagnosis.one_lane import confined
 from idm_sumo.diagnosis.result import Gain
-from idm_sumo.diagnosis.sizes import Tried
+from idm_sumo.diagnosis.sizes import DELAY, Tried
 
 SIGNIFICANT = 1e-3  # corrected p of a cause
 # Standard errors. What smoothing hides of a leader is in part its answer to the second one, and the twins' leaders do not follow; what
@@ -47,6 +47,8 @@ CHANCE = 0.01  # of the ADE
 FREE_CLEAR = 5.5  # standard errors from which on something free stands out
 STILL = 0.5  # of a squared z, that is left with the best cause in the model: that cause does not hold it
 CORE_INSIDE, CORE_SHARE = 0.8, 0.5  # of what is left, inside the interval in the model; of that interval
+# What a delay looks like, too: what drivers do while their leader accelerates, and (of the wrong sign) acting before it does.
+LIKE_A_DELAY, OPPOSITE_OF_DELAY = "hysteresis", "multi_leader_anticipation"
 FREELY = dict(zip(hy.SCANNED, HELD, strict=True))  # what is free where a place or a time of the catalogue acts
 
 
@@ -97,6 +99,23 @@ def is_there(tried: Tried) -> bool:
 def is_clear_beside(candidate: Candidate) -> bool:
     """Return whether a candidate is sure enough for a further cause."""
     return abs(candidate.z) > CLEAR
+
+
+def surest_beside(candidate: Candidate, there: Iterable[Candidate]) -> float:
+    """Return the standard errors of the surest of all that is there, a candidate's own shadow left out.
+
+    Who is late seems to follow the second leader less than not at all.
+    """
+    shadow = OPPOSITE_OF_DELAY if candidate.name == DELAY else None
+    return max((abs(c.z) for c in there if c.name != shadow or c.is_possible), default=0.0)
+
+
+def is_rest_of_delay(candidate: Candidate, evidence: ev.Evidence) -> bool:
+    """Return whether a further cause may be what a delay in the model leaves that is shorter, or of another form, than the data want."""
+    longer = hy.local(evidence, DELAY)
+    if candidate.name != LIKE_A_DELAY or longer is None:
+        return False
+    return any(late.z > CLEAR for late in (longer, *hy.candidates(evidence)) if late.name.endswith(DELAY))
 
 
 def is_faint_beside(further: Tried, first: Tried) -> bool:

@@ -20,7 +20,7 @@ from idm_sumo.diagnosis.look import Subject
 from idm_sumo.diagnosis.luck import Luck, draws
 from idm_sumo.diagnosis.one_lane import place_in_one_lane
 from idm_sumo.diagnosis.result import Gain
-from idm_sumo.diagnosis.sizes import Tried, anew, climbed, gain_of, magnitude_of, refined, typical_ade
+from idm_sumo.diagnosis.sizes import DELAY, Tried, anew, climbed, gain_of, magnitude_of, refined, typical_ade
 from idm_sumo.diagnosis.twins import driver_noise
 from idm_sumo.progress import Progress
 
@@ -193,7 +193,7 @@ def _in_one_lane(
 ) -> Accepted | None:
     """Return the location in one lane only that what is strange is, if it passes the gates."""
     candidate = place_in_one_lane(strange[0])
-    return None if candidate is None else _judged(subject, fit, [candidate], None, abs(candidate.z), [], rng)[1]
+    return None if candidate is None else _judged(subject, fit, [candidate], None, [candidate], [], rng)[1]
 
 
 def _next(
@@ -206,10 +206,9 @@ def _next(
     """
     used = {a.candidate.name for a in accepted} | {c.name for c in without}
     there = [c for c in gates.believed(evidence) if c.name not in used]
-    strongest = max((abs(c.z) for c in there), default=0.0)
     open_ = [c for c in there if gates.is_likely(c)]
     if accepted:
-        open_ = [c for c in open_ if gates.is_clear_beside(c)]
+        open_ = [c for c in open_ if gates.is_clear_beside(c) and not gates.is_rest_of_delay(c, evidence)]
     refused = 0.0  # support of what was there and no cause
     while open_:
         close = [c for c in open_ if c.z**2 > CLOSE * open_[0].z ** 2][:TRIED]
@@ -220,9 +219,7 @@ def _next(
         if not forms:
             open_ = [c for c in open_ if c not in close]
             continue
-        best, chosen = _judged(
-            subject, fit, forms, accepted[0].tried if accepted else None, strongest, lucks, rng, known
-        )
+        best, chosen = _judged(subject, fit, forms, accepted[0].tried if accepted else None, there, lucks, rng, known)
         if chosen is not None:
             return chosen if not refused or chosen.tried.support > SHADOW * refused else None
         refused = max(refused, best.support)
@@ -233,10 +230,10 @@ def _next(
 
 
 def _judged(
-    subject: Subject, fit: Fit, forms: list[Candidate], first: Tried | None, strongest: float, lucks: list[Luck],
+    subject: Subject, fit: Fit, forms: list[Candidate], first: Tried | None, there: list[Candidate], lucks: list[Luck],
     rng: np.random.Generator, known: Known | None = None,
 ) -> tuple[Tried, Accepted | None]:  # fmt: skip
-    """Return the best of several candidates, and it as a cause if it passes every gate."""
+    """Return the best of several candidates, and it as a cause if it passes every gate beside all that is there."""
     best, rivals = _strongest(subject, fit, forms, lucks, rng, known)
     best = replace(best, fit=anew(subject, best.fit))
     gain = gain_of(subject, fit, best.fit, rng)
@@ -245,7 +242,9 @@ def _judged(
     # they have on average, as the score near zero sees it, must be large enough then.
     on_average = any(form.near_enough for form in forms if form.name == candidate.name)
     wanted = best.support > WANTED or (gain.ci95[0] > 0.0 and on_average)
-    passes = wanted and gates.is_there(best) and gates.is_worth_it(gain, best, first, strongest)
+    passes = (
+        wanted and gates.is_there(best) and gates.is_worth_it(gain, best, first, gates.surest_beside(candidate, there))
+    )
     return best, Accepted(best, candidate.value, candidate.error, gain, rivals) if passes else None
 
 
@@ -259,7 +258,7 @@ def _strongest(
     unless another drives the vehicles clearly better: where no form is quite right, the likelihood may hold on to how errors vary
     together more than to where the vehicles are. Of causes with nearly as much support the one that drives them best is taken.
     Which of two places (or times) is meant, support alone decides: what one has too much the other has too little. So it does
-    between forms of an effect of which one has far less.
+    between forms of an effect of which one has far less, and between a delay and the hysteresis that it looks like.
     """
     each = [_at_size(subject, fit, c, lucks, {} if known is None else known) for c in close]
     there = {tried.candidate.name for tried in each if gates.is_there(tried)}
@@ -282,6 +281,11 @@ def _at_size(subject: Subject, fit: Fit, candidate: Candidate, lucks: list[Luck]
 
 
 def _support_decides(other: Tried, best: Tried) -> bool:
-    """Return whether support alone decides between two candidates: of places or times, or where a form of an effect has far less."""
-    same = best.candidate.name == other.candidate.name
-    return same and (best.candidate.name in hy.SCANNED or other.support < FORM * best.support)
+    """Return whether support alone decides between two candidates.
+
+    So it is with places or times, where a form of an effect has far less, and with what is easily taken for a delay: in drivers of
+    another law it may drive a little better than the delay they have, with less of what a delay alone explains.
+    """
+    if best.candidate.name != other.candidate.name:
+        return best.candidate.name == DELAY and other.candidate.name == gates.LIKE_A_DELAY
+    return best.candidate.name in hy.SCANNED or other.support < FORM * best.support
