@@ -74,6 +74,29 @@ def test_what_is_less_sure_than_something_impossible_must_gain_clearly():
     assert gates.is_worth_it(gain(0.02, 0.01), tried(5.0), None, 13.0)
 
 
+def test_a_delay_is_not_held_against_what_it_looks_like_itself():
+    late, there = tried(8.0, "reaction_delay").candidate, tried(5.0, "hysteresis").candidate
+    early = tried(-9.8, "multi_leader_anticipation", -0.1).candidate
+    assert gates.surest_beside(late, [late, there, early]) == 8.0
+    assert gates.surest_beside(there, [late, there, early]) == 9.8
+    assert gates.surest_beside(late, [late, tried(9.0, "multi_leader_anticipation", 0.1).candidate]) == 9.0
+    assert gates.surest_beside(late, []) == 0.0
+
+
+@pytest.mark.parametrize(
+    ("name", "in_model", "longer", "is_rest"),
+    [
+        ("hysteresis", True, 9.0, True), ("hysteresis", True, 2.0, False), ("hysteresis", False, 9.0, False),
+        ("perception_threshold", True, 9.0, False),
+    ],
+)  # fmt: skip
+def test_what_a_delay_leaves_that_is_too_short_is_no_hysteresis(name, in_model, longer, is_rest):
+    seen = evidence(longer)
+    (late,) = seen.atoms
+    seen = replace(seen, atoms=[replace(late, name="local:" + late.name)] if in_model else [late])
+    assert gates.is_rest_of_delay(tried(8.0, name).candidate, seen) is is_rest
+
+
 @pytest.mark.parametrize("name", ["leader_class", "location", "time_of_day", "speed_dependent_headway"])
 def test_who_where_and_when_are_nothing_that_looks_like_something_impossible_nor_longer_headways_at_speed(name):
     assert gates.is_worth_it(gain(0.001, 0.04), tried(5.0, name), None, 13.0)

@@ -65,9 +65,14 @@ def test_which_of_two_places_is_meant_support_alone_decides(monkeypatch):
         ("perception_threshold", "perception_threshold", 70.0, 0.3),
         ("perception_threshold", "hysteresis", 40.0, 0.3),
         ("reaction_delay", "reaction_delay", 10.0, 0.6),
+        ("reaction_delay", "hysteresis", 70.0, 0.6),
+        ("reaction_delay", "hysteresis", 90.0, 0.3),
+        ("hysteresis", "reaction_delay", 70.0, 0.3),
     ],
 )
-def test_a_form_with_far_less_support_is_not_taken_however_it_drives(monkeypatch, first, second, support, value):
+def test_a_form_or_a_shadow_with_less_support_is_not_taken_however_it_drives(
+    monkeypatch, first, second, support, value
+):
     windows, _ = followers(ro.PLAIN, np.random.default_rng(5))
     base = fit_drivers(windows, ro.PLAIN.copy(), np.array([1e-4, 1e-4]), rounds=2)
     worse = with_cause(base, candidate(9.0, "acceleration_asymmetry", 0.8))
