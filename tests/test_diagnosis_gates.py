@@ -83,6 +83,14 @@ def test_a_delay_is_not_held_against_what_it_looks_like_itself():
     assert gates.surest_beside(late, []) == 0.0
 
 
+def test_where_there_is_hysteresis_a_fainter_delay_is_tried_too():
+    loop, late, band = (tried(z, name).candidate for z, name in
+        ((9.2, "hysteresis"), (4.0, "reaction_delay"), (3.8, "perception_threshold")))  # fmt: skip
+    assert gates.with_what_it_may_hide([loop], [loop, late, band]) == [loop, late]
+    assert gates.with_what_it_may_hide([loop, late], [loop, late, band]) == [loop, late]
+    assert gates.with_what_it_may_hide([band], [band, late]) == [band]
+
+
 @pytest.mark.parametrize(
     ("name", "in_model", "longer", "is_rest"),
     [

@@ -110,6 +110,13 @@ def surest_beside(candidate: Candidate, there: Iterable[Candidate]) -> float:
     return max((abs(c.z) for c in there if c.name != shadow or c.is_possible), default=0.0)
 
 
+def with_what_it_may_hide(close: list[Candidate], every: Iterable[Candidate]) -> list[Candidate]:
+    """Return candidates, and with a hysteresis the delay that it may be: near zero a long one is hardly to be seen."""
+    if all(c.name != LIKE_A_DELAY for c in close):
+        return close
+    return close + [c for c in every if c.name == DELAY and c not in close]
+
+
 def is_rest_of_delay(candidate: Candidate, evidence: ev.Evidence) -> bool:
     """Return whether a further cause may be what a delay in the model leaves that is shorter, or of another form, than the data want."""
     longer = hy.local(evidence, DELAY)

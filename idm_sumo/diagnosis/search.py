@@ -211,7 +211,7 @@ def _next(
         open_ = [c for c in open_ if gates.is_clear_beside(c) and not gates.is_rest_of_delay(c, evidence)]
     refused = 0.0  # support of what was there and no cause
     while open_:
-        close = [c for c in open_ if c.z**2 > CLOSE * open_[0].z ** 2][:TRIED]
+        close = gates.with_what_it_may_hide([c for c in open_ if c.z**2 > CLOSE * open_[0].z ** 2][:TRIED], open_)
         forms = [
             form for c in close for form in hy.forms(evidence, c)
             if form.atom not in but and not gates.is_past_unseen(form, evidence, used)
