@@ -83,6 +83,22 @@ def test_a_delay_is_not_held_against_what_it_looks_like_itself():
     assert gates.surest_beside(late, []) == 0.0
 
 
+@pytest.mark.parametrize(
+    ("lane", "freely", "own", "named"), [(2, -9.8, -4.0, 2), (1, -9.8, -4.0, 1), (2, -6.9, -4.0, 1), (2, 9.8, -4.0, 1)]
+)
+def test_a_desired_speed_is_that_of_the_lane_that_stands_out_freely(lane, freely, own, named):
+    """Of the lane in which drivers stay it says less than of the others: they have fitted a speed of their own to it."""
+    free_lane = replace(free("lane", freely), range=(float(lane), float(lane)), value=np.sign(freely) * 0.2)
+    seen = replace(evidence(0.0), free=(free_lane,))
+    atoms = [*seen.atoms, *(Atom("desired_speed", lane=number) for number in (1, 2))]
+    totals = np.hstack([seen.u, evidence(1.7 * own).u, evidence(own).u])
+    part, gram = np.hstack([seen.part] * 3), np.eye(3) * seen.gram[0, 0]
+    both = replace(seen, atoms=atoms, u=totals, part=part, twins=np.zeros((2, 3)), gram=gram)
+    wanted = next(one for one in gates.believed(both) if one.name == "desired_speed")
+    assert wanted.atom.lane == named
+    assert wanted.z == pytest.approx(freely if lane == named and abs(freely) > 7.0 else 1.7 * own, rel=0.1)
+
+
 def test_where_there_is_hysteresis_a_fainter_delay_is_tried_too():
     loop, late, band = (tried(z, name).candidate for z, name in
         ((9.2, "hysteresis"), (4.0, "reaction_delay"), (3.8, "perception_threshold")))  # fmt: skip

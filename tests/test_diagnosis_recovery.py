@@ -13,7 +13,7 @@ from idm_sumo.diagnosis import windows as w
 from idm_sumo.diagnosis.fit import Fit, fit_drivers, improve
 from idm_sumo.diagnosis.look import Subject
 from idm_sumo.diagnosis.luck import Noises
-from idm_sumo.diagnosis.recovery import best_times, recovered
+from idm_sumo.diagnosis.recovery import SOONEST, best_times, is_over_at_once, recovered
 from idm_sumo.effects import slots
 from tests.test_diagnosis_rollout import QUIET, followers
 
@@ -47,6 +47,18 @@ def after_three(windows: w.Windows, share: float, time: float) -> Fit:
 def test_a_time_that_is_off_and_the_share_with_it_are_put_right(begin):
     fit = after_three(relaxing(0.6, 11.0), *begin)
     np.testing.assert_allclose(fit.by_lane[0, BOTH], (0.6, 11.0), rtol=0.2)
+
+
+@pytest.mark.parametrize(
+    ("name", "time", "is_over"),
+    [("lane_change_relaxation", 0.7 * SOONEST, True), ("lane_change_relaxation", 1.3 * SOONEST, False),
+     ("hysteresis", 0.7 * SOONEST, False)],
+)  # fmt: skip
+def test_a_recovery_that_is_over_at_once_is_told(name, time, is_over):
+    windows = relaxing(0.6, 11.0)
+    there = ro.PLAIN.copy()
+    there[:, BOTH] = 0.3, time
+    assert is_over_at_once(name, fit_drivers(windows, there, np.array([1e-4, 1e-4]), rounds=0)) is is_over
 
 
 def test_without_a_relaxation_nothing_is_moved():

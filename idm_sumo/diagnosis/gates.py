@@ -9,6 +9,7 @@ from idm_sumo.diagnosis import evidence as ev
 from idm_sumo.diagnosis import hypotheses as hy
 from idm_sumo.diagnosis.free_fields import HELD
 from idm_sumo.diagnosis.hypotheses import Candidate
+from idm_sumo.diagnosis.left_over import LeftOver
 from idm_sumo.diagnosis.one_lane import confined
 from idm_sumo.diagnosis.result import Gain
 from idm_sumo.diagnosis.sizes import DELAY, Tried
@@ -49,6 +50,7 @@ STILL = 0.5  # of a squared z, that is left with the best cause in the model: th
 CORE_INSIDE, CORE_SHARE = 0.8, 0.5  # of what is left, inside the interval in the model; of that interval
 # What a delay looks like, too: what drivers do while their leader accelerates, and (of the wrong sign) acting before it does.
 LIKE_A_DELAY, OPPOSITE_OF_DELAY = "hysteresis", "multi_leader_anticipation"
+LANE, WANTED = "lane", "desired_speed"  # what is free in a lane whose drivers want another speed
 FREELY = dict(zip(hy.SCANNED, HELD, strict=True))  # what is free where a place or a time of the catalogue acts
 
 
@@ -63,9 +65,23 @@ def believed(evidence: ev.Evidence) -> list[Candidate]:
         seen = free.get(FREELY.get(candidate.name, ""))
         if seen is not None and abs(candidate.z) > LIKELY:
             every[number] = replace(candidate, p=min(candidate.p, seen.p))
-    every = sorted([*every, *confined(evidence)], key=lambda c: -abs(c.z))
+    every = _with_free_lane(evidence, [*every, *confined(evidence)], free.get(LANE))
+    every = sorted(every, key=lambda c: -abs(c.z))
     wrong = {c.name for c in hy.impossible(every)}
     return [replace(c, p=1.0) if c.is_falling and c.name in wrong else c for c in every]
+
+
+def _with_free_lane(evidence: ev.Evidence, every: list[Candidate], lane: LeftOver | None) -> list[Candidate]:
+    """Return the candidates, the desired speed that of a lane in which drivers are freely slower or faster, if it may be that.
+
+    Who stays in a lane has fitted a speed of his own to it: near zero the lanes beside it say more of it than that lane itself.
+    """
+    if lane is None or lane.range is None or abs(lane.z) <= SURER[WANTED]:
+        return every
+    for one in hy.each_form(evidence, WANTED, hy.informative(evidence, WANTED)):
+        if one.atom.lane == lane.range[0] and one.value * lane.value > 0.0 and abs(one.z) > LIKELY:
+            return [c for c in every if c.name != WANTED] + [replace(one, z=lane.z, p=lane.p)]
+    return every
 
 
 def is_likely(candidate: Candidate) -> bool:

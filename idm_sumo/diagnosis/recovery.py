@@ -20,6 +20,8 @@ Floats = npt.NDArray[np.float64]
 
 SHARE, TIME = lane_change_relaxation.EFFECT.parameters[:2]
 TIMES = (0.7, 0.84, 1.19, 1.42)  # as long as now
+# s: what is over sooner is what drivers of another law do after a cut-in. (4.4 and 5.1 s came of those, of relaxation 7.6 and more.)
+SOONEST = 6.0
 
 
 def recovered(subject: Subject, fit: Fit) -> Fit:
@@ -47,6 +49,11 @@ def recovered(subject: Subject, fit: Fit) -> Fit:
         by_lane[:, TIME.slot] = times[best]
         by_lane[acts, SHARE.slot] = np.clip(share + more[best], 0.5 * share, min(2.0 * share, SHARE.upper))
     return replace(fit, by_lane=by_lane)
+
+
+def is_over_at_once(name: str, fit: Fit) -> bool:
+    """Return whether an effect in a model is a relaxation, but over sooner than any driver's who accepts a short gap."""
+    return name == lane_change_relaxation.EFFECT.name and float(fit.by_lane[0, TIME.slot]) < SOONEST
 
 
 def best_times(score: Floats, gram: Floats, shared: int, rows: list[int]) -> tuple[Floats, Floats]:

@@ -19,6 +19,7 @@ from idm_sumo.diagnosis.left_over import LeftOver, told
 from idm_sumo.diagnosis.look import Subject
 from idm_sumo.diagnosis.luck import Luck, draws
 from idm_sumo.diagnosis.one_lane import place_in_one_lane
+from idm_sumo.diagnosis.recovery import is_over_at_once
 from idm_sumo.diagnosis.result import Gain
 from idm_sumo.diagnosis.sizes import DELAY, Tried, anew, climbed, gain_of, magnitude_of, refined, typical_ade
 from idm_sumo.diagnosis.twins import driver_noise
@@ -117,7 +118,7 @@ def _search(
         lucks = draws(subject.windows, subject.noises, count, rng)  # not the luck that had a hand in the choice
         smaller = fit
         fit = refined(subject, chosen.tried.fit, [cause.candidate.name for cause in accepted], lucks, rng)
-        if not _is_still_large(chosen, fit):
+        if not _is_still_large(chosen, fit) or is_over_at_once(chosen.candidate.name, fit):
             fit, without = smaller, [*without, accepted.pop().candidate]
             break
         last = ev.examine(subject, fit, lucks, progress=progress, stage="looking for further causes")
