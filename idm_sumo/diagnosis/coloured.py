@@ -6,8 +6,7 @@ from typing import NamedTuple, Protocol
 
 import numpy as np
 import numpy.typing as npt
-from scipy.ndimage import gaussian_filter1d
-from scipy.signal import lfilter
+from scipy.signal import lfilter, oaconvolve, savgol_coeffs
 
 from idm_sumo.road import FRAME_STEP
 
@@ -83,25 +82,46 @@ class Twice(NamedTuple):
 
 
 class Smoothed(NamedTuple):
-    """White noise that went through a bell; the standard deviation of that, its width, in s."""
+    """White noise that somebody has smoothed; the weights of an odd number of frames, the middle one's own first."""
 
-    width: float
+    weights: tuple[float, ...]
 
     def draw(self, rows: int, steps: int, rng: np.random.Generator) -> Floats:
         """Return it, stationary from the first step."""
-        width = self.width / FRAME_STEP
-        more = int(np.ceil(FARTHEST * width))
-        bell = np.exp(-0.5 * (np.arange(-more, more + 1) / width) ** 2)
-        normal = rng.standard_normal((rows, steps + 2 * more))
-        drawn = gaussian_filter1d(normal, width, axis=1, radius=more)[:, more : more + steps]
-        return np.asarray(drawn * bell.sum() / np.sqrt((bell**2).sum()))
+        both = self._both()
+        normal = rng.standard_normal((rows, steps + len(both) - 1))
+        return np.asarray(oaconvolve(normal, both[None], mode="valid", axes=1))
 
     def correlation(self, lag: Integers) -> Floats:
         """Return how it goes with itself so many frames later."""
-        return np.asarray(np.exp(-0.25 * (lag * FRAME_STEP / self.width) ** 2))
+        both = self._both()
+        itself = np.append(np.correlate(both, both, mode="full")[len(both) - 1 :], 0.0)
+        return np.asarray(itself[np.minimum(lag, len(both))])
 
     def spectrum(self, omega: Floats) -> Floats:
-        """Return its power at angular frequencies per frame, from 0 to pi."""
-        width = self.width / FRAME_STEP
-        folded = np.exp(-((omega * width) ** 2)) + np.exp(-(((2.0 * np.pi - omega) * width) ** 2))
-        return np.asarray(2.0 * np.sqrt(np.pi) * width * folded)
+        """Return its power at angular frequencies per frame."""
+        both = self._both()
+        frames = np.arange(len(both)) - len(both) // 2
+        return np.asarray((np.cos(omega[..., None] * frames) @ both) ** 2)
+
+    def _both(self) -> Floats:
+        """Return the weights to both sides, for a variance of one."""
+        one = np.array(self.weights)
+        both = np.concatenate([one[:0:-1], one])
+        return np.asarray(both / np.sqrt((both**2).sum()))
+
+
+def bell(width: float) -> Smoothed:
+    """Return noise smoothed by Gaussian weights; their standard deviation in s."""
+    frames = np.arange(int(np.ceil(FARTHEST * width / FRAME_STEP)) + 1)
+    return Smoothed(tuple(np.exp(-0.5 * (frames * FRAME_STEP / width) ** 2).tolist()))
+
+
+def average(window: int) -> Smoothed:
+    """Return noise smoothed by a moving average over an odd number of frames."""
+    return Smoothed((1.0,) * (window // 2 + 1))
+
+
+def cubic(window: int) -> Smoothed:
+    """Return noise smoothed by local cubics over an odd number of frames (Savitzky and Golay)."""
+    return Smoothed(tuple(savgol_coeffs(window, 3)[window // 2 :].tolist()))

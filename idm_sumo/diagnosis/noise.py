@@ -15,7 +15,7 @@ import numpy.typing as npt
 from scipy.optimize import nnls
 
 from idm_sumo import columns as c
-from idm_sumo.diagnosis.coloured import Once, Shape, Smoothed, Twice
+from idm_sumo.diagnosis.coloured import Once, Shape, Twice, average, bell, cubic
 from idm_sumo.recording import Recording
 from idm_sumo.road import FRAME_STEP
 from idm_sumo.smoothing import runs
@@ -28,10 +28,13 @@ LOWEST = 0.35  # Hz
 # s, of the autoregressive parts. With fewer, two stand in for one between them, and longer ones look alike above `LOWEST`: either
 # says far too much of slow errors.
 MEMORIES = np.array([0.1, 0.15, 0.25, 0.4, 0.6, 1.0])
-# s, of the bells (so many that each is between near ones) with which white noise may have been smoothed before it was recorded. Nothing is left of it at high frequencies,
-# where autoregressive noises have most, so none of those can stand in for it. Asked everywhere, they would leave slow errors to the
-# drivers' motion.
-WIDTHS = np.linspace(0.1, 0.5, 21)
+# With which white noise may have been smoothed before it was recorded: bells (so many that each is between near ones), and what
+# tools do besides, moving averages and local cubics. Nothing is left of such noise at high frequencies, where autoregressive noises
+# have most, so none of those can stand in for it. Asked everywhere, they would leave slow errors to the drivers' motion.
+BELLS = np.linspace(0.1, 0.5, 21)  # s
+AVERAGES = (3, 5, 7, 9, 11, 15, 21)  # frames
+CUBICS = (7, 9, 11, 15, 21, 31)  # frames
+SMOOTHED = [*map(bell, BELLS.tolist()), *map(average, AVERAGES), *map(cubic, CUBICS)]
 LOST = 0.05  # of the largest power, below which what is left beyond it says little of the noise and much of the form of its bell
 MISFIT = 0.15  # of the powers, from which on noise is no sum of white and autoregressive ones
 USUAL = 0.95  # of the segments at each frequency: the others are jumps of the tracking and hard braking
@@ -47,7 +50,7 @@ class Noise:
     """Variances of white noise, of autoregressive noises with memories ``memory`` (s), and of white noise smoothed.
 
     Those that are ``twice`` filtered have no jumps: a first-order autoregressive noise drives another one of the same memory.
-    Those ``smoothed`` have gone through bells (Gaussian weights) of the widths ``WIDTHS``, one variance each; or there are none.
+    Those ``smoothed`` were so before they were recorded, as ``SMOOTHED`` says, one variance each; or there are none.
     """
 
     white: float
@@ -85,7 +88,7 @@ class Noise:
         remembered = [Twice(m) if t else Once(m) for m, t in zip(self.memory, twice, strict=True)]
         parts: list[tuple[float, Shape]] = [*zip(self.variance.tolist(), remembered, strict=True)]
         if self.smoothed is not None:
-            parts += zip(self.smoothed.tolist(), map(Smoothed, WIDTHS), strict=True)
+            parts += zip(self.smoothed.tolist(), SMOOTHED, strict=True)
         yield from (part for part in parts if part[0] > 0.0)
 
 
@@ -153,11 +156,10 @@ def _fitted(frequency: Floats, power: Floats) -> Noise:
     used = (frequency >= LOWEST) & (omega < np.pi)  # half the frame rate is distributed otherwise
     used &= (np.arange(len(power)) <= power.argmax()) | (power > LOST * power.max())
     remembered: list[Shape] = [Once(memory) for memory in MEMORIES]
-    smoothed: list[Shape] = [Smoothed(width) for width in WIDTHS]
 
     found, misfit = _mixed(remembered, omega, power, used)
     if misfit > MISFIT:
-        found, _ = _mixed(remembered + smoothed, omega, power, used)
+        found, _ = _mixed([*remembered, *SMOOTHED], omega, power, used)
     variance, rest = np.split(found[1:], [len(MEMORIES)])
     return Noise(float(found[0]), variance, MEMORIES, smoothed=rest if len(rest) else None)
 
