@@ -200,6 +200,37 @@ def test_what_stands_out_beyond_recordings_with_nothing_hidden_may_be_there(name
     assert gates.is_there(one) is there
 
 
+@pytest.mark.parametrize(
+    ("name", "z", "p", "as_first", "further"),
+    [
+        ("time_of_day", 6.0, 1e-6, True, True),
+        ("time_of_day", 4.3, 1e-4, True, True),  # significant, not clear: it must gain
+        ("time_of_day", 4.3, 0.016, True, True),
+        ("time_of_day", 4.3, 0.03, False, False),
+        ("hysteresis", 4.3, 1e-4, True, False),
+        ("hysteresis", 4.3, 0.016, False, False),  # other laws look like it
+    ],
+)
+def test_who_where_and_when_are_tried_before_they_are_significant(name, z, p, as_first, further):
+    one = replace(tried(z, name, 0.12).candidate, p=p)
+    assert gates.is_worth_trying(one, is_first=True) is as_first
+    assert gates.is_worth_trying(one, is_first=False) is further
+
+
+@pytest.mark.parametrize(
+    ("difference", "margin", "accepted"), [(0.02, 0.01, True), (0.02, 0.025, False), (0.01, 0.005, False)]
+)
+def test_of_what_is_not_quite_significant_a_clear_gain_decides(difference, margin, accepted):
+    one, first = tried(4.3, "time_of_day", 0.12, 40.0), tried(10.0, support=SURE_AS_THE_FIRST)
+    doubtful = replace(one, candidate=replace(one.candidate, p=0.016))
+    assert gates.is_there(doubtful)
+    assert gates.is_worth_it(gain(difference, margin), doubtful, None) is accepted
+    assert gates.is_worth_it(gain(difference, margin), doubtful, first) is accepted
+    assert (
+        gates.is_worth_it(gain(difference, margin), one, first) is accepted
+    )  # significant, less clear than a further cause
+
+
 @pytest.mark.parametrize(("difference", "accepted"), [(0.01, False), (0.03, True)])
 def test_what_has_no_null_twin_must_gain_more(difference, accepted):
     assert gates.is_worth_it(gain(difference, 0.005), tried(9.0, "follower_pressure"), None) is accepted

@@ -35,6 +35,8 @@ ENDLESS = ("desired_speed",)
 # says more (twice its logarithm's gain).
 UNDERRATED = ("reaction_delay", "perception_threshold", "lane_change_relaxation")
 LIKELY, LEAST_SUPPORT = 3.5, 150.0
+# Who, where and when: no motion makes these up, so that of what is not quite significant (p) a clear gain may decide.
+OUTER, DOUBTFUL, DECIDING_GAIN = ("leader_class", "location", "time_of_day"), 0.02, 0.015
 CLEAR = 5.0  # standard errors that a further cause needs
 # Of the first cause's squared z and of its support, for a further one: less may be what its shape leaves over, and must gain more.
 FURTHER_SHARE = 0.12
@@ -94,6 +96,19 @@ def is_significant(candidate: Candidate) -> bool:
     return candidate.near_enough and candidate.p < SIGNIFICANT and abs(candidate.z) > SURER.get(candidate.name, 0.0)
 
 
+def is_doubtful(candidate: Candidate) -> bool:
+    """Return whether a candidate is not quite significant, and a clear gain may decide."""
+    doubtful = SIGNIFICANT <= candidate.p < DOUBTFUL
+    return doubtful and candidate.name in OUTER and candidate.near_enough
+
+
+def is_worth_trying(candidate: Candidate, *, is_first: bool) -> bool:
+    """Return whether a candidate is brought to its size; a further cause must be sure enough, or one that motion does not make up."""
+    if is_first:
+        return is_likely(candidate) or is_doubtful(candidate)
+    return (is_likely(candidate) and _is_clear_beside(candidate)) or _needs_gain(candidate)
+
+
 def is_too_small(candidate: Candidate) -> bool:
     """Return whether a candidate is there beyond doubt of chance, but smaller than what is named."""
     return candidate.p < SIGNIFICANT and candidate.is_possible and not candidate.near_enough
@@ -106,15 +121,22 @@ def is_underrated(candidate: Candidate) -> bool:
 
 def is_there(tried: Tried) -> bool:
     """Return whether a candidate at its size is significant and large enough, and has one."""
-    sure = is_significant(tried.candidate) or tried.support > LEAST_SUPPORT
+    candidate = tried.candidate
+    sure = is_significant(candidate) or is_doubtful(candidate) or tried.support > LEAST_SUPPORT
     may_be_endless = tried.candidate.name in ENDLESS or tried.candidate.is_falling
     endless = may_be_endless and hy.is_at_bound(tried.candidate)
     return sure and tried.candidate.large_enough and not endless
 
 
-def is_clear_beside(candidate: Candidate) -> bool:
+def _is_clear_beside(candidate: Candidate) -> bool:
     """Return whether a candidate is sure enough for a further cause."""
     return abs(candidate.z) > CLEAR
+
+
+def _needs_gain(candidate: Candidate) -> bool:
+    """Return whether a candidate is not sure enough for a further cause, unless it gains."""
+    unsure = is_significant(candidate) and not _is_clear_beside(candidate) and candidate.name in OUTER
+    return unsure or is_doubtful(candidate)
 
 
 def surest_beside(candidate: Candidate, there: Iterable[Candidate]) -> float:
@@ -169,6 +191,8 @@ def is_worth_it(gain: Gain, tried: Tried, first: Tried | None, strongest: float 
     clearly = enough and gain.ci95[0] > 0.0
     if candidate.name in ev.ENDOGENOUS:
         return clearly and share >= UNTWINNED_GAIN
+    if is_doubtful(candidate) or (first is not None and _needs_gain(candidate)):
+        return clearly and share >= DECIDING_GAIN
     like_no_other = candidate.name not in SURER or z > SUREST
     unlike_laws = _is_unlike_laws(candidate)
     surest = like_no_other and (unlike_laws or z >= strongest)

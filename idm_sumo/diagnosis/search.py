@@ -207,9 +207,9 @@ def _next(
     """
     used = {a.candidate.name for a in accepted} | {c.name for c in without}
     there = [c for c in gates.believed(evidence) if c.name not in used]
-    open_ = [c for c in there if gates.is_likely(c)]
+    open_ = [c for c in there if gates.is_worth_trying(c, is_first=not accepted)]
     if accepted:
-        open_ = [c for c in open_ if gates.is_clear_beside(c) and not gates.is_rest_of_delay(c, evidence)]
+        open_ = [c for c in open_ if not gates.is_rest_of_delay(c, evidence)]
     refused = 0.0  # support of what was there and no cause
     while open_:
         close = gates.with_what_it_may_hide([c for c in open_ if c.z**2 > CLOSE * open_[0].z ** 2][:TRIED], open_)
