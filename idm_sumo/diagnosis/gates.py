@@ -11,7 +11,6 @@ from idm_sumo.diagnosis.free_fields import HELD
 from idm_sumo.diagnosis.hypotheses import Candidate
 from idm_sumo.diagnosis.left_over import LeftOver
 from idm_sumo.diagnosis.one_lane import confined
-from idm_sumo.diagnosis.result import Gain
 from idm_sumo.diagnosis.sizes import DELAY, Tried
 
 SIGNIFICANT = 1e-3  # corrected p of a cause
@@ -21,13 +20,6 @@ SIGNIFICANT = 1e-3  # corrected p of a cause
 # believed, however sure.
 SURER = {"multi_leader_anticipation": 5.0, "lane_change_relaxation": 5.0, "desired_speed": 7.0}
 SUREST = hy.SUREST  # standard errors, from which on they are believed as others are
-# No law of car-following makes these up: who, where and when are no motion of the driver's, nor is a change of lane to come (at most
-# 4.3 standard errors of room made before a cut-in, 2.2 before the own change, in 122 recordings of ten laws with nothing hidden), and
-# headways that grow with speed are what a law that differs has less of, not more. Headways that fall must be far surer than what
-# cannot be.
-UNLIKE_LAWS = (
-    "leader_class", "location", "time_of_day", "speed_dependent_headway", "courtesy_yielding", "pre_insertion",
-)  # fmt: skip
 # Where the climb ends at the bound, what the data want is another approach to the desired speed than the model's, not another speed
 # (nor a headway that falls with it).
 ENDLESS = ("desired_speed",)
@@ -36,17 +28,8 @@ ENDLESS = ("desired_speed",)
 UNDERRATED = ("reaction_delay", "perception_threshold", "lane_change_relaxation")
 LIKELY, LEAST_SUPPORT = 3.5, 150.0
 # Who, where and when: no motion makes these up, so that of what is not quite significant (p) a clear gain may decide.
-OUTER, DOUBTFUL, DECIDING_GAIN = ("leader_class", "location", "time_of_day"), 0.02, 0.015
+OUTER, DOUBTFUL = ("leader_class", "location", "time_of_day"), 0.02
 CLEAR = 5.0  # standard errors that a further cause needs
-# Of the first cause's squared z and of its support, for a further one: less may be what its shape leaves over, and must gain more.
-FURTHER_SHARE = 0.12
-LEAST_GAIN = 0.004  # of the ADE, on the drivers that fit
-UNTWINNED_GAIN = 0.02  # of the ADE, for what has no null twin: a follower answers its leader, so its place tells of the leader's noise
-FAINT_GAIN = 0.02  # of the ADE, for a further cause that may be what the first one's shape, or another law, leaves over
-SURE, BEYOND_DOUBT = 4.8, 7.0  # standard errors, from which on any gain will do, and no loss beyond chance
-SURE_AGAIN = 5.0  # standard errors, from which on held-out drivers need not be better than chance
-AS_SURE = 0.5  # of the first cause's support, for a further one beyond doubt
-CHANCE = 0.01  # of the ADE
 FREE_CLEAR = 5.5  # standard errors from which on something free stands out
 STILL = 0.5  # of a squared z, that is left with the best cause in the model: that cause does not hold it
 CORE_INSIDE, CORE_SHARE = 0.8, 0.5  # of what is left, inside the interval in the model; of that interval
@@ -106,7 +89,7 @@ def is_worth_trying(candidate: Candidate, *, is_first: bool) -> bool:
     """Return whether a candidate is brought to its size; a further cause must be sure enough, or one that motion does not make up."""
     if is_first:
         return is_likely(candidate) or is_doubtful(candidate)
-    return (is_likely(candidate) and _is_clear_beside(candidate)) or _needs_gain(candidate)
+    return (is_likely(candidate) and _is_clear_beside(candidate)) or needs_gain(candidate)
 
 
 def is_too_small(candidate: Candidate) -> bool:
@@ -133,7 +116,7 @@ def _is_clear_beside(candidate: Candidate) -> bool:
     return abs(candidate.z) > CLEAR
 
 
-def _needs_gain(candidate: Candidate) -> bool:
+def needs_gain(candidate: Candidate) -> bool:
     """Return whether a candidate is not sure enough for a further cause, unless it gains."""
     unsure = is_significant(candidate) and not _is_clear_beside(candidate) and candidate.name in OUTER
     return unsure or is_doubtful(candidate)
@@ -161,77 +144,6 @@ def is_rest_of_delay(candidate: Candidate, evidence: ev.Evidence) -> bool:
     if candidate.name != LIKE_A_DELAY or longer is None:
         return False
     return any(late.z > CLEAR for late in (longer, *hy.candidates(evidence)) if late.name.endswith(DELAY))
-
-
-def is_faint_beside(further: Tried, first: Tried) -> bool:
-    """Return whether a further cause is so much less sure than the first that it may be what its shape leaves over."""
-    fainter = further.candidate.z**2 < FURTHER_SHARE * first.candidate.z**2
-    return fainter and further.support < FURTHER_SHARE * first.support
-
-
-def is_worth_it(gain: Gain, tried: Tried, first: Tried | None, strongest: float = 0.0) -> bool:
-    """Return whether rollouts are better for a cause: clearly; at all, if it is surely there; not worse, if beyond doubt.
-
-    What something else looks like, too, must make them better clearly, unless it is far beyond doubt. What is not quite sure must be
-    the surest of all that is looked at: of two that are as sure either may be the other. A further cause must, nine to one, unless it is beyond doubt and about as sure as the first: what the first one's form leaves over is there, too.
-
-    Parameters
-    ----------
-    gain : Gain
-        On the drivers that fit.
-    tried : Tried
-    first : Tried or None
-        The first cause, for a further one.
-    strongest : float
-        Standard errors of the surest there is, those included that cannot be (a negative delay). What is less sure and does not
-        gain may be what that looks like, unless no law makes it up.
-    """
-    candidate, share = tried.candidate, gain.difference / gain.base
-    z, enough = abs(candidate.z), share >= LEAST_GAIN
-    clearly = enough and gain.ci95[0] > 0.0
-    if candidate.name in ev.ENDOGENOUS:
-        return clearly and share >= UNTWINNED_GAIN
-    if is_doubtful(candidate) or (first is not None and _needs_gain(candidate)):
-        return clearly and share >= DECIDING_GAIN
-    like_no_other = candidate.name not in SURER or z > SUREST
-    unlike_laws = _is_unlike_laws(candidate)
-    surest = like_no_other and (unlike_laws or z >= strongest)
-    beyond_doubt = surest and z > BEYOND_DOUBT and share > -CHANCE
-    if first is None:
-        return (
-            (clearly and (z > SURE or unlike_laws or z >= strongest))
-            or (surest and z > SURE and share > 0.0)
-            or beyond_doubt
-        )
-    if is_faint_beside(tried, first) or (z < strongest and not unlike_laws):
-        return clearly and share >= FAINT_GAIN
-    return (enough and gain.is_likely) or (beyond_doubt and tried.support > AS_SURE * first.support)
-
-
-def _is_unlike_laws(candidate: Candidate) -> bool:
-    """Return whether no law of car-following makes an effect up."""
-    return candidate.name in UNLIKE_LAWS and not candidate.is_falling
-
-
-def is_confirmed(held_out: Gain, fitted: Gain, first: Candidate) -> bool:
-    """Return whether drivers that were never touched bear out the causes: they drive better, nine to one.
-
-    They are a third as many as those that fit. So what is surely there and gains clearly on those, or is made up by no law of
-    car-following, must not be worse on these, and what is beyond doubt not clearly worse.
-
-    Parameters
-    ----------
-    held_out : Gain
-        Of all causes.
-    fitted : Gain
-        Of the first cause, on the drivers that fit.
-    first : Candidate
-    """
-    z = abs(first.z)
-    if z > BEYOND_DOUBT and held_out.ci95[1] > 0.0:
-        return True
-    surely_real = fitted.ci95[0] > 0.0 or _is_unlike_laws(first)
-    return held_out.is_likely or (z > SURE_AGAIN and surely_real and held_out.difference > 0.0)
 
 
 def is_another(first: Candidate, evidence: ev.Evidence) -> bool:

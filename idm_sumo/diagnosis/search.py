@@ -9,7 +9,7 @@ import numpy as np
 import numpy.typing as npt
 
 from idm_sumo.diagnosis import evidence as ev
-from idm_sumo.diagnosis import free_gates, gates
+from idm_sumo.diagnosis import free_gates, gain_gates, gates
 from idm_sumo.diagnosis import hypotheses as hy
 from idm_sumo.diagnosis.atoms import Atom
 from idm_sumo.diagnosis.edges import sharpened
@@ -244,7 +244,9 @@ def _judged(
     on_average = any(form.near_enough for form in forms if form.name == candidate.name)
     wanted = best.support > WANTED or (gain.ci95[0] > 0.0 and on_average)
     passes = (
-        wanted and gates.is_there(best) and gates.is_worth_it(gain, best, first, gates.surest_beside(candidate, there))
+        wanted
+        and gates.is_there(best)
+        and gain_gates.is_worth_it(gain, best, first, gates.surest_beside(candidate, there))
     )
     return best, Accepted(best, candidate.value, candidate.error, gain, rivals) if passes else None
 
