@@ -164,3 +164,24 @@ def test_what_shows_an_effect_that_is_too_small_for_a_name_is_not_told_as_unknow
     assert free_gates.untold(small) == ()
     for other in (replace(small, free=(free("unrest", 18.0),)), replace(small, u=0.1 * small.u)):
         assert free_gates.untold(other) == other.free
+
+
+@pytest.mark.parametrize(
+    ("name", "z", "pedal", "stands_out"),
+    [
+        ("perception_threshold", 8.4, 15.8, True),
+        ("perception_threshold", 5.6, 5.1, True),
+        ("perception_threshold", 8.9, 6.8, False),  # the most of drivers with a dead band
+        ("perception_threshold", 5.0, 4.8, False),
+        ("hysteresis", 8.4, 15.8, False),  # the law may be another one
+        ("", 0.0, 15.8, False),
+    ],
+)
+def test_a_pedal_left_alone_is_asked_for_where_small_approach_rates_seem_unnoticed(
+    monkeypatch, name, z, pedal, stands_out
+):
+    seen = [Candidate(name, 0.5, 0.01, z, 1e-6, Atom(name, 0.5), 1.0, 0.0)] if name else []
+    monkeypatch.setattr(gates, "believed", lambda _: seen)
+    one = free("response over wanted_acceleration", -pedal)
+    assert free_gates.is_in_the_foot(one)
+    assert bool(free_gates.outside(evidence(0.0, one))) is stands_out

@@ -109,6 +109,18 @@ def test_what_one_place_does_is_found_there(driven):
     assert found.value == pytest.approx(-0.3, rel=0.4)
 
 
+def test_a_pedal_half_left_alone_is_found_by_the_acceleration_that_is_wanted(driven):
+    windows, fit, grid, answer = driven
+    wanted = answer.state[:, :, ro.BASE_A]
+    idle = pushed(windows, fit, np.where(np.abs(wanted) < 0.3, -0.5 * wanted, 0.0))
+    twin = lo.hear(windows, fit, grid, answer)
+    every = lo.left_over(idle, fit, grid, at.answer_of(idle, fit, grid.pivot), [twin], [twin], 1.0)
+    found = next(one for one in every if one.covariate == ff.PEDAL)
+    assert found.is_credible
+    assert found.value == pytest.approx(-0.5, abs=0.2)
+    assert found.range == (0.0, 0.3)
+
+
 @pytest.mark.parametrize(("content", "value", "told"), [
     (ff.RESPONSE, 0.5, True), (ff.RESPONSE, 0.01, False), (ff.RESPONSE, 20.0, False), (ff.RESPONSE, -0.5, True),
     (ff.RESPONSE, -1.5, False), (ff.DELAY, 0.8, True), (ff.DELAY, -1.3, False), (ff.ACCELERATION, 20.0, True),

@@ -42,6 +42,7 @@ EDGES: dict[str, tuple[float, ...]] = {
     "leader_length": (0.5, 4.2, 5.2, 7.0, 40.0),
     "since_standing": (0.0, 3.0, 8.0, 20.0),
     "unrest": (0.0, 0.4, 0.7, 1.0, 9.0),
+    "wanted_acceleration": (0.0, 0.15, 0.3, 0.45, 0.7, 1.1, 20.0),
 }
 # With another car-following model underneath, or noise in the leader's place, drivers seem to answer these otherwise; and who brakes
 # more than the model has the follower near.
@@ -59,8 +60,11 @@ HELD = ("position", "time")  # by the catalogue, as location and time of day
 # A driver's own motion of late stands out a little; which lane to take drivers choose themselves, and in one lane for a while there
 # are few; of a place or a time the catalogue's own would have said it.
 SUSPECT = ("unrest", "headway over unrest", "lane", "time" + IN_LANE, REGION + IN_LANE, *HELD)
-# Along covariates the response and its delay are what another car-following model looks like.
-ALONG_COVARIATES, ALONG_REGIONS = (ACCELERATION, HEADWAY), (ACCELERATION, RESPONSE, DELAY)
+# Along covariates the response and its delay are what another car-following model looks like. The response alone is asked to what the
+# model itself wants, whether much or little: who leaves the pedal alone while it is little.
+ALONG_COVARIATES, ALONG_REGIONS, ALONG_OWN = (ACCELERATION, HEADWAY), (ACCELERATION, RESPONSE, DELAY), (RESPONSE,)
+OWN = "wanted_acceleration"
+PEDAL = f"{RESPONSE} over {OWN}"
 
 
 @dataclass(frozen=True)
@@ -133,6 +137,7 @@ def covariates(windows: w.Windows, state: Floats) -> dict[str, Floats]:
         "leader_length": seen[:, :, w.LENGTH],
         "since_standing": seen[:, :, w.SINCE_STANDING],
         "unrest": seen[:, :, w.UNREST],
+        "wanted_acceleration": np.abs(state[:, :, ro.BASE_A]),
         "position": x,
         "time": seen[:, :, w.TIME],
         "lane": seen[:, :, w.LANE],
@@ -160,6 +165,8 @@ def families(windows: w.Windows, state: Floats, grid: Grid) -> Iterator[tuple[Fa
 def _contents_along(covariate: str) -> tuple[str, ...]:
     if covariate.startswith(REGION + IN_LANE):  # few drivers each
         return (ACCELERATION,)
+    if covariate == OWN:
+        return ALONG_OWN
     return ALONG_COVARIATES if covariate in EDGES else ALONG_REGIONS
 
 

@@ -176,7 +176,7 @@ def _outside(
     """
     strange = free_gates.outside(first)
     likely = [c for c in gates.believed(first) if gates.is_likely(c)][:TRIED]
-    if not strange or not likely or free_gates.is_neither(strange[0]):
+    if not strange or not likely or free_gates.is_neither(strange[0]) or free_gates.is_in_the_foot(strange[0]):
         return strange
     each = [_at_size(subject, fit, form, lucks, known) for c in likely for form in hy.forms(first, c)]
     best = max((one for one in each if gates.is_there(one)), key=lambda one: one.support, default=None)
