@@ -4,27 +4,17 @@ from __future__ import annotations
 
 from dataclasses import replace
 
-import numpy as np
 import pytest
 
 from idm_sumo.diagnosis import gain_gates, gates
-from idm_sumo.diagnosis import rollout as ro
-from idm_sumo.diagnosis.atoms import Atom
-from idm_sumo.diagnosis.fit import Fit
-from idm_sumo.diagnosis.hypotheses import Candidate
 from idm_sumo.diagnosis.result import Gain
-from idm_sumo.diagnosis.sizes import Tried
+from tests.test_diagnosis_gates import tried
 
-FIT = Fit(np.zeros(5), np.eye(5), np.zeros((1, 5)), np.eye(1), np.ones(1), np.ones(2), ro.PLAIN)
 SURE_AS_THE_FIRST = 300.0
 
 
 def gain(difference, margin):
     return Gain("ade_m", 1.0, 1.0 - difference, difference, (difference - margin, difference + margin), 100, False)
-
-
-def tried(z, name="perception_threshold", value=0.5, support=100.0):
-    return Tried(Candidate(name, value, 0.01, z, 1e-9, Atom(name, value), 1.0, 0.0), FIT, support)
 
 
 @pytest.mark.parametrize(
@@ -126,9 +116,8 @@ def test_of_what_is_not_quite_significant_a_clear_gain_decides(difference, margi
     assert gates.is_there(doubtful)
     assert gain_gates.is_worth_it(gain(difference, margin), doubtful, None) is accepted
     assert gain_gates.is_worth_it(gain(difference, margin), doubtful, first) is accepted
-    assert (
-        gain_gates.is_worth_it(gain(difference, margin), one, first) is accepted
-    )  # significant, less clear than a further cause
+    # Significant, too, but less clear than a further cause needs.
+    assert gain_gates.is_worth_it(gain(difference, margin), one, first) is accepted
 
 
 @pytest.mark.parametrize(("difference", "accepted"), [(0.01, False), (0.03, True)])

@@ -82,46 +82,46 @@ class Twice(NamedTuple):
 
 
 class Smoothed(NamedTuple):
-    """White noise that somebody has smoothed; the weights of an odd number of frames, the middle one's own first."""
+    """White noise that somebody has smoothed, by weights of an odd number of frames, the same to both sides."""
 
     weights: tuple[float, ...]
 
     def draw(self, rows: int, steps: int, rng: np.random.Generator) -> Floats:
         """Return it, stationary from the first step."""
-        both = self._both()
-        normal = rng.standard_normal((rows, steps + len(both) - 1))
-        return np.asarray(oaconvolve(normal, both[None], mode="valid", axes=1))
+        weights = self._unit()
+        normal = rng.standard_normal((rows, steps + len(weights) - 1))
+        return np.asarray(oaconvolve(normal, weights[None], mode="valid", axes=1))
 
     def correlation(self, lag: Integers) -> Floats:
         """Return how it goes with itself so many frames later."""
-        both = self._both()
-        itself = np.append(np.correlate(both, both, mode="full")[len(both) - 1 :], 0.0)
-        return np.asarray(itself[np.minimum(lag, len(both))])
+        weights = self._unit()
+        itself = np.append(np.correlate(weights, weights, mode="full")[len(weights) - 1 :], 0.0)
+        return np.asarray(itself[np.minimum(lag, len(weights))])
 
     def spectrum(self, omega: Floats) -> Floats:
         """Return its power at angular frequencies per frame."""
-        both = self._both()
-        frames = np.arange(len(both)) - len(both) // 2
-        return np.asarray((np.cos(omega[..., None] * frames) @ both) ** 2)
+        weights = self._unit()
+        frames = np.arange(len(weights)) - len(weights) // 2
+        return np.asarray((np.cos(omega[..., None] * frames) @ weights) ** 2)
 
-    def _both(self) -> Floats:
-        """Return the weights to both sides, for a variance of one."""
-        one = np.array(self.weights)
-        both = np.concatenate([one[:0:-1], one])
-        return np.asarray(both / np.sqrt((both**2).sum()))
+    def _unit(self) -> Floats:
+        """Return the weights for a variance of one."""
+        weights = np.array(self.weights)
+        return np.asarray(weights / np.linalg.norm(weights))
 
 
 def bell(width: float) -> Smoothed:
     """Return noise smoothed by Gaussian weights; their standard deviation in s."""
-    frames = np.arange(int(np.ceil(FARTHEST * width / FRAME_STEP)) + 1)
+    more = int(np.ceil(FARTHEST * width / FRAME_STEP))
+    frames = np.arange(-more, more + 1)
     return Smoothed(tuple(np.exp(-0.5 * (frames * FRAME_STEP / width) ** 2).tolist()))
 
 
 def average(window: int) -> Smoothed:
     """Return noise smoothed by a moving average over an odd number of frames."""
-    return Smoothed((1.0,) * (window // 2 + 1))
+    return Smoothed((1.0,) * window)
 
 
 def cubic(window: int) -> Smoothed:
     """Return noise smoothed by local cubics over an odd number of frames (Savitzky and Golay)."""
-    return Smoothed(tuple(savgol_coeffs(window, 3)[window // 2 :].tolist()))
+    return Smoothed(tuple(savgol_coeffs(window, 3).tolist()))

@@ -50,7 +50,7 @@ def is_worth_it(gain: Gain, tried: Tried, first: Tried | None, strongest: float 
     clearly = enough and gain.ci95[0] > 0.0
     if candidate.name in ev.ENDOGENOUS:
         return clearly and share >= UNTWINNED_GAIN
-    if gates.is_doubtful(candidate) or (first is not None and gates.needs_gain(candidate)):
+    if gates.needs_gain(candidate, is_first=first is None):
         return clearly and share >= DECIDING_GAIN
     like_no_other = candidate.name not in gates.SURER or z > gates.SUREST
     unlike_laws = _is_unlike_laws(candidate)

@@ -87,9 +87,8 @@ def is_doubtful(candidate: Candidate) -> bool:
 
 def is_worth_trying(candidate: Candidate, *, is_first: bool) -> bool:
     """Return whether a candidate is brought to its size; a further cause must be sure enough, or one that motion does not make up."""
-    if is_first:
-        return is_likely(candidate) or is_doubtful(candidate)
-    return (is_likely(candidate) and _is_clear_beside(candidate)) or needs_gain(candidate)
+    is_sure = is_likely(candidate) and (is_first or _is_clear_beside(candidate))
+    return is_sure or needs_gain(candidate, is_first=is_first)
 
 
 def is_too_small(candidate: Candidate) -> bool:
@@ -106,9 +105,9 @@ def is_there(tried: Tried) -> bool:
     """Return whether a candidate at its size is significant and large enough, and has one."""
     candidate = tried.candidate
     sure = is_significant(candidate) or is_doubtful(candidate) or tried.support > LEAST_SUPPORT
-    may_be_endless = tried.candidate.name in ENDLESS or tried.candidate.is_falling
-    endless = may_be_endless and hy.is_at_bound(tried.candidate)
-    return sure and tried.candidate.large_enough and not endless
+    may_be_endless = candidate.name in ENDLESS or candidate.is_falling
+    endless = may_be_endless and hy.is_at_bound(candidate)
+    return sure and candidate.large_enough and not endless
 
 
 def _is_clear_beside(candidate: Candidate) -> bool:
@@ -116,10 +115,10 @@ def _is_clear_beside(candidate: Candidate) -> bool:
     return abs(candidate.z) > CLEAR
 
 
-def needs_gain(candidate: Candidate) -> bool:
-    """Return whether a candidate is not sure enough for a further cause, unless it gains."""
+def needs_gain(candidate: Candidate, *, is_first: bool) -> bool:
+    """Return whether a candidate, one that motion does not make up, is not sure enough for a cause unless it gains."""
     unsure = is_significant(candidate) and not _is_clear_beside(candidate) and candidate.name in OUTER
-    return unsure or is_doubtful(candidate)
+    return is_doubtful(candidate) or (unsure and not is_first)
 
 
 def surest_beside(candidate: Candidate, there: Iterable[Candidate]) -> float:

@@ -28,7 +28,7 @@ LOWEST = 0.35  # Hz
 # s, of the autoregressive parts. With fewer, two stand in for one between them, and longer ones look alike above `LOWEST`: either
 # says far too much of slow errors.
 MEMORIES = np.array([0.1, 0.15, 0.25, 0.4, 0.6, 1.0])
-# With which white noise may have been smoothed before it was recorded: bells (so many that each is between near ones), and what
+# What may have smoothed white noise before it was recorded: bells (so many that each is between near ones), and what
 # tools do besides, moving averages and local cubics. Nothing is left of such noise at high frequencies, where autoregressive noises
 # have most, so none of those can stand in for it. Asked everywhere, they would leave slow errors to the drivers' motion.
 BELLS = np.linspace(0.1, 0.5, 21)  # s
