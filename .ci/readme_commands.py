@@ -28,7 +28,7 @@ def main() -> None:
         recording = Path(folder) / "recording.parquet"
         for command in commands((ROOT / "README.md").read_text(encoding="utf-8")):
             if "RECORDING" in command and not recording.exists():
-                maker = [ROOT / ".venv/bin/idm-sumo", "surrogate", "-o", recording, "--minutes", "4"]
+                maker = [ROOT / ".venv/bin/idm-sumo", "surrogate", "-o", recording, "--minutes", "2"]
                 subprocess.run(maker, check=True, cwd=ROOT)
             line = command.replace("RECORDING", str(recording))
             begin = time.monotonic()

@@ -107,7 +107,7 @@ class Smoothed(NamedTuple):
     def _unit(self) -> Floats:
         """Return the weights for a variance of one."""
         weights = np.array(self.weights)
-        return np.asarray(weights / np.linalg.norm(weights))
+        return np.asarray(weights / np.sqrt((weights**2).sum()))
 
 
 def bell(width: float) -> Smoothed:
@@ -124,4 +124,5 @@ def average(window: int) -> Smoothed:
 
 def cubic(window: int) -> Smoothed:
     """Return noise smoothed by local cubics over an odd number of frames (Savitzky and Golay)."""
-    return Smoothed(tuple(savgol_coeffs(window, 3).tolist()))
+    half = savgol_coeffs(window, 3)[window // 2 :].tolist()  # rounding leaves the other one a little different
+    return Smoothed((*half[:0:-1], *half))

@@ -6,6 +6,7 @@ own speed): it is set anew, driver by driver, before each step.
 
 from __future__ import annotations
 
+import math
 import tempfile
 from collections.abc import Callable, Iterator
 from pathlib import Path
@@ -49,7 +50,8 @@ def run(
     n, frames = len(kind), int(chosen.minutes * 600) + 1
     x, v = np.full((n, frames), np.nan), np.full((n, frames), np.nan)
     lane = np.full((n, frames), -1, dtype=np.int8)
-    factor = _headway_factor(chosen)
+    factor, needs_leader = _headway_factor(chosen), "leader_class" in chosen.effects
+    kept = np.full(n, np.nan)  # the headway that each has: SUMO is told of changes only
     with tempfile.TemporaryDirectory() as folder:
         files = _written(Path(folder), chosen, length, kind, theta)
         libsumo.start(["sumo", *files, "--step-length", str(STEP), "--no-step-log", "true", "--no-warnings", "true",
@@ -64,10 +66,11 @@ def run(
                     if at > chosen.length + CONTROL:
                         libsumo.vehicle.setSpeed(str(number), float(cap[on]))
                     elif chosen.effects:
-                        ahead = libsumo.vehicle.getLeader(str(number), SIGHT) or ("", 0.0)
-                        truck = bool(ahead[0]) and kind[int(ahead[0])] == TRUCK
-                        own = theta[number, 1] * factor(at, frame * STEP, speed, truck)
-                        libsumo.vehicle.setTau(str(number), float(own))
+                        truck = needs_leader and _is_behind_a_truck(number, kind)
+                        own = float(theta[number, 1]) * factor(at, frame * STEP, speed, truck)
+                        if own != kept[number]:
+                            libsumo.vehicle.setTau(str(number), own)
+                            kept[number] = own
         finally:
             libsumo.close()
     return x, v, lane
@@ -80,6 +83,11 @@ def _drivers(lanes: int) -> Iterator[tuple[int, float, float, int]]:
         yield int(name), get.getLanePosition(name) - BEFORE, get.getSpeed(name), lanes - 1 - get.getLaneIndex(name)
 
 
+def _is_behind_a_truck(number: int, kind: npt.NDArray[np.int64]) -> bool:
+    ahead = libsumo.vehicle.getLeader(str(number), SIGHT)
+    return bool(ahead and ahead[0]) and bool(kind[int(ahead[0])] == TRUCK)
+
+
 def _headway_factor(chosen: Plan) -> Headway:
     """Return by how much the headway is longer at a place, a time, a speed, behind a truck."""
     if beyond := set(chosen.effects) - set(IN_SUMO):
@@ -88,10 +96,10 @@ def _headway_factor(chosen: Plan) -> Headway:
         "location": lambda e: lambda x, t, v, truck: 1.0 + e * (chosen.place[0] <= x < chosen.place[1]),
         "time_of_day": lambda e: lambda x, t, v, truck: 1.0 + e * (chosen.time[0] <= t < chosen.time[1]),
         "leader_class": lambda e: lambda x, t, v, truck: 1.0 + e * truck,
-        "speed_dependent_headway": lambda e: lambda x, t, v, truck: float(np.clip(1.0 + e * (v - 9.0) / 10.0, 0.4, 2.0)),
+        "speed_dependent_headway": lambda e: lambda x, t, v, truck: min(max(1.0 + e * (v - 9.0) / 10.0, 0.4), 2.0),
     }  # fmt: skip
     each = [known[name](size) for name, size in chosen.effects.items()]
-    return lambda x, t, v, truck: float(np.prod([one(x, t, v, truck) for one in each]))
+    return lambda x, t, v, truck: math.prod(one(x, t, v, truck) for one in each)
 
 
 def _written(folder: Path, chosen: Plan, length: Floats, kind: npt.NDArray[np.int64], theta: Floats) -> list[str]:
