@@ -49,6 +49,17 @@ EDGES: dict[str, tuple[float, ...]] = {
 DOUBTFUL = (
     "leader_acceleration", "leader_gap", "adjacent_difference", "faster_difference", "rear_gap", "crowd_left", "crowd_right",
 )  # fmt: skip
+# Who is where around a driver: no motion of its own makes these up, and they are few.
+AROUND = (
+    "trucks_beside",
+    "braking_beside",
+    "motorcycles_beside",
+    "truck_behind",
+    "truck_second",
+    "abreast",
+    "beside_gap",
+    "nearest_beside",
+)
 MOST_BINS, BLOCKS = 40, 10  # of a scan along the road or the time; of each side of the rectangles of both
 STRONGEST = 3.0  # m/s² (per s): of the model's own acceleration and its change
 # What may be different: some acceleration is added, the time headway is longer, the response is stronger, or later.
@@ -59,7 +70,7 @@ REGION = "position and time"
 HELD = ("position", "time")  # by the catalogue, as location and time of day
 # A driver's own motion of late stands out a little; which lane to take drivers choose themselves, and in one lane for a while there
 # are few; of a place or a time the catalogue's own would have said it.
-SUSPECT = ("unrest", "headway over unrest", "lane", "time" + IN_LANE, REGION + IN_LANE, *HELD)
+SUSPECT = ("unrest", "lane", "time" + IN_LANE, REGION + IN_LANE, *HELD)
 # Along covariates the response and its delay are what another car-following model looks like. The response alone is asked to what the
 # model itself wants, whether much or little: who leaves the pedal alone while it is little.
 ALONG_COVARIATES, ALONG_REGIONS, ALONG_OWN = (ACCELERATION, HEADWAY), (ACCELERATION, RESPONSE, DELAY), (RESPONSE,)
@@ -103,6 +114,11 @@ class Family:
     def is_regional(self) -> bool:
         """Whether it is a question of where or when, so that drivers differ between its bins."""
         return self.covariate not in EDGES
+
+    @property
+    def is_around(self) -> bool:
+        """Whether it is a question of who is around the driver."""
+        return self.covariate in AROUND
 
     @property
     def is_contrast(self) -> bool:

@@ -24,6 +24,7 @@ Floats = npt.NDArray[np.float64]
 Integers = npt.NDArray[np.int64]
 Range = tuple[float, float]
 
+SWING = "own oscillation in time"
 NO_TWIN = "rear_gap"  # the follower answers the real driver, not the twin
 NARROWEST, WIDEST = 2, 0.7  # bins; share of the road, of the time, of both
 CLUMSIEST = 1.5  # times the variance of the model that the clustered one may count
@@ -151,8 +152,8 @@ def left_over(
             twin = np.mean([heard.squares[family.covariate] for heard in fitted], axis=0)
             most = variance.most_unsteady(variance.spread(pulses, number, family.count), twin, len(fitted))
             unsteady += [_unsteady(family, most)] if most is not None else []
-    looks = sum(one.stretch.looks for one in found)
-    named = [_named(one, looks) for one in found]
+    looks = _looks(found)
+    named = [_named(one, looks[one.family.is_around]) for one in found]
     spectrum, twins = oscillation.spectrum(pulses), [one.spectrum for one in fitted]
     line = oscillation.line(spectrum, np.mean([one.mean(axis=0) for one in twins], axis=0))
     swings = [
@@ -160,6 +161,17 @@ def left_over(
         _swinging(oscillation.own_lines(spectrum, twins), "each driver's own period", grid),
     ]
     return sorted([*named, *unsteady, *swings], key=_rank)
+
+
+def _looks(found: list[Said]) -> dict[bool, int]:
+    """Return by how many looks to correct what is around a driver (true) and everything else: each half of the error.
+
+    Of the scans' thousands of looks the few questions of who is around would have to answer for every one otherwise.
+    """
+    return {
+        around: 2 * sum(one.stretch.looks for one in found if one.family.is_around == around)
+        for around in (True, False)
+    }
 
 
 def _rank(one: LeftOver) -> float:
@@ -255,7 +267,7 @@ def _swinging(swing: oscillation.Line, period: str, grid: Grid) -> LeftOver:
     """Return an oscillation in words."""
     whole = (float(grid.time[0]), float(grid.time[-1]))
     p = float(min(1.0, len(oscillation.PERIODS) * norm.sf(swing.z)))
-    covariate = f"own oscillation in time, {period}"
+    covariate = f"{SWING}, {period}"
     return LeftOver(covariate, (swing.low, swing.high), None, whole, swing.ratio, swing.z, p, swing.is_strong)
 
 
