@@ -39,6 +39,29 @@ def test_what_is_looked_at_more_must_stand_out_more(covariate, z, stands_out):
     assert not free_gates.standing_out(evidence(0.0, free(covariate, z, is_credible=False)))
 
 
+@pytest.mark.parametrize(
+    ("covariate", "z", "stands_out"),
+    [
+        ("braking_beside", 4.5, True),
+        ("headway over trucks_beside", 4.5, True),
+        ("nearest_beside", 4.0, False),
+        ("leader_length", 4.5, False),  # of the one who is followed
+        ("own oscillation in time, period 9.14 s", 4.2, True),
+        ("own oscillation in time, each driver's own period", 3.5, False),
+        ("headway over unrest", 5.7, True),
+        ("unrest", 5.7, False),
+    ],
+)
+def test_who_is_around_and_a_swing_of_its_own_stand_out_from_less(covariate, z, stands_out):
+    assert bool(free_gates.standing_out(evidence(0.0, free(covariate, z)))) is stands_out
+    assert bool(free_gates.untold(evidence(0.0, free(covariate, z)))) is stands_out
+
+
+def test_a_law_that_is_another_asks_as_much_of_who_is_around_as_of_what_is_seen():
+    assert free_gates.standing_out(evidence(-8.0, free("braking_beside", 4.5)))
+    assert not free_gates.standing_out(evidence(-10.0, free("braking_beside", 4.5)))
+
+
 @pytest.mark.parametrize(("covariate", "stands_out"), [("position in lane 2", True), ("time in lane 2", False)])
 def test_one_lane_for_a_while_are_few_drivers_and_must_stand_out_more(covariate, stands_out):
     one = replace(free(covariate, 6.0), lane=2)
@@ -107,6 +130,7 @@ def test_a_place_that_stands_out_freely_is_that_of_the_catalogue(monkeypatch, co
 def test_what_a_cause_takes_half_away_is_held_by_it():
     strange = free("unrest", 10.0)
     assert free_gates.is_left(strange, evidence(0.0, free("unrest", 8.0)))
+    assert free_gates.is_left(strange, evidence(0.0, free("unrest", 6.8)))
     assert not free_gates.is_left(strange, evidence(0.0, free("unrest", 6.0)))
     assert not free_gates.is_left(strange, evidence(12.0, free("unrest", 8.0)))
 

@@ -222,6 +222,16 @@ def test_oscillations_of_each_drivers_own_period_have_no_common_line():
     assert abs(nothing.z) < 3.0
 
 
+def test_who_is_around_a_driver_need_not_answer_for_the_looks_of_the_scans():
+    def said(covariate: str, looks: int) -> lo.Said:
+        family = ff.Family(covariate, ff.ACCELERATION, (np.array([0.5, 99.0]),))
+        return lo.Said(family, Stretch((0,), (1,), looks, 10.0, 100.0), 4.5, 0.0, by_few=False)
+
+    looks = lo._looks([said("position", 5000), said("trucks_beside", 1), said("nearest_beside", 20)])
+    assert looks == {True: 42, False: 10000}  # each half of the error
+    assert lo._named(said("trucks_beside", 1), looks[True]).p < 1e-3 < lo._named(said("position", 5000), looks[False]).p
+
+
 @pytest.mark.parametrize("period", [4.0, 40.0])
 def test_the_end_of_a_spectrum_that_smoothing_bent_is_no_line(period):
     rng = np.random.default_rng(5)

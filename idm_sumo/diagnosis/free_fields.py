@@ -51,15 +51,8 @@ DOUBTFUL = (
 )  # fmt: skip
 # Who is where around a driver: no motion of its own makes these up, and they are few.
 AROUND = (
-    "trucks_beside",
-    "braking_beside",
-    "motorcycles_beside",
-    "truck_behind",
-    "truck_second",
-    "abreast",
-    "beside_gap",
-    "nearest_beside",
-)
+    "trucks_beside", "braking_beside", "motorcycles_beside", "truck_behind", "truck_second", "abreast", "beside_gap", "nearest_beside",
+)  # fmt: skip
 MOST_BINS, BLOCKS = 40, 10  # of a scan along the road or the time; of each side of the rectangles of both
 STRONGEST = 3.0  # m/s² (per s): of the model's own acceleration and its change
 # What may be different: some acceleration is added, the time headway is longer, the response is stronger, or later.
