@@ -1,5 +1,6 @@
-"""Run every command of the README's ``sh`` blocks, as printed.
+"""Run the commands of the README's ``sh`` blocks, as printed: ``readme_commands.py [start|rest]``.
 
+``start`` runs the section Start (the main job and the tests), ``rest`` everything after it; without either, all are run.
 ``RECORDING`` stands for a file of the reader's; here it is a short surrogate.
 """
 
@@ -22,11 +23,18 @@ def commands(text: str) -> list[str]:
     return [line.strip() for line in lines if line.strip() and not line.startswith("#")]
 
 
+def part(text: str, which: str) -> str:
+    """Return the README up to the end of its section Start, or from there on, or all of it."""
+    end = text.index("\n## ", text.index("\n## Start") + 1)
+    return {"start": text[:end], "rest": text[end:], "all": text}[which]
+
+
 def main() -> None:
     """Run them in order; stop at the first that fails."""
+    readme = (ROOT / "README.md").read_text(encoding="utf-8")
     with tempfile.TemporaryDirectory() as folder:
         recording = Path(folder) / "recording.parquet"
-        for command in commands((ROOT / "README.md").read_text(encoding="utf-8")):
+        for command in commands(part(readme, sys.argv[1] if len(sys.argv) > 1 else "all")):
             if "RECORDING" in command and not recording.exists():
                 maker = [ROOT / ".venv/bin/idm-sumo", "surrogate", "-o", recording, "--minutes", "2"]
                 subprocess.run(maker, check=True, cwd=ROOT)
