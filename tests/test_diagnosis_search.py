@@ -19,7 +19,7 @@ from idm_sumo.diagnosis.result import Gain
 from idm_sumo.diagnosis.search import Accepted, _next, _strongest
 from idm_sumo.diagnosis.sizes import Tried, gain_of, with_cause
 from idm_sumo.effects import slots
-from tests.test_diagnosis_gates import evidence
+from tests.test_diagnosis_gates import evidence, free
 from tests.test_diagnosis_rollout import QUIET, followers
 
 
@@ -223,3 +223,33 @@ def test_what_its_refined_size_makes_too_small_is_no_cause(tau, large):
     nothing = Gain("ade_m", 1.0, 1.0, 0.0, (-0.1, 0.1), 10, False)
     cause = Accepted(Tried(came, base, 60.0), 0.09, 0.01, nothing, ())
     assert search._is_still_large(cause, with_cause(base, came, tau)) is large
+
+
+@pytest.mark.parametrize(
+    ("supports", "left", "is_outside"),
+    [
+        ((300.0,), (4.0,), False),  # the first takes it away
+        ((300.0, 200.0), (11.0, 4.0), False),  # the second does
+        ((300.0, 200.0), (11.0, 10.0), True),
+        ((300.0, 100.0), (11.0, 4.0), True),  # the second says less than what is left
+        ((120.0, 200.0), (11.0, 4.0), True),  # so does the first
+        ((300.0,), (11.0,), True),  # there is no second
+    ],
+)
+def test_what_two_effects_together_take_away_is_not_outside_the_catalogue(monkeypatch, supports, left, is_outside):
+    strange, beside = free("position and time", 12.0), []
+    names = ("lane_change_relaxation", "location")
+    best = [Tried(candidate(9.0, name), None, support) for name, support in zip(names, supports, strict=False)]
+    looks = [evidence(0.0, free("position and time", z)) for z in left]
+
+    def most_supported(*given):
+        beside.append(list(given[4]))
+        return best.pop(0) if best else None
+
+    monkeypatch.setattr(search, "_most_supported", most_supported)
+    monkeypatch.setattr(search, "sharpened", lambda _, fit, __: fit)
+    monkeypatch.setattr(search, "anew", lambda _, fit: fit)
+    monkeypatch.setattr(search.ev, "examine", lambda *_, **__: looks.pop(0))
+    found = search._outside(None, None, evidence(0.0, strange), [], search.Known(), lambda *_: None)
+    assert found == ((strange,) if is_outside else ())
+    assert beside == [[], ["lane_change_relaxation"]][: len(beside)]

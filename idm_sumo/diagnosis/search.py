@@ -172,21 +172,33 @@ def _outside(
 
     Where the best effect, once at its size, says more than what is free, it is put into the model, its edges where they belong (a
     second beside, and drivers seem to answer otherwise there), and what is free is looked for again: then it counts only if it is
-    still there. What is there and then only needs no such look: no cause of the catalogue is.
+    still there, and if no second effect beside the first says more than that and takes it away. What is there and then only needs no
+    such look: no cause of the catalogue is.
     """
     strange = free_gates.outside(first)
-    likely = [c for c in gates.believed(first) if gates.is_likely(c)][:TRIED]
-    if not strange or not likely or free_gates.is_neither(strange[0]) or free_gates.is_in_the_foot(strange[0]):
+    if not strange or free_gates.is_neither(strange[0]) or free_gates.is_in_the_foot(strange[0]):
         return strange
-    each = [_at_size(subject, fit, form, lucks, known) for c in likely for form in hy.forms(first, c)]
-    best = max((one for one in each if gates.is_there(one)), key=lambda one: one.support, default=None)
-    if best is None or best.support < strange[0].z ** 2:
-        return strange
-    placed = sharpened(subject, best.fit, [best.candidate.name])
-    with_best = ev.examine(
-        subject, anew(subject, placed), lucks, progress=progress, stage="looking for what is left", free=True
-    )
-    return strange if free_gates.is_left(strange[0], with_best) else ()
+    left, names, evidence = strange, list[str](), first
+    for beside in (known, Known()):
+        best = _most_supported(subject, fit, evidence, lucks, names, beside)
+        if best is None or best.support < left[0].z ** 2:
+            return strange
+        names.append(best.candidate.name)
+        fit = anew(subject, sharpened(subject, best.fit, names))
+        evidence = ev.examine(subject, fit, lucks, progress=progress, stage="looking for what is left", free=True)
+        if not free_gates.is_left(strange[0], evidence):
+            return ()
+        left = free_gates.outside(evidence)
+    return strange
+
+
+def _most_supported(
+    subject: Subject, fit: Fit, evidence: ev.Evidence, lucks: list[Luck], but: Container[str], known: Known
+) -> Tried | None:
+    """Return the likely effect, none of those named, with most support once at its size."""
+    likely = [c for c in gates.believed(evidence) if gates.is_likely(c) and c.name not in but][:TRIED]
+    each = [_at_size(subject, fit, form, lucks, known) for c in likely for form in hy.forms(evidence, c)]
+    return max((one for one in each if gates.is_there(one)), key=lambda one: one.support, default=None)
 
 
 def _in_one_lane(
