@@ -125,6 +125,35 @@ def test_the_shadow_of_what_was_refused_is_no_cause(monkeypatch, support, named)
     assert [one.name for one in without] == ["hysteresis"]
 
 
+@pytest.mark.parametrize(
+    ("name", "with_it", "named"),
+    [
+        ("time_of_day", 0.2, True),
+        ("time_of_day", 0.1, False),  # what was refused takes it away
+        ("time_of_day", -0.2, False),  # or turns it round
+        ("hysteresis", 0.2, False),  # motion may make it up
+    ],
+)
+def test_a_time_that_what_was_refused_leaves_is_no_shadow_and_that_is_asked_again(monkeypatch, name, with_it, named):
+    """A dead band of which drivers drive worse as long as the time is not in the model, and better beside it."""
+    fit = fit_drivers(
+        followers(ro.PLAIN, np.random.default_rng(5))[0], ro.PLAIN.copy(), np.array([1e-4, 1e-4]), rounds=1
+    )
+    refused, other = Tried(candidate(18.0), fit, 1500.0), Tried(candidate(8.0, name, 0.2), fit, 400.0)
+    nothing = Gain("ade_m", 1.0, 1.0, 0.0, (-0.1, 0.1), 10, False)
+    answers = [(refused, None), (other, Accepted(other, 0.2, 0.01, nothing, ()))]
+    beside = replace(other.candidate, value=with_it, z=8.0 * with_it / 0.2)
+    looks = [[refused.candidate, other.candidate], [beside]]
+    monkeypatch.setattr(search.hy, "candidates", lambda _: looks.pop(0))
+    monkeypatch.setattr(search.hy, "forms", lambda _, one: [one])
+    monkeypatch.setattr(search, "_judged", lambda *_: answers.pop(0))
+    monkeypatch.setattr(search.ev, "examine", lambda *_, **__: evidence(0.0))
+    without = []
+    chosen = _next(None, fit, evidence(0.0), [], without, [], np.random.default_rng(0))
+    assert (chosen is not None) is named
+    assert [one.name for one in without] == ([] if named else ["perception_threshold"])
+
+
 def test_a_place_that_may_be_a_past_nobody_saw_is_tried_with_the_other_sign_elsewhere(monkeypatch):
     fit = fit_drivers(
         followers(ro.PLAIN, np.random.default_rng(5))[0], ro.PLAIN.copy(), np.array([1e-4, 1e-4]), rounds=1

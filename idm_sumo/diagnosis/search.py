@@ -23,7 +23,7 @@ from idm_sumo.diagnosis.recovery import is_over_at_once
 from idm_sumo.diagnosis.result import Gain
 from idm_sumo.diagnosis.sizes import DELAY, Tried, anew, climbed, gain_of, magnitude_of, refined, typical_ade
 from idm_sumo.diagnosis.twins import driver_noise
-from idm_sumo.progress import Progress
+from idm_sumo.progress import Progress, silent
 
 Floats = npt.NDArray[np.float64]
 
@@ -215,14 +215,15 @@ def _next(
 ) -> Accepted | None:  # fmt: skip
     """Return the next cause that passes every gate and is no shadow of one that does not, with the refitted model.
 
-    What is there without gain is added to ``without``; the forms ``but`` are left out.
+    What is there without gain is added to ``without``; the forms ``but`` are left out. Who, where or when is no shadow of what was
+    refused if it is still there with that in the model; beside it the refused may gain, and is asked again.
     """
     used = {a.candidate.name for a in accepted} | {c.name for c in without}
     there = [c for c in gates.believed(evidence) if c.name not in used]
     open_ = [c for c in there if gates.is_worth_trying(c, is_first=not accepted)]
     if accepted:
         open_ = [c for c in open_ if not gates.is_rest_of_delay(c, evidence)]
-    refused = 0.0  # support of what was there and no cause
+    refused: Tried | None = None  # of most support, that was there and no cause
     while open_:
         close = gates.with_what_it_may_hide([c for c in open_ if c.z**2 > CLOSE * open_[0].z ** 2][:TRIED], open_)
         forms = [
@@ -233,13 +234,27 @@ def _next(
             open_ = [c for c in open_ if c not in close]
             continue
         best, chosen = _judged(subject, fit, forms, accepted[0].tried if accepted else None, there, lucks, rng, known)
+        if chosen is not None and (refused is None or chosen.tried.support > SHADOW * refused.support):
+            return chosen
+        if chosen is not None and refused is not None and _stands_beside(subject, refused, chosen.candidate, lucks):
+            without[:] = [c for c in without if c.name != refused.candidate.name]
+            return chosen
         if chosen is not None:
-            return chosen if not refused or chosen.tried.support > SHADOW * refused else None
-        refused = max(refused, best.support)
+            return None
+        refused = best if refused is None else max(refused, best, key=lambda one: one.support)
         if gates.is_significant(best.candidate):
             without.append(best.candidate)
         open_ = [c for c in open_ if c.name != best.candidate.name]
     return None
+
+
+def _stands_beside(subject: Subject, refused: Tried, candidate: Candidate, lucks: list[Luck]) -> bool:
+    """Return whether who, where or when, which no motion makes up, is still there with what was refused in the model."""
+    if candidate.name not in gates.OUTER:
+        return False
+    evidence = ev.examine(subject, refused.fit, lucks, progress=silent, stage="")
+    there = next((c for c in hy.candidates(evidence) if c.name == candidate.name), None)
+    return there is not None and there.value * candidate.value > 0.0 and there.z**2 > gates.STILL * candidate.z**2
 
 
 def _judged(
