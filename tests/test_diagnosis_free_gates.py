@@ -62,6 +62,15 @@ def test_a_law_that_is_another_asks_as_much_of_who_is_around_as_of_what_is_seen(
     assert not free_gates.standing_out(evidence(-10.0, free("braking_beside", 4.5)))
 
 
+@pytest.mark.parametrize("covariate", ["since_standing", "headway over since_standing"])
+def test_a_law_that_is_another_starts_after_standing_in_its_own_way(covariate):
+    """So it did, by 6.5 standard errors beside 8.0 of what cannot be, where nothing was hidden."""
+    assert free_gates.standing_out(evidence(0.0, free(covariate, 5.6)))
+    assert free_gates.standing_out(evidence(-5.2, free(covariate, 5.6)))
+    assert not free_gates.standing_out(evidence(-8.0, free(covariate, 6.5)))
+    assert free_gates.standing_out(evidence(-8.0, free("unrest", 6.6)))
+
+
 @pytest.mark.parametrize(("covariate", "stands_out"), [("position in lane 2", True), ("time in lane 2", False)])
 def test_one_lane_for_a_while_are_few_drivers_and_must_stand_out_more(covariate, stands_out):
     one = replace(free(covariate, 6.0), lane=2)

@@ -244,13 +244,13 @@ def test_where_one_interval_does_not_hold_it_the_other_sign_in_another_is_tried(
     assert result.accepted == ()
 
 
-@pytest.mark.parametrize(("tau", "large"), [(0.065, False), (0.09, True)])
+@pytest.mark.parametrize(("tau", "large"), [(0.105, False), (0.13, True)])
 def test_what_its_refined_size_makes_too_small_is_no_cause(tau, large):
     windows, _ = followers(ro.PLAIN, np.random.default_rng(5))
     base = fit_drivers(windows, ro.PLAIN.copy(), np.array([1e-4, 1e-4]), rounds=1)
-    came = candidate(6.0, "reaction_delay", 0.09, ((slots.DELAY, 0.5),))
+    came = candidate(6.0, "reaction_delay", 0.13, ((slots.DELAY, 0.5),))
     nothing = Gain("ade_m", 1.0, 1.0, 0.0, (-0.1, 0.1), 10, False)
-    cause = Accepted(Tried(came, base, 60.0), 0.09, 0.01, nothing, ())
+    cause = Accepted(Tried(came, base, 60.0), 0.13, 0.01, nothing, ())
     assert search._is_still_large(cause, with_cause(base, came, tau)) is large
 
 

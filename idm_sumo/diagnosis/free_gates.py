@@ -18,6 +18,8 @@ FREE_SURER, FREE_DOUBTFUL = 6.5, 9.0
 # and 3.0.)
 FREE_AROUND, FREE_SWING = 4.2, 4.0
 FREE_IMPOSSIBLE = 0.5  # of the z of what cannot be, for what is free along what a driver sees
+# All of it, for how drivers start after standing: another law has a way of its own, which said up to 6.5 beside 8.0 of what cannot be.
+STARTING, FREE_STARTING = "since_standing", 1.0
 FREE_ELSEWHERE = 1.2  # of the same, for a response that changes along the road: another law answers dense traffic otherwise than light
 # Times the best cause's squared z, and more, from which on the catalogue does not hold it. A response that changes from place to
 # place, or with time, is what goes beyond the same change everywhere, and has to be only half as sure as that.
@@ -46,8 +48,8 @@ def standing_out(evidence: ev.Evidence) -> tuple[LeftOver, ...]:
     """Return what is free and may be told, the most significant first.
 
     Where something looks strong that cannot be (drivers who act before their leader does), the car-following is another law than the
-    model's. What that law makes of what a driver sees is then no effect, unless it is half as sure as that, nor is what it makes of
-    places (where traffic is denser or faster), unless it is surer. A response that changes must be surer than the surest of which that
+    model's. What that law makes of what a driver sees is then no effect, unless it is half as sure as that (or as sure, of how drivers
+    start after standing), nor is what it makes of places (where traffic is denser or faster), unless it is surer. A response that changes must be surer than the surest of which that
     cannot be: some vehicles did something there and then that all fields around it share.
     """
     impossible = hy.most_impossible(evidence)
@@ -60,7 +62,8 @@ def standing_out(evidence: ev.Evidence) -> tuple[LeftOver, ...]:
         if one.covariate.startswith(CHANGES):
             return max(FREE_SURER, incredible, FREE_ELSEWHERE * impossible if "position" in one.covariate else 0.0)
         usual = _usual(one)
-        return max(usual, FREE_IMPOSSIBLE * impossible) if one.is_seen else usual
+        share = FREE_STARTING if one.subject == STARTING else FREE_IMPOSSIBLE
+        return max(usual, share * impossible) if one.is_seen else usual
 
     return tuple(one for one in evidence.free if one.is_credible and abs(one.z) > least(one))
 

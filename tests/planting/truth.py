@@ -22,7 +22,7 @@ STARTS = ((1.0, 1.0, 1.0, 1.0, 1.0), (0.75, 1.2, 1.2, 0.8, 0.5), (1.2, 0.85, 0.8
 SWEEPS = 12  # over the parameters with one step, at most
 SETTLED = 0.999  # of the error before a sweep: one that gains less is the last of its step
 SMOOTHED = 21  # frames that a measured path is smoothed over
-MOST_DRIVERS = 120  # evenly chosen; more tell nothing new
+MOST_DRIVERS = 120  # more tell nothing new
 NOT_BEHAVIOUR = ("measurement_artefact", "distraction")
 
 
@@ -40,12 +40,12 @@ class Achievable:
         return (self.base - self.extended) / self.base
 
 
-def achievable(planted: Planted, *, seconds: float = 10.0) -> Achievable:
+def achievable(planted: Planted, *, seconds: float = 10.0, drivers: int = MOST_DRIVERS) -> Achievable:
     """Return the errors of the true model with and without its effect; in both each driver is fitted.
 
     Without fitting, what a driver's own parameters can absorb would count as gain. The paths of drivers and leaders are as
-    they were measured, and smoothed: what noise hides cannot be gained. The traffic must have been simulated with
-    ``remember=True``.
+    they were measured, and smoothed: what noise hides cannot be gained. Of more than ``drivers`` some are
+    chosen evenly. The traffic must have been simulated with ``remember=True``.
 
     Raises
     ------
@@ -57,7 +57,7 @@ def achievable(planted: Planted, *, seconds: float = 10.0) -> Achievable:
         raise ValueError("needs simulate(plan, remember=True) and a planted effect of behaviour")
     driver, start = _windows(planted, round(seconds / FRAME))
     known = np.unique(driver)
-    some = np.isin(driver, known[:: -(-len(known) // MOST_DRIVERS)])
+    some = np.isin(driver, known[:: -(-len(known) // drivers)])
     effects = np.zeros(len(act.INDEX))
     for name, size in chosen.effects.items():
         effects[act.INDEX[name]] = size
