@@ -1,4 +1,4 @@
-"""The search: the cause that drives nearest is chosen."""
+"""The search: what is tried, refused, accepted and left."""
 
 from __future__ import annotations
 
@@ -11,101 +11,17 @@ from idm_sumo.diagnosis import atoms as at
 from idm_sumo.diagnosis import rollout as ro
 from idm_sumo.diagnosis import search
 from idm_sumo.diagnosis.atoms import Atom
+from idm_sumo.diagnosis.choice import Accepted
 from idm_sumo.diagnosis.fit import fit_drivers
-from idm_sumo.diagnosis.hypotheses import Candidate
 from idm_sumo.diagnosis.look import Subject
 from idm_sumo.diagnosis.luck import Noises
 from idm_sumo.diagnosis.result import Gain
-from idm_sumo.diagnosis.search import Accepted, _next, _strongest
-from idm_sumo.diagnosis.sizes import Tried, gain_of, with_cause
+from idm_sumo.diagnosis.search import _next
+from idm_sumo.diagnosis.sizes import Tried, with_cause
 from idm_sumo.effects import slots
+from tests.test_diagnosis_choice import candidate
 from tests.test_diagnosis_gates import evidence, free
 from tests.test_diagnosis_rollout import QUIET, followers
-
-
-def candidate(z, name="perception_threshold", value=0.5, fixed=()):
-    return Candidate(name, value, 0.01, z, 1e-9, Atom(name, value, fixed), 1.0, 0.0)
-
-
-def test_the_cause_that_drives_clearly_nearer_is_chosen():
-    m = ro.PLAIN.copy()
-    m[:, slots.BAND] = 1.0
-    windows, _ = followers(m, np.random.default_rng(5))
-    base = fit_drivers(windows, ro.PLAIN.copy(), np.array([1e-4, 1e-4]), rounds=8)
-    subject = Subject(windows, Noises(QUIET, QUIET), at.grid_of(windows), True)
-    right = candidate(9.0, "perception_threshold", 0.8, ((slots.BAND, 0.6),))
-    wrong = candidate(9.0, "acceleration_asymmetry", 0.3)
-    rng = np.random.default_rng(0)
-    best, _ = _strongest(subject, base, [wrong, right], [], rng)
-    assert best.candidate.name == "perception_threshold"
-    assert gain_of(subject, base, best.fit, rng).ci95[0] > 0.0
-
-
-def test_which_of_two_places_is_meant_support_alone_decides(monkeypatch):
-    windows, _ = followers(ro.PLAIN, np.random.default_rng(5))
-    base = fit_drivers(windows, ro.PLAIN.copy(), np.array([1e-4, 1e-4]), rounds=2)
-    worse = with_cause(base, candidate(9.0, "acceleration_asymmetry", 0.8))
-    subject = Subject(windows, Noises(QUIET, QUIET), at.grid_of(windows), True)
-    rng = np.random.default_rng(0)
-
-    def strongest(*names):
-        each = [Tried(candidate(9.0, name, value), fit, support) for name, (value, fit, support) in zip(
-            names, ((-0.2, worse, 50.0), (0.1, base, 20.0)), strict=True)]  # fmt: skip
-        monkeypatch.setattr(search, "climbed", lambda *_: each.pop(0))
-        return _strongest(subject, base, [one.candidate for one in each], [], rng)[0].candidate
-
-    assert strongest("location", "location").value == -0.2
-    assert strongest("location", "time_of_day").value == 0.1  # drives clearly nearer
-
-
-@pytest.mark.parametrize(
-    ("first", "second", "support", "value"),
-    [
-        ("perception_threshold", "perception_threshold", 40.0, 0.6),
-        ("perception_threshold", "perception_threshold", 70.0, 0.3),
-        ("perception_threshold", "hysteresis", 40.0, 0.3),
-        ("reaction_delay", "reaction_delay", 10.0, 0.6),
-        ("reaction_delay", "hysteresis", 70.0, 0.6),
-        ("reaction_delay", "hysteresis", 90.0, 0.3),
-        ("hysteresis", "reaction_delay", 70.0, 0.3),
-    ],
-)
-def test_a_form_or_a_shadow_with_less_support_is_not_taken_however_it_drives(
-    monkeypatch, first, second, support, value
-):
-    windows, _ = followers(ro.PLAIN, np.random.default_rng(5))
-    base = fit_drivers(windows, ro.PLAIN.copy(), np.array([1e-4, 1e-4]), rounds=2)
-    worse = with_cause(base, candidate(9.0, "acceleration_asymmetry", 0.8))
-    subject = Subject(windows, Noises(QUIET, QUIET), at.grid_of(windows), True)
-    each = [Tried(candidate(9.0, first, 0.6), worse, 100.0), Tried(candidate(9.0, second, 0.3), base, support)]
-    monkeypatch.setattr(search, "climbed", lambda *_: each.pop(0))
-    best, _ = _strongest(subject, base, [one.candidate for one in each], [], np.random.default_rng(0))
-    assert best.candidate.value == value
-
-
-def test_of_an_effects_forms_only_those_count_that_are_there(monkeypatch):
-    windows, _ = followers(ro.PLAIN, np.random.default_rng(5))
-    base = fit_drivers(windows, ro.PLAIN.copy(), np.array([1e-4, 1e-4]), rounds=1)
-    sure, faint = candidate(6.0, "location", -0.15), replace(candidate(4.0, "location", 0.05), p=0.1)
-
-    def strongest(*each):
-        tried = [Tried(one, base, support) for one, support in each]
-        monkeypatch.setattr(search, "climbed", lambda *_: tried.pop(0))
-        return _strongest(None, base, [one for one, _ in each], [], np.random.default_rng(0))[0].candidate
-
-    assert strongest((sure, 60.0), (faint, 63.0)) is sure
-    assert strongest((faint, 63.0), (replace(faint, value=-0.05), 50.0)) is faint
-
-
-def test_candidates_climb_to_their_sizes_once(monkeypatch):
-    came, known = [], search.Known()
-    monkeypatch.setattr(
-        search, "climbed", lambda _subject, _fit, one, _lucks: came.append(one) or Tried(one, None, 1.0)
-    )
-    delay, band = candidate(9.0, "reaction_delay"), candidate(9.0)
-    first = [search._at_size(None, None, one, [], known) for one in (delay, band)]
-    assert [search._at_size(None, None, one, [], known) for one in (delay, band)] == first
-    assert came == [delay, band]
 
 
 @pytest.mark.parametrize(("support", "named"), [(68.0, False), (120.0, True)])
@@ -118,7 +34,7 @@ def test_the_shadow_of_what_was_refused_is_no_cause(monkeypatch, support, named)
     answers = [(refused, None), (shadow, Accepted(shadow, 0.5, 0.01, nothing, ()))]
     monkeypatch.setattr(search.hy, "candidates", lambda _: [refused.candidate, shadow.candidate])
     monkeypatch.setattr(search.hy, "forms", lambda _, one: [one])
-    monkeypatch.setattr(search, "_judged", lambda *_: answers.pop(0))
+    monkeypatch.setattr(search.choice, "judged", lambda *_: answers.pop(0))
     without = []
     chosen = _next(None, fit, evidence(0.0), [], without, [], np.random.default_rng(0))
     assert (chosen is not None) is named
@@ -146,7 +62,7 @@ def test_a_time_that_what_was_refused_leaves_is_no_shadow_and_that_is_asked_agai
     looks = [[refused.candidate, other.candidate], [beside]]
     monkeypatch.setattr(search.hy, "candidates", lambda _: looks.pop(0))
     monkeypatch.setattr(search.hy, "forms", lambda _, one: [one])
-    monkeypatch.setattr(search, "_judged", lambda *_: answers.pop(0))
+    monkeypatch.setattr(search.choice, "judged", lambda *_: answers.pop(0))
     monkeypatch.setattr(search.ev, "examine", lambda *_, **__: evidence(0.0))
     without = []
     chosen = _next(None, fit, evidence(0.0), [], without, [], np.random.default_rng(0))
@@ -174,7 +90,7 @@ def test_a_place_that_may_be_a_past_nobody_saw_is_tried_with_the_other_sign_else
         tried = Tried(forms[0], fit, 100.0)
         return tried, Accepted(tried, -0.1, 0.01, nothing, ())
 
-    monkeypatch.setattr(search, "_judged", judged)
+    monkeypatch.setattr(search.choice, "judged", judged)
     chosen = _next(None, fit, evidence(0.0), [relaxation], [], [], np.random.default_rng(0))
     assert asked == [[after]]
     assert chosen is not None
@@ -197,28 +113,11 @@ def test_what_some_drivers_have_the_likelihood_may_refuse_but_they_drive_clearly
     gain = Gain("ade_m", 1.0, 0.97, 0.03, (0.03 - margin, 0.03 + margin), 100, False)
     monkeypatch.setattr(search.hy, "candidates", lambda _: [replace(late.candidate, value=on_average)])
     monkeypatch.setattr(search.hy, "forms", lambda _, one: [one])
-    monkeypatch.setattr(search, "_strongest", lambda *_: (late, ()))
-    monkeypatch.setattr(search, "anew", lambda _, fit: fit)
-    monkeypatch.setattr(search, "gain_of", lambda *_: gain)
+    monkeypatch.setattr(search.choice, "strongest", lambda *_: (late, ()))
+    monkeypatch.setattr(search.choice, "anew", lambda _, fit: fit)
+    monkeypatch.setattr(search.choice, "gain_of", lambda *_: gain)
     chosen = _next(None, fit, evidence(0.0), [], [], [], np.random.default_rng(0))
     assert (chosen is not None) is named
-
-
-@pytest.mark.parametrize(("support", "chosen"), [(90.0, "hysteresis"), (70.0, "perception_threshold")])
-def test_of_causes_with_nearly_as_much_support_the_one_that_drives_best_is_taken(monkeypatch, support, chosen):
-    windows, _ = followers(ro.PLAIN, np.random.default_rng(5))
-    base = fit_drivers(windows, ro.PLAIN.copy(), np.array([1e-4, 1e-4]), rounds=2)
-    subject = Subject(windows, Noises(QUIET, QUIET), at.grid_of(windows), True)
-    each = [
-        Tried(candidate(9.0), with_cause(base, candidate(9.0, "acceleration_asymmetry", 0.8)), 100.0),
-        Tried(candidate(9.0, "hysteresis", 0.2), base, support),
-    ]
-    monkeypatch.setattr(search, "climbed", lambda *_: each.pop(0))
-    unclear = Gain("ade_m", 1.0, 0.99, 0.01, (-0.01, 0.03), 100, False)
-    monkeypatch.setattr(search, "gain_of", lambda *_: unclear)
-    best, rivals = _strongest(subject, base, [one.candidate for one in each], [], np.random.default_rng(0))
-    assert best.candidate.name == chosen
-    assert rivals == (("perception_threshold",) if chosen == "hysteresis" else ())
 
 
 @pytest.mark.parametrize("which_holds", [0, 1, None])
@@ -275,7 +174,7 @@ def test_what_two_effects_together_take_away_is_not_outside_the_catalogue(monkey
         beside.append(list(given[4]))
         return best.pop(0) if best else None
 
-    monkeypatch.setattr(search, "_most_supported", most_supported)
+    monkeypatch.setattr(search.choice, "most_supported", most_supported)
     monkeypatch.setattr(search, "sharpened", lambda _, fit, __: fit)
     monkeypatch.setattr(search, "anew", lambda _, fit: fit)
     monkeypatch.setattr(search.ev, "examine", lambda *_, **__: looks.pop(0))

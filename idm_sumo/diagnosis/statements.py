@@ -11,11 +11,12 @@ from idm_sumo.diagnosis import evidence as ev
 from idm_sumo.diagnosis import gates
 from idm_sumo.diagnosis import hypotheses as hy
 from idm_sumo.diagnosis.artefact import Seam
+from idm_sumo.diagnosis.choice import Accepted
 from idm_sumo.diagnosis.fit import Fit
 from idm_sumo.diagnosis.hypotheses import Candidate
 from idm_sumo.diagnosis.noise import Noise
 from idm_sumo.diagnosis.result import CauseFound, Estimate, OtherLaw, Power, Region, RuledOut, Scan, Unexplained
-from idm_sumo.diagnosis.search import Accepted, Found
+from idm_sumo.diagnosis.search import Found
 from idm_sumo.diagnosis.windows import HORIZON, SECOND, UNTIL_CUT_IN, Windows
 from idm_sumo.effects import BY_NAME, Cause, ExtendedModel
 from idm_sumo.idm import IDMParameters

@@ -1,0 +1,125 @@
+"""Which effect it is: candidates are brought to their sizes, the best is chosen and asked whether it may be a cause."""
+
+from __future__ import annotations
+
+from collections.abc import Container
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from idm_sumo.diagnosis import evidence as ev
+from idm_sumo.diagnosis import gain_gates, gates
+from idm_sumo.diagnosis import hypotheses as hy
+from idm_sumo.diagnosis.fit import Fit
+from idm_sumo.diagnosis.hypotheses import Candidate
+from idm_sumo.diagnosis.look import Subject
+from idm_sumo.diagnosis.luck import Luck
+from idm_sumo.diagnosis.result import Gain
+from idm_sumo.diagnosis.sizes import DELAY, Tried, anew, climbed, gain_of, typical_ade
+from idm_sumo.progress import silent
+
+TRIED = 3  # effects at most, that are brought to their sizes and compared
+HEARD = 1  # of the twins, on the way to the size of a delay
+FORM = 0.5  # of the best form's support: one of the same effect with less is not taken for it, however it drives
+WANTED = 20.0  # support that says of itself that all drivers have a cause
+RIVAL = 0.85  # of the best cause's support: one with as much cannot be told apart
+
+Known = dict[Candidate, Tried]  # candidates at their sizes beside one model: a climb is the dearest there is
+
+
+@dataclass(frozen=True)
+class Accepted:
+    """A cause in the model, as it came, with its refined size and its gain on the drivers that fit."""
+
+    tried: Tried
+    value: float
+    error: float
+    gain: Gain
+    rivals: tuple[str, ...]
+
+    @property
+    def candidate(self) -> Candidate:
+        """The evidence with which it came."""
+        return self.tried.candidate
+
+
+def judged(
+    subject: Subject, fit: Fit, forms: list[Candidate], first: Tried | None, there: list[Candidate], lucks: list[Luck],
+    rng: np.random.Generator, known: Known | None = None,
+) -> tuple[Tried, Accepted | None]:  # fmt: skip
+    """Return the best of several candidates, and it as a cause if it passes every gate beside all that is there."""
+    best, rivals = strongest(subject, fit, forms, lucks, rng, known)
+    best = replace(best, fit=anew(subject, best.fit))
+    gain = gain_of(subject, fit, best.fit, rng)
+    candidate = best.candidate
+    # A likelihood that gains next to nothing, or falls, although vehicles are driven clearly better: not all drivers have it. What
+    # they have on average, as the score near zero sees it, must be large enough then.
+    on_average = any(form.near_enough for form in forms if form.name == candidate.name)
+    wanted = best.support > WANTED or (gain.ci95[0] > 0.0 and on_average)
+    passes = (
+        wanted
+        and gates.is_there(best)
+        and gain_gates.is_worth_it(gain, best, first, gates.surest_beside(candidate, there))
+    )
+    return best, Accepted(best, candidate.value, candidate.error, gain, rivals) if passes else None
+
+
+def strongest(
+    subject: Subject, fit: Fit, close: list[Candidate], lucks: list[Luck], rng: np.random.Generator,
+    known: Known | None = None,
+) -> tuple[Tried, tuple[str, ...]]:  # fmt: skip
+    """Bring each candidate to its size and return the best, and those of other names with nearly as much support.
+
+    Of an effect's forms those count that are significant and large enough at their size, if any is. The best has most support,
+    unless another drives the vehicles clearly better: where no form is quite right, the likelihood may hold on to how errors vary
+    together more than to where the vehicles are. Of causes with nearly as much support the one that drives them best is taken.
+    Which of two places (or times) is meant, support alone decides: what one has too much the other has too little. So it does
+    between forms of an effect of which one has far less, and between a delay and the hysteresis that it looks like.
+    """
+    each = [at_size(subject, fit, c, lucks, {} if known is None else known) for c in close]
+    there = {tried.candidate.name for tried in each if gates.is_there(tried)}
+    believed = [tried for tried in each if gates.is_there(tried) or tried.candidate.name not in there]
+    most, *others = sorted(believed, key=lambda t: -t.support)
+    alike = [t for t in others if t.support > RIVAL * most.support and t.candidate.name != most.candidate.name]
+    rivals = {t.candidate.name for t in [most, *alike]}
+    best = min([most, *alike], key=lambda t: typical_ade(subject, t.fit)) if alike else most
+    for other in [t for t in [most, *others] if t is not best]:
+        if not _support_decides(other, best) and gain_of(subject, best.fit, other.fit, rng).ci95[0] > 0.0:
+            best = other
+    return best, tuple(sorted(rivals - {best.candidate.name}))
+
+
+def at_size(subject: Subject, fit: Fit, candidate: Candidate, lucks: list[Luck], known: Known) -> Tried:
+    """Return a candidate at its size, from those that are there already if it is one of them."""
+    if candidate not in known:
+        known[candidate] = climbed(subject, fit, candidate, lucks[:HEARD])
+    return known[candidate]
+
+
+def _support_decides(other: Tried, best: Tried) -> bool:
+    """Return whether support alone decides between two candidates.
+
+    So it is with places or times, where a form of an effect has far less, and with what is easily taken for a delay: in drivers of
+    another law it may drive a little better than the delay they have, with less of what a delay alone explains.
+    """
+    if best.candidate.name != other.candidate.name:
+        return best.candidate.name == DELAY and other.candidate.name == gates.LIKE_A_DELAY
+    return best.candidate.name in hy.SCANNED or other.support < FORM * best.support
+
+
+def most_supported(
+    subject: Subject, fit: Fit, evidence: ev.Evidence, lucks: list[Luck], but: Container[str], known: Known
+) -> Tried | None:
+    """Return the likely effect, none of those named, with most support once at its size."""
+    likely = [c for c in gates.believed(evidence) if gates.is_likely(c) and c.name not in but][:TRIED]
+    each = [at_size(subject, fit, form, lucks, known) for c in likely for form in hy.forms(evidence, c)]
+    return max((one for one in each if gates.is_there(one)), key=lambda one: one.support, default=None)
+
+
+def stands_beside(subject: Subject, refused: Tried, candidate: Candidate, lucks: list[Luck]) -> bool:
+    """Return whether who, where or when, which no motion makes up, is still there with what was refused in the model."""
+    if candidate.name not in gates.OUTER:
+        return False
+    evidence = ev.examine(subject, refused.fit, lucks, progress=silent, stage="")
+    there = next((c for c in hy.candidates(evidence) if c.name == candidate.name), None)
+    return there is not None and there.value * candidate.value > 0.0 and there.z**2 > gates.STILL * candidate.z**2

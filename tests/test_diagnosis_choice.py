@@ -1,0 +1,124 @@
+"""Which effect it is: the cause that drives nearest is chosen."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from idm_sumo.diagnosis import atoms as at
+from idm_sumo.diagnosis import choice
+from idm_sumo.diagnosis import rollout as ro
+from idm_sumo.diagnosis.atoms import Atom
+from idm_sumo.diagnosis.choice import Known, at_size, strongest
+from idm_sumo.diagnosis.fit import fit_drivers
+from idm_sumo.diagnosis.hypotheses import Candidate
+from idm_sumo.diagnosis.look import Subject
+from idm_sumo.diagnosis.luck import Noises
+from idm_sumo.diagnosis.result import Gain
+from idm_sumo.diagnosis.sizes import Tried, gain_of, with_cause
+from idm_sumo.effects import slots
+from tests.test_diagnosis_rollout import QUIET, followers
+
+
+def candidate(z, name="perception_threshold", value=0.5, fixed=()):
+    return Candidate(name, value, 0.01, z, 1e-9, Atom(name, value, fixed), 1.0, 0.0)
+
+
+def test_the_cause_that_drives_clearly_nearer_is_chosen():
+    m = ro.PLAIN.copy()
+    m[:, slots.BAND] = 1.0
+    windows, _ = followers(m, np.random.default_rng(5))
+    base = fit_drivers(windows, ro.PLAIN.copy(), np.array([1e-4, 1e-4]), rounds=8)
+    subject = Subject(windows, Noises(QUIET, QUIET), at.grid_of(windows), True)
+    right = candidate(9.0, "perception_threshold", 0.8, ((slots.BAND, 0.6),))
+    wrong = candidate(9.0, "acceleration_asymmetry", 0.3)
+    rng = np.random.default_rng(0)
+    best, _ = strongest(subject, base, [wrong, right], [], rng)
+    assert best.candidate.name == "perception_threshold"
+    assert gain_of(subject, base, best.fit, rng).ci95[0] > 0.0
+
+
+def test_which_of_two_places_is_meant_support_alone_decides(monkeypatch):
+    windows, _ = followers(ro.PLAIN, np.random.default_rng(5))
+    base = fit_drivers(windows, ro.PLAIN.copy(), np.array([1e-4, 1e-4]), rounds=2)
+    worse = with_cause(base, candidate(9.0, "acceleration_asymmetry", 0.8))
+    subject = Subject(windows, Noises(QUIET, QUIET), at.grid_of(windows), True)
+    rng = np.random.default_rng(0)
+
+    def chosen(*names):
+        each = [Tried(candidate(9.0, name, value), fit, support) for name, (value, fit, support) in zip(
+            names, ((-0.2, worse, 50.0), (0.1, base, 20.0)), strict=True)]  # fmt: skip
+        monkeypatch.setattr(choice, "climbed", lambda *_: each.pop(0))
+        return strongest(subject, base, [one.candidate for one in each], [], rng)[0].candidate
+
+    assert chosen("location", "location").value == -0.2
+    assert chosen("location", "time_of_day").value == 0.1  # drives clearly nearer
+
+
+@pytest.mark.parametrize(
+    ("first", "second", "support", "value"),
+    [
+        ("perception_threshold", "perception_threshold", 40.0, 0.6),
+        ("perception_threshold", "perception_threshold", 70.0, 0.3),
+        ("perception_threshold", "hysteresis", 40.0, 0.3),
+        ("reaction_delay", "reaction_delay", 10.0, 0.6),
+        ("reaction_delay", "hysteresis", 70.0, 0.6),
+        ("reaction_delay", "hysteresis", 90.0, 0.3),
+        ("hysteresis", "reaction_delay", 70.0, 0.3),
+    ],
+)
+def test_a_form_or_a_shadow_with_less_support_is_not_taken_however_it_drives(
+    monkeypatch, first, second, support, value
+):
+    windows, _ = followers(ro.PLAIN, np.random.default_rng(5))
+    base = fit_drivers(windows, ro.PLAIN.copy(), np.array([1e-4, 1e-4]), rounds=2)
+    worse = with_cause(base, candidate(9.0, "acceleration_asymmetry", 0.8))
+    subject = Subject(windows, Noises(QUIET, QUIET), at.grid_of(windows), True)
+    each = [Tried(candidate(9.0, first, 0.6), worse, 100.0), Tried(candidate(9.0, second, 0.3), base, support)]
+    monkeypatch.setattr(choice, "climbed", lambda *_: each.pop(0))
+    best, _ = strongest(subject, base, [one.candidate for one in each], [], np.random.default_rng(0))
+    assert best.candidate.value == value
+
+
+def test_of_an_effects_forms_only_those_count_that_are_there(monkeypatch):
+    windows, _ = followers(ro.PLAIN, np.random.default_rng(5))
+    base = fit_drivers(windows, ro.PLAIN.copy(), np.array([1e-4, 1e-4]), rounds=1)
+    sure, faint = candidate(6.0, "location", -0.15), replace(candidate(4.0, "location", 0.05), p=0.1)
+
+    def chosen(*each):
+        tried = [Tried(one, base, support) for one, support in each]
+        monkeypatch.setattr(choice, "climbed", lambda *_: tried.pop(0))
+        return strongest(None, base, [one for one, _ in each], [], np.random.default_rng(0))[0].candidate
+
+    assert chosen((sure, 60.0), (faint, 63.0)) is sure
+    assert chosen((faint, 63.0), (replace(faint, value=-0.05), 50.0)) is faint
+
+
+def test_candidates_climb_to_their_sizes_once(monkeypatch):
+    came, known = [], Known()
+    monkeypatch.setattr(
+        choice, "climbed", lambda _subject, _fit, one, _lucks: came.append(one) or Tried(one, None, 1.0)
+    )
+    delay, band = candidate(9.0, "reaction_delay"), candidate(9.0)
+    first = [at_size(None, None, one, [], known) for one in (delay, band)]
+    assert [at_size(None, None, one, [], known) for one in (delay, band)] == first
+    assert came == [delay, band]
+
+
+@pytest.mark.parametrize(("support", "chosen"), [(90.0, "hysteresis"), (70.0, "perception_threshold")])
+def test_of_causes_with_nearly_as_much_support_the_one_that_drives_best_is_taken(monkeypatch, support, chosen):
+    windows, _ = followers(ro.PLAIN, np.random.default_rng(5))
+    base = fit_drivers(windows, ro.PLAIN.copy(), np.array([1e-4, 1e-4]), rounds=2)
+    subject = Subject(windows, Noises(QUIET, QUIET), at.grid_of(windows), True)
+    each = [
+        Tried(candidate(9.0), with_cause(base, candidate(9.0, "acceleration_asymmetry", 0.8)), 100.0),
+        Tried(candidate(9.0, "hysteresis", 0.2), base, support),
+    ]
+    monkeypatch.setattr(choice, "climbed", lambda *_: each.pop(0))
+    unclear = Gain("ade_m", 1.0, 0.99, 0.01, (-0.01, 0.03), 100, False)
+    monkeypatch.setattr(choice, "gain_of", lambda *_: unclear)
+    best, rivals = strongest(subject, base, [one.candidate for one in each], [], np.random.default_rng(0))
+    assert best.candidate.name == chosen
+    assert rivals == (("perception_threshold",) if chosen == "hysteresis" else ())
