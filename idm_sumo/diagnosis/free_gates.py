@@ -18,9 +18,9 @@ FREE_SURER, FREE_DOUBTFUL = 6.5, 9.0
 # and 3.0.)
 FREE_AROUND, FREE_SWING = 4.2, 4.0
 FREE_IMPOSSIBLE = 0.5  # of the z of what cannot be, for what is free along what a driver sees
-# All of it, for how drivers start after standing: another law has a way of its own, which said up to 6.5 beside 8.0 of what cannot be.
-STARTING, FREE_STARTING = "since_standing", 1.0
 FREE_ELSEWHERE = 1.2  # of the same, for a response that changes along the road: another law answers dense traffic otherwise than light
+# Of the same, for how drivers start after standing: another law has a way of its own, which said up to 6.5 beside 8.0 of what cannot be.
+STARTING, FREE_STARTING = "since_standing", 1.0
 # Times the best cause's squared z, and more, from which on the catalogue does not hold it. A response that changes from place to
 # place, or with time, is what goes beyond the same change everywhere, and has to be only half as sure as that.
 FREE_EXCESS, FREE_CHANGE, FREE_MORE = 1.5, 0.5, 25.0
@@ -49,8 +49,9 @@ def standing_out(evidence: ev.Evidence) -> tuple[LeftOver, ...]:
 
     Where something looks strong that cannot be (drivers who act before their leader does), the car-following is another law than the
     model's. What that law makes of what a driver sees is then no effect, unless it is half as sure as that (or as sure, of how drivers
-    start after standing), nor is what it makes of places (where traffic is denser or faster), unless it is surer. A response that changes must be surer than the surest of which that
-    cannot be: some vehicles did something there and then that all fields around it share.
+    start after standing), nor is what it makes of places (where traffic is denser or faster), unless it is surer. A response that
+    changes must be surer than the surest of which that cannot be: some vehicles did something there and then that all fields around
+    it share.
     """
     impossible = hy.most_impossible(evidence)
     changes = [one for one in evidence.free if one.covariate.startswith(CHANGES) and one.covariate != PEDAL]

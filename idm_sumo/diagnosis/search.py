@@ -205,17 +205,13 @@ def _next(
         best, chosen = choice.judged(
             subject, fit, forms, accepted[0].tried if accepted else None, there, lucks, rng, known
         )
-        if chosen is not None and (refused is None or chosen.tried.support > SHADOW * refused.support):
-            return chosen
-        if (
-            chosen is not None
-            and refused is not None
-            and choice.stands_beside(subject, refused, chosen.candidate, lucks)
-        ):
+        if chosen is not None:
+            if refused is None or chosen.tried.support > SHADOW * refused.support:
+                return chosen
+            if not choice.stands_beside(subject, refused, chosen.candidate, lucks):
+                return None
             without[:] = [c for c in without if c.name != refused.candidate.name]
             return chosen
-        if chosen is not None:
-            return None
         refused = best if refused is None else max(refused, best, key=lambda one: one.support)
         if gates.is_significant(best.candidate):
             without.append(best.candidate)
