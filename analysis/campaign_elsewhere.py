@@ -37,7 +37,8 @@ def run_trial(trial: dict[str, Any], folder: Path, find: Find) -> dict[str, Any]
     got, faults = elsewhere.make(trial["seed"], trial["number"], trial["case"])
     hidden = elsewhere.truth(trial["number"], trial["case"], got, faults)
     seen = shown(find, lambda file: got["table"].to_parquet(file, index=False), trial["seed"])
-    return keep_case(kept, {**trial, **_described(hidden), **seen, "truth": hidden})
+    best = elsewhere.worth(got, trial["seed"]) if got["hidden"] else None
+    return keep_case(kept, {**trial, **_described(hidden), **seen, "achievable": best, "truth": hidden})
 
 
 def _described(truth: dict[str, Any]) -> dict[str, Any]:
@@ -51,7 +52,6 @@ def _described(truth: dict[str, Any]) -> dict[str, Any]:
     recording = truth["recording"]
     return {
         "name": "+".join(effects) or NOTHING, "effects": effects, "size": planted[0]["size"] if planted else "large",
-        "achievable": None,
         "plan": {
             "underlying": truth["model"], "noise": truth["noise"]["kind"], "sigma": truth["noise"]["sigma_m"],
             "form": "usual" if usual else "other", "density": truth["scene"]["traffic"], "lanes": recording["lanes"],

@@ -55,7 +55,7 @@ def _row(trial: dict[str, Any]) -> dict[str, Any]:
         "group": trial["group"], "name": trial["name"], "size": trial["size"], "kind": trial.get("kind", ""),
         "outcome": outcome(trial), "verdict": found["verdict"], "named": ", ".join(names),
         "first": names[0] if names else found["verdict"], "best_gain": _share(best),
-        "gain_class": gain_class(_share(best)), "gain": gain["difference"] / gain["base"] if sure else math.nan,
+        "gain_class": gain_class(_share(best)), "lesser_class": gain_class(_lesser_share(best)), "gain": gain["difference"] / gain["base"] if sure else math.nan,
         "realised": gain["difference"] / (best["base"] - best["extended"])
         if best and sure and names and best["base"] > 1.02 * best["extended"] else math.nan,
         **{key: plan[key] for key in ("underlying", "noise", "form", "density", "lanes")},
@@ -149,6 +149,12 @@ def sigma_class(sigma: float) -> str:
 
 def _share(best: Mapping[str, float] | None) -> float:
     return (best["base"] - best["extended"]) / best["base"] if best else math.nan
+
+
+def _lesser_share(best: Mapping[str, Any] | None) -> float:
+    """Return what the lesser of several effects is worth with the others in the model, as a share of the error without it."""
+    without = best.get("without") if best else None
+    return min(1 - best["extended"] / one for one in without) if best and without else math.nan
 
 
 def _meet(one: Any, other: Any) -> bool:

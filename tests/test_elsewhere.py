@@ -12,7 +12,7 @@ from analysis import campaign_elsewhere
 from analysis.campaign_scores import outcome
 from idm_sumo.reading import read_recording
 from tests import elsewhere
-from tests.elsewhere import effects, laws, view
+from tests.elsewhere import cases, effects, gain, laws, road, scenes, view
 from tests.elsewhere.checks import true_accelerations, true_gaps
 from tests.elsewhere.respond import wish
 
@@ -94,3 +94,30 @@ def test_its_trials_are_records_that_the_campaign_grades(tmp_path):
     assert outcome(record) == "silent"
     again = campaign_elsewhere.run_trial(nothing, tmp_path, lambda *_: pytest.fail("a kept case ran again"))
     assert again["found"] == record["found"]
+
+
+@pytest.mark.parametrize("name", ["reaction_delay", "adjacent_lane_friction"])
+def test_true_drivers_without_noise_drive_what_was_driven(name):
+    rng = np.random.default_rng(3)
+    scene = scenes.draw_scene(rng, [name]) | {"law": "idm", "lanes": 3, "seconds": 60.0}
+    scene["lane_factors"], scene["driver_noise"]["sigma"] = (1.2, 1.0, 0.8), 0.0
+    hidden = cases.hide(rng, {"kind": "single", "names": [name], "size": ["large"], "usual": [True]}, scene, 1.0)
+    world, _, memory = cases.drive(rng, scene, hidden)
+    errors = []
+    for driver, see, starts in gain.some_tracks(memory):
+        lag = round(world.lag[driver] / road.DT)
+        film = gain.as_filmed(see, lag, rng, {"kind": "white", "sigma_m": 0.0})
+        given = (film, film[:, view.X].copy(), starts, 0, np.array([e.row() for e in hidden]), world.touched[driver], lag)
+        errors.append([gain.driver_error(world.theta[driver], out, *given) for out in (gain.NOBODY, gain.ALL)])
+    without, with_it = np.median(errors, axis=0)
+    assert with_it < 0.01 < without
+
+
+def test_an_effect_is_worth_what_drivers_cannot_make_up_for():
+    (case,) = elsewhere.plan(4, {**dict.fromkeys(("null", "some_drivers", "one_lane", "pair", "outside"), 0), "single": 1})
+    case |= {"names": ["time_of_day"], "size": ["large"], "usual": [True]}
+    got, _ = elsewhere.make(4, 1, case)
+    few = {**got, "memory": got["memory"][got["memory"][:, 0] % 10 == 0]}
+    told = elsewhere.worth(few, 4)
+    assert told["drivers"] > 20
+    assert told["extended"] < 0.97 * told["base"]

@@ -9,5 +9,6 @@ Whoever wrote it knew the catalogue of effects and the layout of the files, and 
 
 from .cases import plan
 from .recordings import make, truth
+from .gain import worth
 
-__all__ = ["make", "plan", "truth"]
+__all__ = ["make", "plan", "truth", "worth"]

@@ -60,7 +60,7 @@ def hide(rng, case, scene, strength):
 
 
 def drive(rng, scene, hidden):
-    """Run the traffic of a scene; returns the world and the sums of squared effects."""
+    """Run the traffic of a scene; returns the world, the sums of squared effects, and what drivers saw."""
     steps = int((scene["warm"] + scene["seconds"]) / road.DT)
     count = int(scene["lanes"] * (scene["road_m"] / 9.0 + 0.75 * steps * road.DT))
     drivers = traffic.draw_drivers(rng, count, scene)
@@ -73,16 +73,16 @@ def drive(rng, scene, hidden):
     rows = np.array([e.row() for e in hidden], float).reshape(len(hidden), 9)
     habits = (scene["keep_right"], scene["short_gaps"])
     noise = (scene["driver_noise"]["sigma"], float(np.exp(-road.DT / scene["driver_noise"]["memory_s"])))
-    sums = run(
+    sums, memory = run(
         world, LAWS.index(scene["law"]), traffic.queues(drivers["lane0"], scene["lanes"]), rows,
         traffic.prevailing_speed(rng, scene, steps), (scene["start"], scene["end"], scene["zone"]),
         scene["road_m"], scene["warm"], noise, habits, int(rng.integers(2**31)),
     )  # fmt: skip
-    return world, sums
+    return world, sums, memory
 
 
 def attempt(seed, number, case, draw=0, strength=1.0, eager=0.0):
-    """One try at a case: world, clean rows, NGSIM table, scene, hidden effects and their RMS (m/s2).
+    """One try at a case: world, what drivers saw, clean rows, NGSIM table, scene, hidden effects and their RMS (m/s2).
 
     `draw` numbers the scenes tried; `eager` (m/s2) makes drivers take shorter gaps to the side, or longer ones.
     """
@@ -95,11 +95,11 @@ def attempt(seed, number, case, draw=0, strength=1.0, eager=0.0):
     late = max([e.lag for e in hidden], default=0.0) > LATE_S
     if late:
         scenes.calm(scene)
-    world, sums = drive(rng, scene, hidden)
+    world, sums, memory = drive(rng, scene, hidden)
     first = int(scene["warm"] / road.DT)
     table, clean = camera.film(world, rng, first, len(world.xs), (scene["start"], scene["end"]), scene["noise"])
-    return {"world": world, "clean": clean, "table": table, "scene": scene, "hidden": hidden,
-            "late": late, "rms": np.sqrt(sums[1:] / max(1.0, sums[0]))}  # fmt: skip
+    return {"world": world, "memory": memory, "clean": clean, "table": table, "scene": scene, "hidden": hidden,
+            "late": late, "rms": np.sqrt(sums / max(1, len(memory)))}  # fmt: skip
 
 
 def describe(effect, rms):

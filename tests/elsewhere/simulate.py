@@ -12,6 +12,7 @@ from .lanes import change_lanes
 from .laws import S0, V0, T
 from .respond import respond
 
+MEMORY_ROWS = 50_000  # by how many the memory grows
 ZONE_TAU = 1.5  # s, how fast vehicles past the section take over the speed that prevails there
 
 
@@ -82,8 +83,12 @@ def move(world, active, clock, section):
 
 
 @njit(cache=True)
-def decide(world, law, active, step, clock, hidden, prevailing, shape, noise, sums):
-    """Accelerations of all drivers: response, driver noise, and the prevailing speed past the section."""
+def decide(world, law, active, step, clock, hidden, prevailing, shape, noise, sums, memory):
+    """Accelerations of all drivers: response, driver noise, and the prevailing speed past the section.
+
+    Notes in `memory` what the counted ones saw, and returns how many those were.
+    """
+    noted = 0
     start, end, zone = shape
     sigma, keep = noise
     inactive = np.zeros(1)
@@ -91,18 +96,23 @@ def decide(world, law, active, step, clock, hidden, prevailing, shape, noise, su
         see = road.look(world, n, step, clock)
         see[view.X] -= start
         counted = clock >= 0.0 and start <= world.x[n] < end
-        sums[0] += 1.0 if counted else 0.0
-        acc = respond(law, see, world.theta[n], hidden, world.touched[n], sums[1:] if counted else inactive)
+        if counted:
+            memory[noted, 0], memory[noted, 1], memory[noted, 2:] = n, step, see
+            noted += 1
+        acc = respond(law, see, world.theta[n], hidden, world.touched[n], sums if counted else inactive)
         world.ou[n] = keep * world.ou[n] + sigma * math.sqrt(1.0 - keep * keep) * np.random.randn()
         acc = max(-5.8, acc + world.ou[n])
         if world.x[n] > zone:
             acc = min(acc, max(-2.5, (prevailing[step, world.lane[n] - 1] - world.v[n]) / ZONE_TAU))
         world.a[n] = acc
+    return noted
 
 
 @njit(cache=True)
 def run(world, law, queue, hidden, prevailing, shape, length, warm, noise, habits, seed):
-    """Simulate; returns the number of counted driver-states and sums of squared effects (all, then each).
+    """Simulate; returns sums of squared effects (all, then each) over the states that count, and a memory of these.
+
+    Its rows are driver, step and what the driver saw.
 
     `shape` is section start, end and the zone's start on the road in m, `warm` the seconds before the recording,
     `noise` the driver noise (m/s2, decay per step), `habits` keep-right bias (m/s) and shorter gaps taken (m/s2).
@@ -110,7 +120,8 @@ def run(world, law, queue, hidden, prevailing, shape, length, warm, noise, habit
     np.random.seed(seed)
     lanes, head = len(queue), np.zeros(len(queue), np.int64)
     fill(world, queue, head, prevailing[0], length, noise[0])
-    sums, free = np.zeros(2 + len(hidden)), np.full(lanes, -1e3)
+    sums, free = np.zeros(1 + len(hidden)), np.full(lanes, -1e3)
+    memory, noted = np.empty((0, 2 + view.COLUMNS)), 0
     for step in range(len(prevailing)):
         clock = step * road.DT - warm
         active = present(world, length)
@@ -119,9 +130,11 @@ def run(world, law, queue, hidden, prevailing, shape, length, warm, noise, habit
         road.find_neighbours(world, active, lanes)
         for n in active:
             road.notice_leader(world, n, clock)
-        decide(world, law, active, step, clock, hidden, prevailing, shape, noise, sums)
+        if noted + len(active) > len(memory):
+            memory = np.concatenate((memory, np.empty((MEMORY_ROWS, memory.shape[1]))))
+        noted += decide(world, law, active, step, clock, hidden, prevailing, shape, noise, sums, memory[noted:])
         move(world, active, clock, shape[0])
         road.find_neighbours(world, active, lanes)
         change_lanes(world, law, active, clock, lanes, habits[0], habits[1])
         enter(world, queue, head, free, active, clock, step + 1, noise[0])
-    return sums
+    return sums, memory[:noted]

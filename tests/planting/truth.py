@@ -28,11 +28,15 @@ NOT_BEHAVIOUR = ("measurement_artefact", "distraction")
 
 @dataclass(frozen=True)
 class Achievable:
-    """Mean absolute position error (m) over drivers, each with its best parameters, without and with the effect."""
+    """Mean absolute position error (m) over drivers, each with its best parameters, without and with what is hidden.
+
+    Of several effects, ``without`` has the errors without each in turn, the others in the model.
+    """
 
     base: float
     extended: float
     drivers: int
+    without: tuple[float, ...] = ()
 
     @property
     def share(self) -> float:
@@ -41,7 +45,7 @@ class Achievable:
 
 
 def achievable(planted: Planted, *, seconds: float = 10.0, drivers: int = MOST_DRIVERS) -> Achievable:
-    """Return the errors of the true model with and without its effect; in both each driver is fitted.
+    """Return the errors of the true model with and without its effects; in all of them each driver is fitted.
 
     Without fitting, what a driver's own parameters can absorb would count as gain. The paths of drivers and leaders are as
     they were measured, and smoothed: what noise hides cannot be gained. Of more than ``drivers`` some are
@@ -58,16 +62,21 @@ def achievable(planted: Planted, *, seconds: float = 10.0, drivers: int = MOST_D
     driver, start = _windows(planted, round(seconds / FRAME))
     known = np.unique(driver)
     some = np.isin(driver, known[:: -(-len(known) // drivers)])
-    effects = np.zeros(len(act.INDEX))
+    effects = np.zeros((2, len(act.INDEX)))
     for name, size in chosen.effects.items():
-        effects[act.INDEX[name]] = size
+        effects[1, act.INDEX[name]] = size
+    if len(chosen.effects) > 1:
+        each = [act.INDEX[name] for name in chosen.effects]
+        effects = np.vstack([effects, np.repeat(effects[1:], len(each), axis=0)])
+        effects[2 + np.arange(len(each)), each] = 0.0
     shown = _as_measured(planted)
     ade = best_errors(
         MODELS.index(chosen.underlying), FORMS.index(chosen.form), effects, planted.affected, planted.kind, planted.theta,
         np.array([*chosen.place, *chosen.time]), chosen.lane, chosen.only_lane, shown.x, shown.v, planted.lane,
         shown.sights, driver[some], start[some], round(seconds / FRAME), np.array(STARTS), np.array(STEPS),
     )  # fmt: skip
-    return Achievable(float(ade[0].mean()), float(ade[1].mean()), ade.shape[1])
+    base, extended, *without = ade.mean(axis=1).tolist()
+    return Achievable(base, extended, ade.shape[1], tuple(without))
 
 
 def _as_measured(planted: Planted) -> Planted:
@@ -109,17 +118,17 @@ def best_errors(  # type: ignore[no-untyped-def]
     model, form, effects, affected, kind, theta, where, special_lane, only_lane, x, v, lane, sights, driver, start,
     frames, starts, steps,
 ):  # fmt: skip
-    """Return each driver's least mean error over its windows, shape (2, drivers): without and with the effect.
+    """Return each driver's least mean error over its windows, shape (models, drivers): one model a row of ``effects``.
 
     Pattern search in the logarithms, after Hooke and Jeeves (1961), from the true parameters times each of ``starts``.
     """
     first = np.flatnonzero(np.append(True, driver[1:] != driver[:-1]))
     ends = np.append(first[1:], len(driver))
-    out = np.empty((2, len(first)))
-    for which in range(2):
+    out = np.empty((len(effects), len(first)))
+    for which in range(len(effects)):
         for n in range(len(first)):
             i = driver[first[n]]
-            planted = effects * which if affected[i] else effects * 0.0
+            planted = effects[which] if affected[i] else effects[which] * 0.0
             given = (
                 model, form, planted, kind[i] == 3, where, special_lane, only_lane, x[i], v[i], lane[i], sights[i],
                 start[first[n] : ends[n]], frames,
