@@ -44,10 +44,11 @@ EDGES: dict[str, tuple[float, ...]] = {
     "unrest": (0.0, 0.4, 0.7, 1.0, 9.0),
     "wanted_acceleration": (0.0, 0.15, 0.3, 0.45, 0.7, 1.1, 20.0),
 }
-# With another car-following model underneath, or noise in the leader's place, drivers seem to answer these otherwise; and who brakes
-# more than the model has the follower near.
+# With another car-following model underneath, or noise in the leader's place, drivers seem to answer these otherwise, a gap that
+# jumps among them; and who brakes more than the model has the follower near.
 DOUBTFUL = (
     "leader_acceleration", "leader_gap", "adjacent_difference", "faster_difference", "rear_gap", "crowd_left", "crowd_right",
+    "since_change",
 )  # fmt: skip
 # Who is where around a driver: no motion of its own makes these up, and they are few.
 AROUND = (
