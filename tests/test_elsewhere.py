@@ -107,14 +107,24 @@ def test_true_drivers_without_noise_drive_what_was_driven(name):
     for driver, see, starts in gain.some_tracks(memory):
         lag = round(world.lag[driver] / road.DT)
         film = gain.as_filmed(see, lag, rng, {"kind": "white", "sigma_m": 0.0})
-        given = (film, film[:, view.X].copy(), starts, 0, np.array([e.row() for e in hidden]), world.touched[driver], lag)
+        given = (
+            film,
+            film[:, view.X].copy(),
+            starts,
+            0,
+            np.array([e.row() for e in hidden]),
+            world.touched[driver],
+            lag,
+        )
         errors.append([gain.driver_error(world.theta[driver], out, *given) for out in (gain.NOBODY, gain.ALL)])
     without, with_it = np.median(errors, axis=0)
     assert with_it < 0.01 < without
 
 
 def test_an_effect_is_worth_what_drivers_cannot_make_up_for():
-    (case,) = elsewhere.plan(4, {**dict.fromkeys(("null", "some_drivers", "one_lane", "pair", "outside"), 0), "single": 1})
+    (case,) = elsewhere.plan(
+        4, {**dict.fromkeys(("null", "some_drivers", "one_lane", "pair", "outside"), 0), "single": 1}
+    )
     case |= {"names": ["time_of_day"], "size": ["large"], "usual": [True]}
     got, _ = elsewhere.make(4, 1, case)
     few = {**got, "memory": got["memory"][got["memory"][:, 0] % 10 == 0]}

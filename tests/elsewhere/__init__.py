@@ -8,7 +8,7 @@ Whoever wrote it knew the catalogue of effects and the layout of the files, and 
 """
 
 from .cases import plan
-from .recordings import make, truth
 from .gain import worth
+from .recordings import make, truth
 
 __all__ = ["make", "plan", "truth", "worth"]

@@ -98,6 +98,7 @@ def best_errors(theta, given):
 
 def search(begin, out, given, tries=TRIES):
     """Logarithms of the best parameters and their error, by simplexes from `begin`."""
+
     def error(x):
         return driver_error(np.exp(x), out, *given)
 
