@@ -127,7 +127,7 @@ def test_an_effect_is_worth_what_drivers_cannot_make_up_for():
     )
     case |= {"names": ["time_of_day"], "size": ["large"], "usual": [True]}
     got, _ = elsewhere.make(4, 1, case)
-    few = {**got, "memory": got["memory"][got["memory"][:, 0] % 10 == 0]}
+    few = {**got, "memory": got["memory"][got["memory"][:, 0] % 25 == 0]}
     told = elsewhere.worth(few, 4)
-    assert told["drivers"] > 20
+    assert told["drivers"] > 5
     assert told["extended"] < 0.97 * told["base"]
