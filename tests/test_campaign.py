@@ -73,6 +73,20 @@ def test_sizes_and_gains():
     assert sizes["covered"].tolist() == [True, True, True]  # an interval across zero begins there
 
 
+def test_pairs_are_counted_by_what_the_lesser_is_worth_beside_the_other(tmp_path):
+    two, both = {"location": 0.1, "hysteresis": 0.4}, [cause("hysteresis"), cause("location")]
+    best = {"base": 1.0, "extended": 0.8, "drivers": 9}
+    trials = [
+        trial("pair", two, both, achievable={**best, "without": [0.96, 0.9]}),
+        trial("pair", two, both[:1], achievable={**best, "without": [0.96, 0.81]}),
+        trial("pair", two, both, achievable={**best, "without": [0.805, 0.96]}),
+    ]
+    summarise(pd.DataFrame(trials), tmp_path)
+    pairs = pd.read_csv(tmp_path / "pairs_by_what_the_lesser_is_worth.csv").set_index("lesser_class")
+    assert pairs["recordings"].to_dict() == {"5 % or more": 1, "below 2 %": 2}
+    assert pairs["good"].to_dict() == {"5 % or more": 1.0, "below 2 %": 0.5}
+
+
 def test_magnitudes_and_gains_add_up_by_form_and_car_following(tmp_path):
     trials = [trial("single", {"location": 0.5}, [cause("location", value)]) for value in (0.4, 0.5, 0.6)]
     trials[2]["plan"] = {**PLAN, "form": "other", "underlying": "fvd"}

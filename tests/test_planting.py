@@ -252,6 +252,15 @@ def test_the_true_model_gains_what_its_effect_is_worth(underlying):
     assert gains[1] > 0.05
 
 
+def test_of_two_effects_each_is_worth_something_beside_the_other():
+    planted = simulate(plan(6, effect=("hysteresis", "location"), size="large", underlying="idm", density="congested", **SHORT),
+                       remember=True)  # fmt: skip
+    truth = achievable(planted, drivers=FEW)
+    assert len(truth.without) == 2
+    assert truth.extended < min(truth.without)
+    assert max(truth.without) < truth.base
+
+
 def test_without_noise_the_true_model_drives_what_was_driven():
     planted = simulate(plan(6, effect="hysteresis", size="mid", underlying="idm", driver_noise=0.0, sigma=0.0, density="congested", **SHORT),
                        remember=True)  # fmt: skip
