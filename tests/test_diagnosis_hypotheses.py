@@ -113,6 +113,14 @@ def test_a_headway_at_a_place_must_be_larger_than_a_push(kind, value, large):
     assert one.large_enough is large
 
 
+@pytest.mark.parametrize(("kind", "value", "large"), [((), 0.14, False), (((slots.COURTESY_BRAKING, 1.0),), 0.16, True),
+                                                      (((slots.COURTESY_BRAKING, 1.0),), 0.14, False)])  # fmt: skip
+def test_braking_before_a_lane_change_has_a_least_size_of_its_own(kind, value, large):
+    one = hy.Candidate("courtesy_yielding", value, 0.01, 9.0, 1e-9, Atom("courtesy_yielding", fixed=kind))
+    assert one.large_enough is large
+    assert [hy.slots_of(one)[0][0]] == [slots.COURTESY_BRAKING if kind else slots.COURTESY]
+
+
 @pytest.mark.parametrize(("value", "large"), [(0.08, True), (0.06, False), (-0.1, False), (-0.13, True)])
 def test_a_headway_that_falls_with_speed_must_fall_more_than_one_that_grows(value, large):
     name = "speed_dependent_headway"

@@ -98,6 +98,17 @@ def test_hysteresis_answers_the_leader_of_the_moment_or_of_late(of_late, acceler
     assert drive(m) == pytest.approx(idm.acceleration(12.0, 0.5, 18.0, *longer, LIMIT))
 
 
+@pytest.mark.parametrize(
+    ("slot", "until"),
+    [(slots.COURTESY_BRAKING, "until_cut_in"), (slots.PRE_INSERTION_BRAKING, "until_own_change")],
+)
+@pytest.mark.parametrize(("seconds", "less"), [(0.0, 0.2), (2.9, 0.2), (3.1, 0.0), (np.nan, 0.0)])
+def test_who_brakes_before_a_lane_change_does_so_in_its_last_three_seconds(slot, until, seconds, less):
+    m, see = none(), SEEN._replace(**{until: seconds})
+    m[slot] = 0.2
+    assert drive(m, see=see) == pytest.approx(drive(none(), see=see) - less)
+
+
 def test_a_place_ends():
     m = only("location", x_1=200.0, x_2=300.0)
     assert drive(m) == drive(none())
@@ -233,6 +244,8 @@ def test_a_headway_drifts_from_one_time_to_the_other_and_stays_there(t, share):
     [
         (Cause("time_of_day", {"delta": 0.2, "t_1": 0.0, "t_2": 420.0}), slots.PERIOD, slots.PERIOD_DRIFT),
         (Cause("location", {"theta": 0.2, "x_1": 200.0, "x_2": 350.0}), slots.PLACE, slots.PLACE_HEADWAY),
+        (Cause("courtesy_yielding", {"beta": 0.2}), slots.COURTESY, slots.COURTESY_BRAKING),
+        (Cause("pre_insertion", {"beta": 0.2}), slots.PRE_INSERTION, slots.PRE_INSERTION_BRAKING),
     ],
 )
 def test_the_other_kind_of_an_effect_survives_its_file(cause, usual, instead, tmp_path):

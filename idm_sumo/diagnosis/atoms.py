@@ -19,7 +19,7 @@ from idm_sumo.diagnosis import rollout as ro
 from idm_sumo.diagnosis import windows as w
 from idm_sumo.diagnosis.bins import edges_of, numbered, response_by_bin
 from idm_sumo.diagnosis.fit import Fit, Linear, linearise
-from idm_sumo.diagnosis.linear_pulses import GUARD, LINEAR, OF_LATE, OF_NEXT, linear_pulses
+from idm_sumo.diagnosis.linear_pulses import GUARD, LINEAR, MOVING, OF_LATE, OF_NEXT, YIELDING, linear_pulses
 from idm_sumo.effects import CATALOGUE, slots
 from idm_sumo.threads import in_threads
 
@@ -182,6 +182,8 @@ def _columns(
         LINEAR.index("speed_dependent_headway"): ((slots.SPEED_HEADWAY, 1.0), (slots.PIVOT_SPEED, grid.pivot)),
         OF_LATE: ((slots.HYSTERESIS, 1.0), (slots.HYSTERESIS_OF_LATE, 1.0)),
         OF_NEXT: ((slots.FRICTION, 1.0), (slots.FRICTION_NEXT, 1.0)),
+        YIELDING: ((slots.COURTESY_BRAKING, 1.0),),
+        MOVING: ((slots.PRE_INSERTION_BRAKING, 1.0),),
     }
     atoms = [Atom(LINEAR[n], fixed=companions.get(n, ())) for n in linear]
     count = len(atoms) + sum(len(scan.atoms) for scan in scans) + len(secants)

@@ -32,6 +32,7 @@ EITHER_SIGN = (
 )
 # Of a headway that is shorter at speed, as for other laws in light traffic; of one that is another at a place, where they are anywhere.
 LEAST_FALLING, LEAST_PLACE_HEADWAY = 0.12, 0.06
+LEAST_BRAKING = 0.15  # m/s², before a lane change
 SURE_PLACE, SURE_PLACE_HEADWAY = (
     7.0,
     0.045,
@@ -39,6 +40,7 @@ SURE_PLACE, SURE_PLACE_HEADWAY = (
 SUREST = 9.0  # standard errors, from which on what other laws look like, too, is believed as other effects are
 FALLING = 1.5  # times the standard errors of what cannot be, for a headway that falls with speed
 SCANNED = ("location", "time_of_day")
+BEFORE_A_CHANGE = ("courtesy_yielding", "pre_insertion")
 WIDEST = 0.6  # of the bins of road or recording: a wider interval is the rest, with the other sign
 NARROWEST = {"location": 40.0, "time_of_day": 30.0}  # m, s
 RESEMBLING = 0.4  # of the best interval's squared z, from which on one of the other sign may be it as well
@@ -107,6 +109,8 @@ class Candidate:
             return LEAST_FALLING
         if self.name == "location" and acting_of(self)[0].is_share:
             return LEAST_PLACE_HEADWAY if abs(self.z) < SURE_PLACE else SURE_PLACE_HEADWAY
+        if self.name in BEFORE_A_CHANGE and not acting_of(self)[0].is_share:
+            return LEAST_BRAKING
         return LEAST.get(self.name, np.inf)
 
     @property
@@ -181,11 +185,11 @@ def _as_sure(form: Candidate, strongest: Candidate) -> Candidate:
     return replace(form, z=float(np.copysign(strongest.z, form.value)), p=strongest.p)
 
 
-def _by_companions(each: list[Candidate]) -> dict[tuple[tuple[int, float], ...], list[Candidate]]:
-    """Return an effect's candidates by the values of its further parameters."""
-    forms: dict[tuple[tuple[int, float], ...], list[Candidate]] = {}
+def _by_companions(each: list[Candidate]) -> dict[tuple[object, ...], list[Candidate]]:
+    """Return an effect's candidates by which magnitude they have and by the values of its further parameters."""
+    forms: dict[tuple[object, ...], list[Candidate]] = {}
     for candidate in each:
-        forms.setdefault(candidate.atom.fixed[1:], []).append(candidate)
+        forms.setdefault((acting_of(candidate)[0].slot, *candidate.atom.fixed[1:]), []).append(candidate)
     return forms
 
 
@@ -286,7 +290,7 @@ def _scan(evidence: Evidence, rows: list[int], sign: float, looks: int) -> Candi
 
 def acting_of(candidate: Candidate) -> tuple[Parameter, ...]:
     """Return the parameters of the form that a candidate has, its magnitude first."""
-    effect = BY_NAME[candidate.name]
+    effect = BY_NAME[candidate.name.removeprefix(LOCAL)]
     moved = {slot for slot, _ in candidate.atom.fixed[:1]}
     return effect.named_by({p.symbol for p in effect.every if p.slot in moved})
 

@@ -12,7 +12,7 @@ from idm_sumo.diagnosis import windows as w
 from idm_sumo.diagnosis.rollout import BASE_A, BASE_V, BASE_X, BIN, BY_T
 from idm_sumo.effects.acceleration_asymmetry import weakened
 from idm_sumo.effects.adjacent_lane_friction import friction
-from idm_sumo.effects.courtesy_yielding import before_cut_in
+from idm_sumo.effects.courtesy_yielding import before_cut_in, braking_before
 from idm_sumo.effects.follower_pressure import pressed
 from idm_sumo.effects.hysteresis import in_phase
 from idm_sumo.effects.leader_class import behind_truck
@@ -27,9 +27,11 @@ GUARD = "form:"  # begins the names of what another car-following model undernea
 LINEAR = (
     "acceleration_asymmetry", "leader_class", "speed_dependent_headway", "hysteresis", "hysteresis",
     "adjacent_lane_friction", "adjacent_lane_friction", "vehicle_class", "follower_pressure", "courtesy_yielding", "pre_insertion",
+    "courtesy_yielding", "pre_insertion",
     *(f"{GUARD}{n}" for n in range(6)),
 )  # fmt: skip
-OF_LATE, OF_NEXT = 4, 6  # of them: hysteresis by what the leader did of late, friction beside the next vehicle ahead
+# Of them: hysteresis by what the leader did of late, friction beside the next vehicle ahead, braking before a lane change.
+OF_LATE, OF_NEXT, YIELDING, MOVING = 4, 6, 11, 12
 
 
 def linear_pulses(seen: Floats, state: Floats, pivot: float) -> Floats:
@@ -73,12 +75,14 @@ def _fill(first, last, seen, state, pivot, out):  # type: ignore[no-untyped-def]
             to[8] += pressed(x - row[w.BEHIND], 1.0)
             to[9] += by_t * (before_cut_in(row[w.UNTIL_CUT_IN], 1.0) - 1.0)
             to[10] += by_t * (before_own_change(row[w.UNTIL_OWN], 1.0) - 1.0)
-            to[11] += speed * speed
-            to[12] += closing * closing
-            to[13] += speed * closing
-            to[14] += gap * gap
-            to[15] += gap * speed
-            to[16] += gap * closing
+            to[YIELDING] += braking_before(row[w.UNTIL_CUT_IN], 1.0)
+            to[MOVING] += braking_before(row[w.UNTIL_OWN], 1.0)
+            to[13] += speed * speed
+            to[14] += closing * closing
+            to[15] += speed * closing
+            to[16] += gap * gap
+            to[17] += gap * speed
+            to[18] += gap * closing
         for p in range(out.shape[1]):
             for n in range(out.shape[2]):
                 out[i, p, n] /= BIN

@@ -10,7 +10,7 @@ from idm_sumo import idm
 from idm_sumo.effects import slots
 from idm_sumo.effects.acceleration_asymmetry import weakened
 from idm_sumo.effects.adjacent_lane_friction import friction
-from idm_sumo.effects.courtesy_yielding import before_cut_in
+from idm_sumo.effects.courtesy_yielding import before_cut_in, braking_before
 from idm_sumo.effects.desired_speed import in_lane
 from idm_sumo.effects.follower_pressure import pressed
 from idm_sumo.effects.hysteresis import in_phase
@@ -102,8 +102,8 @@ class Moment(NamedTuple):
         Magnitudes (m/s what is taken off the approach rate), and the running mean speed (m/s).
     place, place_headway, begin, end : float
         m/s², share, m, m.
-    friction, adjacent_speed, pressure : float
-        1/s, m/s, m/s².
+    friction, adjacent_speed, pressure, room : float
+        1/s, m/s, m/s²; m/s² (how a driver brakes before a lane change, its own or another's).
     """
 
     headway: float
@@ -128,6 +128,7 @@ class Moment(NamedTuple):
     friction: float
     adjacent_speed: float
     pressure: float
+    room: float
 
 
 @njit(cache=True, error_model="numpy", forceinline=True)
@@ -157,6 +158,7 @@ def moment_of(see, m):  # type: ignore[no-untyped-def]
         m[slots.MEMORY] if see.mean_speed == see.mean_speed else 0.0, see.mean_speed,
         m[slots.PLACE], m[slots.PLACE_HEADWAY], m[slots.PLACE_BEGIN], m[slots.PLACE_END],
         m[slots.FRICTION], beside, m[slots.PRESSURE],
+        braking_before(see.until_cut_in, m[slots.COURTESY_BRAKING]) + braking_before(see.until_own_change, m[slots.PRE_INSERTION_BRAKING]),
     )  # fmt: skip
 
 
@@ -196,7 +198,7 @@ def behaved(speed, approach_rate, gap, x, second_gap, rear_gap, moment, a, weigh
     free = weakened(a * (1.0 - ratio * ratio * ratio * ratio - interaction), moment.asymmetry)
     free += at_place(x, moment.place, moment.begin, moment.end)
     free += friction(speed, moment.adjacent_speed, moment.friction)
-    free += pressed(rear_gap, moment.pressure)
+    free += pressed(rear_gap, moment.pressure) + moment.room
     free = max(free, -idm.EMERGENCY_BRAKING)
     return free if gap > idm.SMALLEST_GAP else -idm.EMERGENCY_BRAKING
 

@@ -1,6 +1,10 @@
 r"""Before the own lane change the driver lets the gap grow (or shrink).
 
 .. math:: T \to T(1+c) \quad\text{in the 5 s before the own lane change}
+
+or brakes a little (or accelerates):
+
+.. math:: \dot v \to \dot v - \beta \quad\text{in the 3 s before}
 """
 
 from __future__ import annotations
@@ -22,6 +26,7 @@ EFFECT = Effect(
     name="pre_insertion",
     summary="opens or closes the gap before its own lane change",
     parameters=(Parameter("c", "1", slots.PRE_INSERTION, -0.8, 3.0, 0.4),),
+    instead=Parameter("beta", "m/s^2", slots.PRE_INSERTION_BRAKING, -1.5, 1.5, 0.3),
     must_see=("until_own_change",),
     confusable_with=("lane_change_relaxation", "courtesy_yielding"),
     source="Zheng, Ahn, Chen and Laval (2013), The effects of lane-changing on the immediate follower",
