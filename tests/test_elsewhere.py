@@ -112,7 +112,7 @@ def test_true_drivers_without_noise_drive_what_was_driven(name):
             film[:, view.X].copy(),
             starts,
             0,
-            np.array([e.row() for e in hidden]),
+            view.rows_of(hidden),
             world.touched[driver],
             lag,
         )

@@ -8,6 +8,7 @@ import numpy as np
 from . import camera, effects, outside, plant, road, scenes, traffic
 from .laws import LAWS
 from .simulate import run
+from .view import rows_of
 
 SIZES, SIZE_SHARES = ("small", "mid", "large"), (0.15, 0.45, 0.4)
 LEAST_OUTSIDE, MOST_OUTSIDE = 0.16, 0.65  # m/s2, RMS of an effect outside the catalogue
@@ -70,11 +71,10 @@ def drive(rng, scene, hidden):
     lag = max([e.lag for e in hidden], default=0.0)
     drivers["lag"] = rng.gamma(1.0 / spread**2, lag * spread**2, count) if spread else np.full(count, lag)
     world = road.new_world(drivers, steps)
-    rows = np.array([e.row() for e in hidden], float).reshape(len(hidden), 9)
     habits = (scene["keep_right"], scene["short_gaps"])
     noise = (scene["driver_noise"]["sigma"], float(np.exp(-road.DT / scene["driver_noise"]["memory_s"])))
     sums, memory = run(
-        world, LAWS.index(scene["law"]), traffic.queues(drivers["lane0"], scene["lanes"]), rows,
+        world, LAWS.index(scene["law"]), traffic.queues(drivers["lane0"], scene["lanes"]), rows_of(hidden),
         traffic.prevailing_speed(rng, scene, steps), (scene["start"], scene["end"], scene["zone"]),
         scene["road_m"], scene["warm"], noise, habits, int(rng.integers(2**31)),
     )  # fmt: skip

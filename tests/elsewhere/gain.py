@@ -30,8 +30,7 @@ def worth(got: dict[str, Any], seed: int) -> dict[str, Any]:
     because what noise hides cannot be gained; `seed` draws the noise.
     """
     world, rng = got["world"], np.random.default_rng(seed)
-    hidden = np.array([e.row() for e in got["hidden"]], float).reshape(len(got["hidden"]), 9)
-    law = LAWS.index(got["scene"]["law"])
+    hidden, law = w.rows_of(got["hidden"]), LAWS.index(got["scene"]["law"])
     errors = []
     for driver, see, starts in some_tracks(got["memory"]):
         lag = round(world.lag[driver] / DT)

@@ -2,6 +2,8 @@
 
 from dataclasses import dataclass, field
 
+import numpy as np
+
 (
     S,  # gap, m
     V,  # own speed, m/s
@@ -66,3 +68,8 @@ class Effect:
     def row(self):
         """Numbers for the simulation, in the order of the constants above."""
         return [self.code, self.form, self.p, self.q, *self.position, *self.time, self.lane]
+
+
+def rows_of(hidden):
+    """Numbers of all hidden effects for the simulation, one row each; no rows of nothing."""
+    return np.array([effect.row() for effect in hidden], float).reshape(len(hidden), ONLY + 1)
