@@ -137,7 +137,9 @@ def _cases(
             model = ExtendedModel.read(settings.model)
             if population != EXTENDED:
                 model = replace(model, causes=())
-            ours = ModelDrivers(model, demand, theta, model.desired_speed)
+            # Parameters of an IDM say nothing of another law: all are the model's median driver then.
+            own_theta = theta if model.is_idm else np.tile(model.parameters, (len(demand), 1))
+            ours = ModelDrivers(model, demand, own_theta, model.desired_speed)
         options = SUBLANE.get(settings.lane_change_model, ())
         files = write_run(
             part / "simulation", population, recorded, demand, types, downstream=downstream, options=options

@@ -20,7 +20,7 @@ Floats = npt.NDArray[np.float64]
 
 BASE, EXTENDED = "base", "extended"
 COLOURS = {BASE: "#D55E00", EXTENDED: "#0072B2"}
-NAMES = {BASE: "IDM", EXTENDED: "extended model"}
+NAMES = {BASE: "base model", EXTENDED: "extended model"}
 SCANNED = {"position_m": "position along the road (m)", "time_s": "time since the period began (s)"}
 UNSURE = 4.0  # times the median standard error
 MARKED = "#F0E442"  # where a named or unexplained place or time lies

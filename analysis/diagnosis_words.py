@@ -6,6 +6,7 @@ from collections.abc import Sequence
 
 import pandas as pd
 
+from idm_sumo import laws
 from idm_sumo.diagnosis import CauseFound, Diagnosis, Gain, Power, Region
 from idm_sumo.effects import BY_NAME, Parameter
 
@@ -48,7 +49,7 @@ def headline(found: Diagnosis) -> str:
         return f"None: {sentence(found.notes[0])}"
     if found.other_law is not None:
         return "None: no effect of the catalogue is shown by these data."
-    return "None: nothing beyond the IDM is shown by these data."
+    return f"None: nothing beyond {law_of(found)} is shown by these data."
 
 
 def _sized(cause: CauseFound) -> str:
@@ -80,7 +81,7 @@ def gain_sentence(gain: Gain | None) -> str:
     if gain is None:
         return "Too few drivers to hold some out: no gain was measured."
     if gain.difference == 0.0:
-        return f"The IDM's mean displacement error is {gain.base:.2f} m on {gain.vehicles} held-out drivers; the model is not extended."
+        return f"The mean displacement error is {gain.base:.2f} m on {gain.vehicles} held-out drivers; the model is not extended."
     share = gain.difference / gain.base if gain.base else 0.0
     sure = "" if gain.ci95[0] > 0 else " That interval holds zero: significance and gain are different things."
     return (
@@ -89,15 +90,35 @@ def gain_sentence(gain: Gain | None) -> str:
     )
 
 
+def law_of(found: Diagnosis) -> str:
+    """Return the car-following law that causes are beyond, in words."""
+    return laws.IN_WORDS[laws.IDM if found.law is None else laws.NAMES.index(found.law.name)]
+
+
 def law_sentence(found: Diagnosis) -> str:
-    """Say that the drivers' car-following is of another law than the IDM, if it is; else nothing."""
+    """Say which law drivers follow if it is not the IDM, and whether what they follow is yet another one; else nothing."""
+    return " ".join(filter(None, (_followed(found), _another(found))))
+
+
+def _followed(found: Diagnosis) -> str:
+    if found.law is None:
+        return ""
+    gain = found.law.gain
+    return (
+        f"These drivers follow {law_of(found)} more closely than the IDM: on {gain.vehicles} held-out drivers, each fitted, the mean "
+        f"displacement error is {gain.extended:.3f} m by it and {gain.base:.3f} m by the IDM (difference, 95 %: {gain.ci95[0]:.3f} to "
+        f"{gain.ci95[1]:.3f} m). What follows is beyond that law; the model file holds it."
+    )
+
+
+def _another(found: Diagnosis) -> str:
     if found.other_law is None:
         return ""
-    law = found.other_law
+    law, whose = found.other_law, law_of(found)
     return (
-        f"The IDM is not quite the law of these drivers, whatever its parameters: what is left looks like {plain(law.name)} with "
-        f"{law.symbol} = {law.value:.2g}{_unit(law.unit)} ({law.standard_errors:.1f} standard errors), a sign that it cannot have. "
-        "Sizes are what an IDM would need, their intervals are wider for it, and small effects may stay unseen."
+        f"{sentence(whose).rstrip('.')} is not quite the law of these drivers, whatever its parameters: what is left looks like "
+        f"{plain(law.name)} with {law.symbol} = {law.value:.2g}{_unit(law.unit)} ({law.standard_errors:.1f} standard errors), a sign "
+        "that it cannot have. Sizes are what that law would need, their intervals are wider for it, and small effects may stay unseen."
     )
 
 
@@ -106,7 +127,7 @@ def gains_table(gains: Sequence[Gain | None]) -> pd.DataFrame:
     return pd.DataFrame(
         [
             {
-                "measure": MEASURES.get(one.metric, one.metric), "IDM": f"{one.base:.4g}", "extended": f"{one.extended:.4g}",
+                "measure": MEASURES.get(one.metric, one.metric), "base": f"{one.base:.4g}", "extended": f"{one.extended:.4g}",
                 "difference": f"{one.difference:.3g}", "95 %": f"{one.ci95[0]:.3g} to {one.ci95[1]:.3g}", "vehicles": one.vehicles,
             }
             for one in gains if one is not None

@@ -83,6 +83,7 @@ def replay_one(
     """
     model = None if request.model is None else ExtendedModel.read(request.model)
     if model is not None:
+        _check_drivers(model, request)
         request = changed(request, desired_speed=model.desired_speed)
     scenes = _scene_of(recording, request)
     theta, origin = _parameters(request, scenes)
@@ -110,6 +111,14 @@ def replay_one(
         write_manifest(part / MANIFEST, record)
     columns = [c.PERIOD, c.VEHICLE, "ade_m", "fde_m", "collision", "at_fault", "min_gap_m"]
     return scores[columns if model is None else ["model", *columns]]
+
+
+def _check_drivers(model: ExtendedModel, request: Request) -> None:
+    if request.drivers is not None and not model.is_idm:
+        raise InputError(
+            f"{request.model}: its drivers follow {model.law}, not an IDM, whose parameters {request.drivers} holds; "
+            "leave --drivers out, and the vehicle is fitted by that law"
+        )
 
 
 def fit_extended(

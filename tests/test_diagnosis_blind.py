@@ -47,12 +47,26 @@ def test_nothing_hidden_nothing_named(tmp_path):
     }
 
 
-@pytest.mark.parametrize(("law", "is_another"), [("idm", False), ("fvd", True), ("gipps", True)])
-def test_drivers_of_another_law_are_told_from_those_of_an_idm(law, is_another, tmp_path):
+@pytest.mark.parametrize("law", ["idm", "fvd", "gipps"])
+def test_drivers_of_another_law_are_told_from_those_of_an_idm(law, tmp_path):
     recording = hidden(tmp_path, 23, None, underlying=law, drivers=350, minutes=5.0, sigma=0.15)
     found = checked(diagnose(recording))
     assert found.verdict == "none"
-    assert (found.other_law is not None) is is_another
+    assert (found.law is not None or found.other_law is not None) is (law != "idm")
+    if law == "fvd":
+        assert found.law is not None
+        assert found.law.name == found.model.law == found.base_model.law == "full_velocity_difference"
+        assert found.law.gain.ci95[0] > 0.0
+
+
+def test_what_is_beyond_another_law_is_named_and_not_what_the_law_makes_of_an_idm(tmp_path):
+    # To an IDM, drivers of this law seem to keep longer headways at speed.
+    given = {"underlying": "fvd", "drivers": 300, "minutes": 4.0, "density": "moderate", "form": "third"}
+    found = checked(diagnose(hidden(tmp_path, 24, "speed_dependent_headway", "mid", **given)))
+    assert found.law is not None
+    assert [cause.name for cause in found.causes] == ["speed_dependent_headway"]
+    assert found.causes[0].parameters["gamma"].value == pytest.approx(-0.15, rel=0.3)
+    assert better(found)
 
 
 def better(found: Diagnosis) -> bool:

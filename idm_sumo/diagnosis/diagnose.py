@@ -11,15 +11,16 @@ import numpy as np
 from numba import get_num_threads, set_num_threads
 from threadpoolctl import threadpool_limits
 
+from idm_sumo import laws
 from idm_sumo.diagnosis import atoms as at
-from idm_sumo.diagnosis import luck, statements, tables
+from idm_sumo.diagnosis import law, luck, statements, tables
 from idm_sumo.diagnosis import noise as no
 from idm_sumo.diagnosis.artefact import find_seam, repaired
 from idm_sumo.diagnosis.fit import Fit, first_guess, fit_drivers
-from idm_sumo.diagnosis.gain import Errors, all_gains, driven
+from idm_sumo.diagnosis.gain import Errors, all_gains, compare, driven
 from idm_sumo.diagnosis.gain_gates import is_confirmed
 from idm_sumo.diagnosis.look import Subject
-from idm_sumo.diagnosis.result import NAMED, NONE, UNKNOWN, Diagnosis, Gain
+from idm_sumo.diagnosis.result import NAMED, NONE, UNKNOWN, Diagnosis, Gain, Law
 from idm_sumo.diagnosis.rollout import PLAIN
 from idm_sumo.diagnosis.search import Found, left_without_causes, search, with_its_noise
 from idm_sumo.diagnosis.sizes import ROUNDS
@@ -80,15 +81,18 @@ def _diagnose(recording: Recording, rng: np.random.Generator, progress: Progress
         return _too_little(windows, train, clock)
     progress("fitting drivers", 0, 1)
     start = luck.measured(measurement, own, 400, 160, rng)
-    base = fit_drivers(train, PLAIN.copy(), np.array([start[0].var() + 1e-4, start[1].var() + 1e-4]), rounds=ROUNDS)
+    by_idm = fit_drivers(train, PLAIN.copy(), np.array([start[0].var() + 1e-4, start[1].var() + 1e-4]), rounds=ROUNDS)
     clock.append(("fit", time.perf_counter()))
+    progress("comparing car-following laws", 0, 1)
+    base = law.followed(train, by_idm, rng.spawn(1)[0])  # what follows has its own luck, whatever the law
+    clock.append(("law", time.perf_counter()))
     leader = motion if recording.has_leader_rows and not recording.is_smooth else None
     noises = luck.Noises(measurement, no.QUIET, leader)
     subject = with_its_noise(Subject(train, noises, at.grid_of(windows), recording.is_smooth), base, rng)
     found = search(subject, base, rng, progress)
     clock.append(("search", time.perf_counter()))
     progress("measuring the gain", 0, 1)
-    told = _told(recording, windows, held, found, measurement, clock, rng)
+    told = _told(recording, windows, held, found, by_idm, measurement, clock, rng)
     return (
         told
         if seam is None
@@ -148,7 +152,7 @@ def _too_little(windows: Windows, train: Windows, clock: list[tuple[str, float]]
 
 
 def _told(
-    recording: Recording, windows: Windows, held: Windows, found: Found, measurement: no.Noise,
+    recording: Recording, windows: Windows, held: Windows, found: Found, by_idm: Fit, measurement: no.Noise,
     clock: list[tuple[str, float]], rng: np.random.Generator,
 ) -> Diagnosis:  # fmt: skip
     """Measure the gain on the held-out drivers and put everything into words."""
@@ -178,7 +182,16 @@ def _told(
         notes=statements.notes(recording, windows, measurement, found),
         seconds=_seconds(clock),
         other_law=statements.other_law(found.last),
+        law=_law(held, found.base, by_idm, rng),
     )
+
+
+def _law(held: Windows, base: Fit, by_idm: Fit, rng: np.random.Generator) -> Law | None:
+    """Return the law that drivers follow if it is not the IDM, and by how much it is nearer to those held out; neither with causes."""
+    if base is by_idm or not len(held.seen):
+        return None
+    gain = compare("ade_m", driven(held, by_idm).ade_m, driven(held, base).ade_m, held.platoon, rng, held_out=True)
+    return Law(laws.NAMES[law.law_of(base)], gain)
 
 
 def _shares(held: Windows, found: Found, base: float, extended: float) -> Mapping[str, float]:

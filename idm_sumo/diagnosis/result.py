@@ -97,8 +97,24 @@ class Gain:
 
 
 @dataclass(frozen=True)
+class Law:
+    """A car-following law that drivers follow more closely than the IDM.
+
+    Attributes
+    ----------
+    name : str
+        Of :data:`idm_sumo.laws.NAMES`.
+    gain : Gain
+        ADE of held-out drivers: by the IDM, and by this law; no causes in either.
+    """
+
+    name: str
+    gain: Gain
+
+
+@dataclass(frozen=True)
 class OtherLaw:
-    """What shows that the drivers' car-following is of another law than the IDM: an effect of a sign that none can have."""
+    """What shows that the drivers' car-following is of another law than the model's: an effect of a sign that none can have."""
 
     name: str
     symbol: str
@@ -160,7 +176,7 @@ class Diagnosis:
         Effect and reason.
     power : tuple of Power
     model, base_model : ExtendedModel
-        Base: the plain IDM's median driver.
+        Base: the median driver by the law that drivers follow, the plain IDM or another, without causes.
     residuals : pandas.DataFrame
         One row a compared moment of a held-out window: ``vehicle, window, lag, position, time, speed, gap,
         approach_rate, leader_acceleration, since_change, lane, leader_class, adjacent_difference, rear_gap`` and
@@ -176,6 +192,8 @@ class Diagnosis:
         Wall time of each stage.
     other_law : OtherLaw or None
         None if what is left does not say so.
+    law : Law or None
+        Which drivers follow more closely than the IDM; it is then in both models, and gains are beside it. None for the IDM.
     """
 
     verdict: str
@@ -196,3 +214,4 @@ class Diagnosis:
     notes: tuple[str, ...] = ()
     seconds: Mapping[str, float] = field(default_factory=dict)
     other_law: OtherLaw | None = None
+    law: Law | None = None

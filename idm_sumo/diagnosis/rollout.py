@@ -8,7 +8,7 @@ import numpy as np
 import numpy.typing as npt
 from numba import literal_unroll, njit
 
-from idm_sumo import idm
+from idm_sumo import idm, laws
 from idm_sumo.diagnosis import windows as w
 from idm_sumo.effects import slots
 from idm_sumo.effects.acceleration import Moment, Sight, behaved, moment_of
@@ -84,14 +84,16 @@ def _meet(row, gap, speed, rate, models, now):  # type: ignore[no-untyped-def]
 
 
 @njit(cache=True, nogil=True, error_model="numpy")
-def _drive(first, last, seen, driver, theta, models, start, pushed, begin, every, x, v):  # type: ignore[no-untyped-def]
+def _drive(first, last, seen, driver, theta, models, start, pushed, begin, every, of_law, x, v):  # type: ignore[no-untyped-def]
     """Fill ``x`` and ``v``; the last axis of ``theta``, ``start``, ``x`` and ``v`` is of rollouts side by side.
 
-    An array for each quantity, so that the compiler sees loops over rollouts that it can turn into vector instructions.
+    An array for each quantity, so that the compiler sees loops over rollouts that it can turn into vector instructions;
+    ``of_law`` of :func:`idm_sumo.laws.in_the_type` for the same reason.
     """
     frames, beside = seen.shape[1], x.shape[2]
     remembers = models[:, :, slots.NEW_LEADER_KNOWN].sum() > 0.0  # zero models may stand side by side
     same_driver, same_model = theta.shape[2] == 1, len(models) == 1
+    law = len(of_law)
     gap, speed, rate = np.empty((frames, beside)), np.empty((frames, beside)), np.empty((frames, beside))
     a, weight, headway, jam, limit = (
         np.empty(beside), np.empty(beside), np.empty(beside), np.empty(beside), np.empty(beside),
@@ -127,7 +129,7 @@ def _drive(first, last, seen, driver, theta, models, start, pushed, begin, every
                     more[n] = behaved(
                         between(speed[own_ago, n], speed[own_after, n], own_share), between(rate[ago, n], rate[after, n], share),
                         gap_between(gap[ago, n], gap[after, n], share), here[n], second - here[n], here[n] - behind,
-                        moment, a[n], weight[n], headway[n], jam[n], 0.0, limit[n],
+                        moment, a[n], weight[n], headway[n], jam[n], 0.0, limit[n], law,
                     )  # fmt: skip
             else:
                 for n in range(beside):
@@ -140,7 +142,7 @@ def _drive(first, last, seen, driver, theta, models, start, pushed, begin, every
                 for n in range(beside):
                     more[n] = behaved(
                         then_speed[n], then_rate[n], then_gap[n], here[n], second - here[n], here[n] - behind,
-                        _noted(of, n), a[n], weight[n], headway[n], jam[n], 0.0, limit[n],
+                        _noted(of, n), a[n], weight[n], headway[n], jam[n], 0.0, limit[n], law,
                     )  # fmt: skip
             for n in range(beside):
                 faster = max(fast[n] + (more[n] + push) * FRAME_STEP, 0.0)
@@ -174,7 +176,10 @@ def side_by_side(
     """
     shape = (len(seen), 1 + (seen.shape[1] - begin - 1) // every, start.shape[1])
     x, v = np.empty(shape), np.empty(shape)
-    in_threads(_drive, len(seen), seen, driver, np.ascontiguousarray(theta), models, start, pushed, begin, every, x, v)
+    law = laws.in_the_type(models[:1, 0, slots.LAW].sum())  # of all of them; there may be none
+    in_threads(
+        _drive, len(seen), seen, driver, np.ascontiguousarray(theta), models, start, pushed, begin, every, law, x, v
+    )
     return x, v
 
 
@@ -262,7 +267,7 @@ def _respond(first, last, seen, driver, theta, by_lane, response, state):  # typ
                 at = x + FARTHER[n]
                 looked[n] = behaved(
                     speed + FASTER[n] + SOONER[n], rate + FASTER[n], gap - FARTHER[n], at, row[w.SECOND] - at, at - row[w.BEHIND],
-                    moment, own[0], weight, own[2] * MORE_HEADWAY[n], own[3], 0.0, own[4] * MORE_SPEED[n],
+                    moment, own[0], weight, own[2] * MORE_HEADWAY[n], own[3], 0.0, own[4] * MORE_SPEED[n], m[slots.LAW],
                 )  # fmt: skip
             a = looked[0]
             by_x, by_v = (looked[1] - looked[2]) / (2.0 * NUDGE), (looked[3] - looked[4]) / (2.0 * NUDGE)

@@ -19,6 +19,7 @@ from idm_sumo.diagnosis.look import Look, Subject
 from idm_sumo.diagnosis.luck import Luck
 from idm_sumo.diagnosis.recovery import recovered
 from idm_sumo.diagnosis.result import Gain
+from idm_sumo.diagnosis.windows import Windows
 from idm_sumo.effects import BY_NAME, Parameter
 
 Floats = npt.NDArray[np.float64]
@@ -139,11 +140,12 @@ def typical_ade(subject: Subject, fit: Fit) -> float:
     A few drivers at the edge of stability err by many times as much as others, and what a size does to those is no reason for or
     against it.
     """
-    return float(np.exp(_log_ade(subject, fit).mean()))
+    return float(np.exp(log_ade(subject.windows, fit).mean()))
 
 
-def _log_ade(subject: Subject, fit: Fit) -> Floats:
-    return np.log(np.maximum(driven(subject.windows, fit, known=True).ade_m, LEAST_ADE))
+def log_ade(windows: Windows, fit: Fit) -> Floats:
+    """Return the logarithm of the average displacement error (m) of each driver that fits."""
+    return np.log(np.maximum(driven(windows, fit, known=True).ade_m, LEAST_ADE))
 
 
 def _delayed(subject: Subject, fit: Fit, candidate: Candidate) -> list[Fit]:
@@ -224,8 +226,13 @@ class TwinScore:
 
 def gain_of(subject: Subject, before: Fit, after: Fit, rng: np.random.Generator) -> Gain:
     """Return the share of a driver's ADE that one model spares beside another, the typical one of the drivers that fit."""
-    spared, all_of_it = _log_ade(subject, before) - _log_ade(subject, after), np.ones(subject.windows.drivers)
-    return compare("share_of_ade", all_of_it, all_of_it - spared, subject.windows.platoon, rng, held_out=False)
+    return gain_share(subject.windows, before, after, rng)
+
+
+def gain_share(windows: Windows, before: Fit, after: Fit, rng: np.random.Generator) -> Gain:
+    """Return :func:`gain_of` in some windows."""
+    spared, all_of_it = log_ade(windows, before) - log_ade(windows, after), np.ones(windows.drivers)
+    return compare("share_of_ade", all_of_it, all_of_it - spared, windows.platoon, rng, held_out=False)
 
 
 class Stride:

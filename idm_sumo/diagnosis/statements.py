@@ -7,6 +7,7 @@ from collections.abc import Mapping
 import numpy as np
 import numpy.typing as npt
 
+from idm_sumo import laws
 from idm_sumo.diagnosis import evidence as ev
 from idm_sumo.diagnosis import gates
 from idm_sumo.diagnosis import hypotheses as hy
@@ -18,7 +19,7 @@ from idm_sumo.diagnosis.noise import Noise
 from idm_sumo.diagnosis.result import CauseFound, Estimate, OtherLaw, Power, Region, RuledOut, Scan, Unexplained
 from idm_sumo.diagnosis.search import Found
 from idm_sumo.diagnosis.windows import HORIZON, SECOND, UNTIL_CUT_IN, Windows
-from idm_sumo.effects import BY_NAME, Cause, ExtendedModel
+from idm_sumo.effects import BY_NAME, Cause, ExtendedModel, slots
 from idm_sumo.idm import IDMParameters
 from idm_sumo.recording import Recording
 from idm_sumo.road import FRAME_STEP
@@ -40,7 +41,8 @@ def model_of(fit: Fit, accepted: tuple[Accepted, ...], source: str) -> ExtendedM
     """Return the median driver's model with the accepted causes."""
     a, b, headway, gap, limit = (float(v) for v in np.exp(fit.mean))
     causes = tuple(Cause(c.candidate.name, _values(fit, c.candidate.name), c.candidate.only_lanes) for c in accepted)
-    return ExtendedModel(IDMParameters(a, b, headway, gap, 0.0), limit, causes, source)
+    law = laws.NAMES[int(fit.by_lane[0, slots.LAW])]
+    return ExtendedModel(IDMParameters(a, b, headway, gap, 0.0), limit, causes, source, law)
 
 
 def _values(fit: Fit, name: str) -> dict[str, float]:

@@ -1,4 +1,4 @@
-"""One compiled acceleration: the IDM and all effects, by a flat vector of magnitudes."""
+"""One compiled acceleration: the IDM, or another law in its place, and all effects, by a flat vector of magnitudes."""
 
 from __future__ import annotations
 
@@ -6,7 +6,7 @@ from typing import NamedTuple
 
 from numba import njit
 
-from idm_sumo import idm
+from idm_sumo import idm, laws
 from idm_sumo.effects import slots
 from idm_sumo.effects.acceleration_asymmetry import weakened
 from idm_sumo.effects.adjacent_lane_friction import friction
@@ -162,9 +162,20 @@ def moment_of(see, m):  # type: ignore[no-untyped-def]
     )  # fmt: skip
 
 
+@njit(cache=True, error_model="numpy", forceinline=True)
+def _by_idm(speed, rate, gap, second_rate, second_gap, share, a, weight, headway, d0, d1, inverse):  # type: ignore[no-untyped-def]
+    """Return the IDM's acceleration (m/s²), a share of its interaction with the second leader."""
+    ratio = idm.desired_gap_of(speed, rate, weight, headway, d0, d1, inverse) * (1.0 / gap)
+    wanted = idm.desired_gap_of(speed, second_rate, weight, headway, d0, d1, inverse)
+    second = wanted / second_gap if share > 0.0 else 0.0
+    interaction = shared_interaction(ratio * ratio, second * second, share)
+    ratio = speed * inverse
+    return a * (1.0 - ratio * ratio * ratio * ratio - interaction)
+
+
 # Inlined by force: a loop over drivers that calls it is turned into vector instructions only then.
 @njit(cache=True, error_model="numpy", forceinline=True)
-def behaved(speed, approach_rate, gap, x, second_gap, rear_gap, moment, a, weight, T, d0, d1, desired_speed):  # type: ignore[no-untyped-def]
+def behaved(speed, approach_rate, gap, x, second_gap, rear_gap, moment, a, weight, T, d0, d1, desired_speed, law):  # type: ignore[no-untyped-def]
     """Return the acceleration (m/s²) at one moment; without branches, for many at once.
 
     Parameters
@@ -176,6 +187,8 @@ def behaved(speed, approach_rate, gap, x, second_gap, rear_gap, moment, a, weigh
     moment : Moment
     a, weight, T, d0, d1, desired_speed : float
         ``weight`` of :func:`idm_sumo.idm.closing_weight`.
+    law : float
+        Of :mod:`idm_sumo.laws`; the same for all of many, or the loop over them is none of vector instructions.
     """
     limit = desired_speed * moment.limit
     inverse = 1.0 / limit
@@ -189,13 +202,16 @@ def behaved(speed, approach_rate, gap, x, second_gap, rear_gap, moment, a, weigh
         else approach_rate
     )
     seen = perceived(rate, moment.band, moment.taken)
-    wanted = idm.desired_gap_of(speed, seen, weight, headway, d0, d1, inverse)
-    ratio = wanted * (1.0 / max(gap + moment.credit, idm.SMALLEST_GAP))
-    wanted = idm.desired_gap_of(speed, speed - moment.second_speed, weight, headway, d0, d1, inverse)
-    second = wanted / max(0.5 * second_gap, idm.SMALLEST_GAP) if moment.share > 0.0 else 0.0
-    interaction = shared_interaction(ratio * ratio, second * second, moment.share)
-    ratio = speed * inverse
-    free = weakened(a * (1.0 - ratio * ratio * ratio * ratio - interaction), moment.asymmetry)
+    room, farther = max(gap + moment.credit, idm.SMALLEST_GAP), max(0.5 * second_gap, idm.SMALLEST_GAP)
+    second_rate = speed - moment.second_speed
+    if law == laws.IDM:
+        free = _by_idm(speed, seen, room, second_rate, farther, moment.share, a, weight, headway, d0, d1, inverse)
+    else:
+        free = laws.acceleration(law, speed, seen, room, a, weight, headway, d0, limit)
+        if moment.share > 0.0:
+            behind_second = laws.acceleration(law, speed, second_rate, farther, a, weight, headway, d0, limit)
+            free = shared_interaction(free, behind_second, moment.share)
+    free = weakened(free, moment.asymmetry)
     free += at_place(x, moment.place, moment.begin, moment.end)
     free += friction(speed, moment.adjacent_speed, moment.friction)
     free += pressed(rear_gap, moment.pressure) + moment.room
@@ -218,9 +234,9 @@ def extended_acceleration(speed, approach_rate, gap, see, a, b, T, d0, d1, desir
 
     Notes
     -----
-    The bound ``-EMERGENCY_BRAKING`` and the smallest gap are those of the plain IDM.
+    The bound ``-EMERGENCY_BRAKING`` and the smallest gap are those of the plain IDM, by whatever law ``m`` follows.
     """
     return behaved(
         speed, approach_rate, gap, see.x, see.second_gap, see.rear_gap, moment_of(see, m),
-        a, idm.closing_weight(a, b), T, d0, d1, desired_speed,
+        a, idm.closing_weight(a, b), T, d0, d1, desired_speed, m[slots.LAW],
     )  # fmt: skip

@@ -1,4 +1,4 @@
-"""The IDM with named causes, kept in a file that replay, export and interactive read."""
+"""The IDM, or another law in its place, with named causes, kept in a file that replay, export and interactive read."""
 
 from __future__ import annotations
 
@@ -10,7 +10,7 @@ from pathlib import Path
 import numpy as np
 import numpy.typing as npt
 
-from idm_sumo import road
+from idm_sumo import laws, road
 from idm_sumo.effects import slots
 from idm_sumo.effects.catalogue import BY_NAME
 from idm_sumo.errors import InputError
@@ -57,16 +57,25 @@ class ExtendedModel:
     causes : tuple of Cause
     source : str
         The recording it was found in.
+    law : str
+        The car-following that the causes are beyond: of :data:`idm_sumo.laws.NAMES`, to which the parameters belong.
     """
 
     parameters: IDMParameters
     desired_speed: float = road.SPEED_LIMIT
     causes: tuple[Cause, ...] = field(default=())
     source: str = ""
+    law: str = laws.NAMES[laws.IDM]
+
+    @property
+    def is_idm(self) -> bool:
+        """Whether the law is the IDM, whose parameters `calibrate` and `predict` give."""
+        return self.law == laws.NAMES[laws.IDM]
 
     def magnitudes(self, lane: int = 0) -> npt.NDArray[np.float64]:
         """Return the flat vector of magnitudes in a lane, shape ``(slots.COUNT,)``; 0 ignores the causes' lanes."""
         m = np.zeros(slots.COUNT)
+        m[slots.LAW] = laws.NAMES.index(self.law)
         for cause in self.causes:
             if not cause.lanes or lane == 0 or lane in cause.lanes:
                 cause.fill(m)
@@ -90,7 +99,7 @@ class ExtendedModel:
             for cause in self.causes
         ]
         base = {**self.parameters._asdict(), "desired_speed": self.desired_speed}
-        whole = {"format": FORMAT, "source": self.source, "base": base, "causes": causes}
+        whole = {"format": FORMAT, "source": self.source, "law": self.law, "base": base, "causes": causes}
         return json.dumps(whole, indent=2) + "\n"
 
     @classmethod
@@ -111,8 +120,15 @@ class ExtendedModel:
             base = dict(whole["base"])
             limit = float(base.pop("desired_speed"))
             causes = tuple(_cause(entry, name) for entry in whole["causes"])
+            law = str(whole.get("law", laws.NAMES[laws.IDM]))
+            if law not in laws.NAMES:
+                raise InputError(f"{name}: law {law!r} is unknown; use one of {', '.join(laws.NAMES)}")
             return cls(
-                IDMParameters(**{k: float(v) for k, v in base.items()}), limit, causes, str(whole.get("source", ""))
+                IDMParameters(**{k: float(v) for k, v in base.items()}),
+                limit,
+                causes,
+                str(whole.get("source", "")),
+                law,
             )
         except InputError:
             raise

@@ -35,5 +35,6 @@ FRICTION_NEXT = 31  # 1
 HYSTERESIS_OF_LATE = 32  # 1
 COURTESY_BRAKING = 33  # m/s^2
 PRE_INSERTION_BRAKING = 34  # m/s^2
+LAW = 35  # number of the car-following law, of `idm_sumo.laws`
 
-COUNT = 35
+COUNT = 36

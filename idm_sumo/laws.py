@@ -1,0 +1,95 @@
+r"""Car-following laws beside the IDM, as compiled scalar kernels by the same five parameters: one equation each.
+
+They are what a diagnosis holds against the IDM before it looks for what drivers do beyond it: of drivers who follow another law
+the IDM leaves something everywhere, which would look like one effect or another. A law is a number, :data:`NAMES` its spelling.
+
+``a``, ``b``, ``T``, ``d0`` and the desired speed mean what they mean for the IDM where a law has them; where it has a sensitivity
+in place of one, that is written below by ``a`` or ``b``, so that one population prior serves all laws.
+"""
+
+from __future__ import annotations
+
+from math import tanh
+
+from numba import njit
+
+IDM, FULL_VELOCITY_DIFFERENCE, SMOOTH_VELOCITY_DIFFERENCE, KRAUSS, OPTIMAL_VELOCITY = range(5)
+NAMES = ("idm", "full_velocity_difference", "smooth_velocity_difference", "krauss", "optimal_velocity")
+IN_WORDS = (
+    "the IDM", "full velocity difference", "full velocity difference with a smooth optimal velocity", "Krauss's safe speed",
+    "optimal velocity",
+)  # fmt: skip
+WITHIN = 4.0  # m/s: by how much the optimal velocity must differ for all of `a`
+OF_RATE = 3.0  # m/s: of approach rate, that is answered by `b`
+AT_ONCE = 1.0  # m/s: of the optimal velocity law, by how much it must differ for an acceleration of `b`
+REACTION = 1.0  # s, in which a safe speed is reached
+
+
+def in_the_type(law: float) -> tuple[int, ...]:
+    """Return a tuple that is as long as the law's number: compiled functions that take it are compiled for each law apart."""
+    return (0,) * int(law)
+
+
+@njit(cache=True, error_model="numpy", forceinline=True)
+def velocity_difference(speed, approach_rate, wanted, a, b):  # type: ignore[no-untyped-def]
+    r"""Return :math:`\dot v = \min(a, \kappa(V - v) - \lambda\,\Delta v)` (m/s²), :math:`\kappa = a/4`, :math:`\lambda = b/3`.
+
+    Jiang, Wu and Zhu (2001), eq. 3; ``wanted`` is the optimal velocity :math:`V` (m/s) of the gap.
+    """
+    return min(a, (a / WITHIN) * (wanted - speed) - (b / OF_RATE) * approach_rate)
+
+
+@njit(cache=True, error_model="numpy", forceinline=True)
+def triangular(gap, T, d0, desired_speed):  # type: ignore[no-untyped-def]
+    r"""Return :math:`V = \max(0, \min(v_0, (d - d_0)/T))` (m/s): Treiber and Kesting (2013), eq. 10.19."""
+    return min(desired_speed, max(0.0, gap - d0) / T)
+
+
+@njit(cache=True, error_model="numpy", forceinline=True)
+def smooth(gap, T, d0, desired_speed):  # type: ignore[no-untyped-def]
+    r"""Return :math:`V = v_0\tanh((d - d_0)/(v_0 T))` (m/s): the hyperbolic tangent of Bando et al. (1995), from the jam distance on."""
+    return desired_speed * tanh(max(0.0, gap - d0) / (desired_speed * T))
+
+
+@njit(cache=True, error_model="numpy", forceinline=True)
+def krauss(speed, approach_rate, gap, a, b, T, d0, desired_speed):  # type: ignore[no-untyped-def]
+    r"""Return the acceleration (m/s²) towards Krauss's safe speed :math:`v_l + (d - d_0 - v_l T)/((v + v_l)/2b + T)`.
+
+    Krauss (1998), eq. 3.6 in the form of SUMO's default model, without its imperfection: reached within a second, no faster than
+    with ``a`` (1 - v/v0).
+    """
+    ahead = max(0.0, speed - approach_rate)
+    safe = ahead + (gap - d0 - ahead * T) / ((speed + ahead) / (2.0 * b) + T)
+    return min(a * (1.0 - speed / desired_speed), (safe - speed) / REACTION)
+
+
+@njit(cache=True, error_model="numpy", forceinline=True)
+def optimal_velocity(speed, wanted, a, b):  # type: ignore[no-untyped-def]
+    r"""Return :math:`\dot v = \min(a, \kappa(V - v))` (m/s²), :math:`\kappa = b` per m/s: blind to the approach rate.
+
+    Bando et al. (1995), eq. 4. With a high :math:`\kappa` it follows Newell's (2002) line between gap and speed.
+    """
+    return min(a, (b / AT_ONCE) * (wanted - speed))
+
+
+@njit(cache=True, error_model="numpy", forceinline=True)
+def acceleration(law, speed, approach_rate, gap, a, weight, T, d0, desired_speed):  # type: ignore[no-untyped-def]
+    """Return the acceleration (m/s²) by a law other than the IDM.
+
+    Parameters
+    ----------
+    law : float
+        Number of the law.
+    speed, approach_rate, gap : float
+        m/s, m/s, m (not below the IDM's smallest gap).
+    a, weight, T, d0, desired_speed : float
+        ``weight`` of :func:`idm_sumo.idm.closing_weight`, in which ``b`` is.
+    """
+    b = 0.25 / (weight * weight * a)
+    if law == FULL_VELOCITY_DIFFERENCE:
+        return velocity_difference(speed, approach_rate, triangular(gap, T, d0, desired_speed), a, b)
+    if law == SMOOTH_VELOCITY_DIFFERENCE:
+        return velocity_difference(speed, approach_rate, smooth(gap, T, d0, desired_speed), a, b)
+    if law == KRAUSS:
+        return krauss(speed, approach_rate, gap, a, b, T, d0, desired_speed)
+    return optimal_velocity(speed, triangular(gap, T, d0, desired_speed), a, b)

@@ -1,0 +1,41 @@
+"""The law that drivers follow is found, and the IDM stays where it is no worse."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from idm_sumo import laws
+from idm_sumo.diagnosis import law
+from idm_sumo.diagnosis import rollout as ro
+from idm_sumo.diagnosis.fit import fit_drivers
+from idm_sumo.effects import slots
+from tests.test_diagnosis_rollout import followers
+
+START = np.array([1e-4, 1e-4])
+
+
+@pytest.mark.parametrize("number", range(len(laws.NAMES)))
+def test_drivers_follow_the_law_that_drove_them(number):
+    windows, _ = followers(law.of(number), np.random.default_rng(4))
+    base = fit_drivers(windows, ro.PLAIN.copy(), START, rounds=8)
+    found = law.followed(windows, base, np.random.default_rng(1))
+    assert law.law_of(found) == number
+    assert (found is base) is (number == laws.IDM)
+
+
+def test_a_law_that_is_hardly_nearer_is_not_taken(monkeypatch):
+    windows, _ = followers(law.of(laws.KRAUSS), np.random.default_rng(4))
+    base = fit_drivers(windows, ro.PLAIN.copy(), START, rounds=4)
+    monkeypatch.setattr(law, "LEAST_GAIN", 10.0)
+    assert law.followed(windows, base, np.random.default_rng(1)) is base
+
+
+def test_effects_act_on_top_of_each_law():
+    for number in range(len(laws.NAMES)):
+        m = law.of(number)
+        windows, theta = followers(m, np.random.default_rng(4))
+        longer = m.copy()
+        longer[:, slots.PERIOD], longer[:, slots.PERIOD_END] = 0.3, 1e6
+        behind = ro.positions(windows, theta, longer) - ro.positions(windows, theta, m)
+        assert behind.mean() < -0.5
