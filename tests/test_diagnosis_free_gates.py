@@ -27,6 +27,8 @@ def test_what_is_there_and_then_only_is_no_place_and_no_time(z, beyond, neither)
         ("position and time", 5.0, False),
         ("position", 6.0, False),  # the catalogue's own place would have said it
         ("position", 7.0, True),
+        ("position and time, moving at 2 m/s", 6.0, False),  # one of fourteen speeds
+        ("position and time, moving at 2 m/s", 7.0, True),
         ("lane", 6.0, False),  # which to take drivers choose themselves
         ("delay over position in lane 2", 6.0, False),  # a response that changes: most looks
         ("delay over time", 7.0, True),

@@ -293,3 +293,40 @@ def test_the_same_thing_is_told_once_and_weak_things_beside_strong_ones_are_not_
         one("position", 6.0),
     )
     assert [told.covariate for told in lo.told(found)] == ["time in lane 2", "lane"]
+
+
+def test_a_band_that_moves_is_on_the_road_as_long_as_plain_geometry_says():
+    path = ff.Path(2.0, (100.0, 700.0), (0.0, 300.0))
+    came, left = path.stay(np.array([400.0, 100.0, 950.0]))
+    # In the middle of the road in the middle of the time; at its beginning then; one that is nearly past it at the start.
+    np.testing.assert_allclose(came, [0.0, 150.0, 0.0])
+    np.testing.assert_allclose(left, [300.0, 300.0, 25.0])
+    edges = path.bands()
+    assert edges[0] >= 100.0 - ff.BAND_BIN
+    assert edges[-1] <= 700.0 + ff.BAND_BIN
+    place, time = path.swept(390.0, 420.0)
+    assert place == (100.0, 700.0)
+    assert time == (0.0, 300.0)
+
+
+@pytest.mark.parametrize("speed", [-5.0, 2.0])
+def test_a_band_that_moves_is_found_at_its_speed(driven, speed):
+    windows, fit, grid, _ = driven
+    seen = windows.seen.copy()
+    shift = np.repeat(np.random.default_rng(3).uniform(0.0, 120.0, windows.drivers), len(seen) // windows.drivers)
+    seen[:, :, w.TIME] += shift[:, None]  # driver by driver, or all would be at a place at the same time
+    windows = replace(windows, seen=seen)
+    grid = at.grid_of(windows)
+    middle = 0.5 * (grid.time[0] + grid.time[-1])
+    band = seen[:, w.LEAD : -1, w.X] - speed * (seen[:, w.LEAD : -1, w.TIME] - middle)
+    begin = float(np.quantile(band, 0.4))
+    pushed_on = pushed(windows, fit, np.where((band > begin) & (band < begin + 40.0), -0.4, 0.0))
+    twin = lo.hear(windows, fit, grid, at.answer_of(windows, fit, grid.pivot))
+    found = lo.left_over(pushed_on, fit, grid, at.answer_of(pushed_on, fit, grid.pivot), [twin], [twin], 1.0)
+    moving = [one for one in found if one.covariate.startswith(ff.MOVING)]
+    assert [one.covariate for one in moving] == [f"{ff.MOVING}{speed:g} m/s"]
+    assert moving[0].value < 0.0
+    assert moving[0].range[0] < begin + 20.0 < moving[0].range[1]
+    assert abs(moving[0].z) > max(abs(one.z) for one in found if one.covariate in ("position", "time"))
+    assert moving[0].position_m is not None
+    assert moving[0].time_s is not None

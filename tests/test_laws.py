@@ -61,7 +61,9 @@ def test_on_a_free_road_no_one_exceeds_the_desired_speed_or_stops_short_of_it(la
 def test_the_extended_acceleration_follows_the_law_of_its_magnitudes(law):
     m = np.zeros(slots.COUNT)
     m[slots.LAW] = law
-    expected = idm.acceleration(9.0, 0.5, 14.0, A, B, T, D0, 0.0, V0) if law == laws.IDM else accelerate(law, 9.0, 0.5, 14.0)
+    expected = (
+        idm.acceleration(9.0, 0.5, 14.0, A, B, T, D0, 0.0, V0) if law == laws.IDM else accelerate(law, 9.0, 0.5, 14.0)
+    )
     assert extended_acceleration(9.0, 0.5, 14.0, BLIND, A, B, T, D0, 0.0, V0, m) == pytest.approx(expected, rel=1e-12)
 
 

@@ -61,6 +61,12 @@ ACCELERATION, HEADWAY, RESPONSE, DELAY = "", "headway", "response", "delay"
 CHANGES = (RESPONSE, DELAY)
 IN_LANE = " in lane "
 REGION = "position and time"
+MOVING = f"{REGION}, moving at "
+# m/s: of a band that moves along the road. Between two of them it strays by half its width in the minutes it takes to cross; faster is
+# the traffic itself, whose vehicles are drivers.
+SPEEDS = tuple(sign * speed for sign in (-1.0, 1.0) for speed in (1.0, 1.5, 2.0, 2.75, 3.75, 5.0, 7.0))
+BAND_BIN, MOST_BANDS = 30.0, 60  # m; bins, side by side
+CROSSES = 0.5  # of the way, or the time, that it could be there: less is a corner
 HELD = ("position", "time")  # by the catalogue, as location and time of day
 # A driver's own motion of late stands out a little; which lane to take drivers choose themselves, and in one lane for a while there
 # are few; of a place or a time the catalogue's own would have said it.
@@ -70,6 +76,53 @@ SUSPECT = ("unrest", "lane", "time" + IN_LANE, REGION + IN_LANE, *HELD)
 ALONG_COVARIATES, ALONG_REGIONS, ALONG_OWN = (ACCELERATION, HEADWAY), (ACCELERATION, RESPONSE, DELAY), (RESPONSE,)
 OWN = "wanted_acceleration"
 PEDAL = f"{RESPONSE} over {OWN}"
+
+
+@dataclass(frozen=True)
+class Path:
+    """How bands move along the road: a band is named by the place where it is in the middle of the recording.
+
+    Attributes
+    ----------
+    speed : float
+        m/s.
+    place, time : tuple of float
+        Where and when the recording begins and ends: m, s.
+    """
+
+    speed: float
+    place: tuple[float, float]
+    time: tuple[float, float]
+
+    @property
+    def middle(self) -> float:
+        """Middle of the recording, s."""
+        return 0.5 * (self.time[0] + self.time[1])
+
+    def named(self, x: Floats, t: Floats) -> Floats:
+        """Return in which band (m) places (m) are at times (s)."""
+        return x - self.speed * (t - self.middle)
+
+    def stay(self, band: Floats) -> tuple[Floats, Floats]:
+        """Return from when to when (s) bands are on the road."""
+        there = np.sort([self.middle + (end - band) / self.speed for end in self.place], axis=0)
+        return np.clip(there[0], *self.time), np.clip(there[1], *self.time)
+
+    def bands(self) -> Floats:
+        """Return the edges between bands (m) that cross enough of road or recording, none if there are too few."""
+        way = 0.5 * abs(self.speed) * (self.time[1] - self.time[0])
+        low, high = self.place[0] - way, self.place[1] + way
+        edges = np.linspace(low, high, 1 + int(np.clip((high - low) / BAND_BIN, 1, MOST_BANDS)))
+        came, left = self.stay(edges)
+        longest = min(self.time[1] - self.time[0], (self.place[1] - self.place[0]) / abs(self.speed))
+        return np.asarray(edges[left - came >= CROSSES * longest])
+
+    def swept(self, low: float, high: float) -> tuple[tuple[float, float], tuple[float, float]]:
+        """Return the places (m) and the times (s) that bands between two have been at."""
+        came, left = self.stay(np.array([low, high]))
+        begin, end = float(came.min()), float(left.max())
+        at = [band + self.speed * (t - self.middle) for band in (low, high) for t in (begin, end)]
+        return (max(min(at), self.place[0]), min(max(at), self.place[1])), (begin, end)
 
 
 @dataclass(frozen=True)
@@ -83,11 +136,14 @@ class Family:
         What is different in them: one of the four above.
     edges : tuple of float64 arrays
         Of one covariate; of position and time for rectangles; the lanes' numbers (single bins) for lanes.
+    path : Path or None
+        Of bands that move.
     """
 
     covariate: str
     content: str
     edges: tuple[Floats, ...]
+    path: Path | None = None
 
     @property
     def shape(self) -> tuple[int, ...]:
@@ -170,6 +226,18 @@ def families(windows: w.Windows, state: Floats, grid: Grid) -> Iterator[tuple[Fa
     for covariate, edges, number in _partitions(covariates(windows, state), grid):
         for content in _contents_along(covariate):
             yield Family(covariate, content, edges), number
+    yield from _moving(windows, state, grid)
+
+
+def _moving(windows: w.Windows, state: Floats, grid: Grid) -> Iterator[tuple[Family, Integers]]:
+    """Yield bands that move along the road, for each speed."""
+    x, t = state[:, :, ro.BASE_X], windows.seen[:, w.LEAD : -1, w.TIME]
+    place, time = (grid.place[0], grid.place[-1]), (grid.time[0], grid.time[-1])
+    for speed in SPEEDS:
+        path = Path(speed, place, time)
+        edges = path.bands()
+        if len(edges) > MOST_BINS // BLOCKS:
+            yield Family(f"{MOVING}{speed:g} m/s", ACCELERATION, (edges,), path), numbered(path.named(x, t), edges)
 
 
 def _contents_along(covariate: str) -> tuple[str, ...]:

@@ -7,7 +7,7 @@ import numpy as np
 from idm_sumo.diagnosis import evidence as ev
 from idm_sumo.diagnosis import gates
 from idm_sumo.diagnosis import hypotheses as hy
-from idm_sumo.diagnosis.free_fields import AROUND, CHANGES, DOUBTFUL, HELD, PEDAL, REGION, SUSPECT
+from idm_sumo.diagnosis.free_fields import AROUND, CHANGES, DOUBTFUL, HELD, MOVING, PEDAL, REGION, SUSPECT
 from idm_sumo.diagnosis.gates import FREE_CLEAR
 from idm_sumo.diagnosis.left_over import SWING, LeftOver
 
@@ -77,7 +77,7 @@ def _usual(one: LeftOver) -> float:
         return FREE_AROUND
     if one.covariate.endswith(DOUBTFUL):
         return FREE_DOUBTFUL
-    return FREE_SURER if one.kind in SUSPECT else FREE_CLEAR
+    return FREE_SURER if one.kind in SUSPECT or one.covariate.startswith(MOVING) else FREE_CLEAR
 
 
 def _least_of_pedal(evidence: ev.Evidence) -> float:

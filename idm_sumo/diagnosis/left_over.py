@@ -153,7 +153,7 @@ def left_over(
             most = variance.most_unsteady(variance.spread(pulses, number, family.count), twin, len(fitted))
             unsteady += [_unsteady(family, most)] if most is not None else []
     looks = _looks(found)
-    named = [_named(one, looks[one.family.is_around]) for one in found]
+    named = [_named(one, looks[one.family.is_around]) for one in _with_one_path(found)]
     spectrum, twins = oscillation.spectrum(pulses), [one.spectrum for one in fitted]
     line = oscillation.line(spectrum, np.mean([one.mean(axis=0) for one in twins], axis=0))
     swings = [
@@ -172,6 +172,13 @@ def _looks(found: list[Said]) -> dict[bool, int]:
         around: 2 * sum(one.stretch.looks for one in found if one.family.is_around == around)
         for around in (True, False)
     }
+
+
+def _with_one_path(found: list[Said]) -> list[Said]:
+    """Return what was found, of all speeds at which bands move the one that says most: its neighbours say the same."""
+    moving = [one for one in found if one.family.path is not None]
+    best = max(moving, key=lambda one: abs(one.z), default=None)
+    return [one for one in found if one.family.path is None or one is best]
 
 
 def _rank(one: LeftOver) -> float:
@@ -244,6 +251,8 @@ def _named(said: Said, looks: int) -> LeftOver:
     covariate = f"{family.content} over {family.covariate}" if family.content else family.covariate
     place = edges[0] if family.covariate.startswith("position") else None
     time = edges[-1] if family.covariate.startswith(("time", ff.REGION)) else None
+    if family.path is not None:
+        place, time = family.path.swept(*edges[0])
     p = corrected_p(z, looks)
     lane = int(family.covariate.partition(ff.IN_LANE)[2] or 0)
     low, high = LARGEST.get(family.content, (-np.inf, np.inf))

@@ -69,7 +69,9 @@ def express(model: ExtendedModel, table: pd.DataFrame, theta: Floats, maximum_sp
     maximum_speed : array, shape (drivers,)
         m/s.
     """
-    no_idm = f"law {model.law}: the types are IDM ones of the drivers as given, its causes on top; the law itself is {LOOP}"
+    no_idm = (
+        f"law {model.law}: the types are IDM ones of the drivers as given, its causes on top; the law itself is {LOOP}"
+    )
     held = Expressed(theta.copy(), maximum_speed.copy(), {}, () if model.is_idm else (no_idm,))
     for cause in model.causes:
         how = None if cause.lanes else _HOW.get(cause.name)
