@@ -117,7 +117,7 @@ def gain_per_driver(gains: pd.DataFrame) -> Figure:
     top = float(np.nanmax([base.max(initial=0.1), extended.max(initial=0.1)])) * 1.05
     axes[0].plot([0, top], [0, top], color="black", linewidth=0.8)
     axes[0].scatter(base, extended, s=9, alpha=0.6, color=COLOURS[EXTENDED], linewidths=0)
-    axes[0].set(xlabel="ADE of the IDM (m)", ylabel="ADE of the extended model (m)", xlim=(0, top), ylim=(0, top),
+    axes[0].set(xlabel="ADE of the base model (m)", ylabel="ADE of the extended model (m)", xlim=(0, top), ylim=(0, top),
                 title="below the line: better")  # fmt: skip
     gain = np.sort(base - extended)[::-1]
     better = gain > 0
@@ -167,7 +167,7 @@ def evidence(tests: pd.DataFrame) -> Figure:
 
 
 def free_accelerations(scans: Sequence[Scan]) -> Figure:
-    """Draw the acceleration that the IDM lacks along position and time, with 95 % intervals."""
+    """Draw the acceleration that the base model lacks along position and time, with 95 % intervals."""
     figure, axes = new_figure(11, 3.2, columns=max(len(scans), 1))
     for ax, scan in zip(axes, scans, strict=False):
         centre = 0.5 * (scan.edges[1:] + scan.edges[:-1])
@@ -177,7 +177,7 @@ def free_accelerations(scans: Sequence[Scan]) -> Figure:
         ax.fill_between(
             centre, scan.estimate - half, scan.estimate + half, step="mid", color=COLOURS[BASE], alpha=0.2, linewidth=0
         )
-        ax.set(xlabel=SCANNED.get(scan.covariate, scan.covariate), ylabel="acceleration the IDM lacks (m/s²)")
+        ax.set(xlabel=SCANNED.get(scan.covariate, scan.covariate), ylabel="acceleration the base model lacks (m/s²)")
         sure = scan.standard_error <= UNSURE * np.nanmedian(scan.standard_error)
         if sure.any():  # a bin of a few vehicles must not flatten all others
             ax.set_ylim(

@@ -148,6 +148,7 @@ def _write_tables(found: Diagnosis, folder: Path) -> None:
         "ruled_out": words.ruled_out_table(found),
         "untestable": pd.DataFrame({"name": list(found.untestable), "reason": list(found.untestable.values())}),
         "power": pd.DataFrame([vars(one) for one in found.power]),
+        "laws": words.laws_table(found),
         "scans": pd.concat([pd.DataFrame({
             "covariate": scan.covariate, "unit": scan.unit, "low": scan.edges[:-1], "high": scan.edges[1:],
             "acceleration_m_s2": scan.estimate, "standard_error_m_s2": scan.standard_error,
@@ -244,6 +245,6 @@ def _write_page(
         pictures=pictures, marks=bool(_marks(found)), model_file=MODEL,
         gains=words.gains_table([found.gain, *found.other_gains]), groups=groups(samples) if len(samples) else pd.DataFrame(),
         causes=words.causes_table(found.causes), without_gain=words.causes_table(found.without_gain), unexplained=unexplained,
-        ruled_out=words.ruled_out_table(found), power=words.power_sentences(found), counts=counts, notes=notes, sentence=words.sentence,
+        laws=words.laws_table(found), ruled_out=words.ruled_out_table(found), power=words.power_sentences(found), counts=counts, notes=notes, sentence=words.sentence,
         repeat=f"To repeat: {shlex.join(['idm-sumo', *command[1:]])}",
     )  # fmt: skip

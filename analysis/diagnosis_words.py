@@ -122,6 +122,15 @@ def _another(found: Diagnosis) -> str:
     )
 
 
+def laws_table(found: Diagnosis) -> pd.DataFrame:
+    """Return what each car-following law leaves, the nearest first."""
+    ordered = sorted(found.typical_by_law.items(), key=lambda one: one[1])
+    return pd.DataFrame(
+        [{"law": laws.IN_WORDS[laws.NAMES.index(name)], "typical ADE (m)": f"{ade:.3g}"} for name, ade in ordered],
+        columns=["law", "typical ADE (m)"],
+    )
+
+
 def gains_table(gains: Sequence[Gain | None]) -> pd.DataFrame:
     """Return all measures of the gain."""
     return pd.DataFrame(

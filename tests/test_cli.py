@@ -308,11 +308,12 @@ def test_interrupted_run_leaves_nothing(recording: Path, tmp_path: Path) -> None
     assert list(tmp_path.iterdir()) == []
 
 
+@pytest.mark.parametrize("law", ["idm", "full_velocity_difference"])
 def test_replay_with_an_extended_model_is_the_same_in_both_back_ends(
-    recording: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+    law: str, recording: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
     model = tmp_path / "model.json"
-    ExtendedModel(TEXTBOOK, causes=(Cause("reaction_delay", {"tau": 0.5}),)).write(model)
+    ExtendedModel(TEXTBOOK, causes=(Cause("reaction_delay", {"tau": 0.5}),), law=law).write(model)
     for backend in ("sumo", "kernel"):
         main(
             [
@@ -335,9 +336,22 @@ def test_replay_with_an_extended_model_is_the_same_in_both_back_ends(
     assert scores["ade_m"].nunique() == 2
     kept = json.loads((tmp_path / "sumo" / "manifest.json").read_text())
     assert kept["model_file"]["causes"][0]["name"] == "reaction_delay"
+    assert kept["model_file"]["law"] == law
     model.write_text("{")
     line = refused(
         ["replay", str(recording), "--vehicle", "4", "--model", str(model), "-o", str(tmp_path / "no")], capsys
     )
     assert "model.json" in line
+    assert not (tmp_path / "no").exists()
+
+
+def test_drivers_of_an_idm_are_refused_where_the_model_follows_another_law(
+    recording: Path, drivers: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    model = tmp_path / "model.json"
+    ExtendedModel(TEXTBOOK, law="krauss").write(model)
+    given = ["--vehicle", "4", "--drivers", str(drivers), "--model", str(model), "-o", str(tmp_path / "no")]
+    line = refused(["replay", str(recording), *given], capsys)
+    assert "krauss" in line
+    assert "leave --drivers out" in line
     assert not (tmp_path / "no").exists()

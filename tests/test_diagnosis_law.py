@@ -20,15 +20,16 @@ def test_drivers_follow_the_law_that_drove_them(number):
     windows, _ = followers(law.of(number), np.random.default_rng(4))
     base = fit_drivers(windows, ro.PLAIN.copy(), START, rounds=8)
     found = law.followed(windows, base, np.random.default_rng(1))
-    assert law.law_of(found) == number
-    assert (found is base) is (number == laws.IDM)
+    assert law.law_of(found.fit) == number
+    assert (found.fit is base) is (number == laws.IDM)
+    assert min(found.typical, key=found.typical.__getitem__) == laws.NAMES[number]
 
 
 def test_a_law_that_is_hardly_nearer_is_not_taken(monkeypatch):
     windows, _ = followers(law.of(laws.KRAUSS), np.random.default_rng(4))
     base = fit_drivers(windows, ro.PLAIN.copy(), START, rounds=4)
     monkeypatch.setattr(law, "LEAST_GAIN", 10.0)
-    assert law.followed(windows, base, np.random.default_rng(1)) is base
+    assert law.followed(windows, base, np.random.default_rng(1)).fit is base
 
 
 def test_effects_act_on_top_of_each_law():

@@ -15,7 +15,7 @@ from analysis.diagnosis_curves import clustered_mean, curves, lag_response, map_
 from analysis.diagnosis_report import contract, groups
 from idm_sumo.cli import main
 from idm_sumo.diagnosis import CauseFound, Diagnosis, Estimate, Gain, Power, Region, RuledOut, Scan, Unexplained
-from idm_sumo.diagnosis.result import OtherLaw
+from idm_sumo.diagnosis.result import Law, OtherLaw
 from idm_sumo.effects import Cause, ExtendedModel
 from idm_sumo.idm import TEXTBOOK
 from tests.planting import plan, simulate
@@ -113,7 +113,17 @@ def test_the_folder_holds_all_of_it(tmp_path, monkeypatch) -> None:
     assert record["inputs"][0]["sha256"]
     assert record["versions"]["numpy"]
     tables = {path.stem for path in (tmp_path / "out" / "tables").glob("*.csv")}
-    assert {"drivers", "residual_curves", "causes", "gains", "ruled_out", "untestable", "power", "scans"} <= tables
+    assert {
+        "drivers",
+        "residual_curves",
+        "causes",
+        "gains",
+        "ruled_out",
+        "untestable",
+        "power",
+        "scans",
+        "laws",
+    } <= tables
 
 
 def test_a_verdict_without_causes_says_what_would_have_been_seen() -> None:
@@ -130,6 +140,21 @@ def test_a_verdict_without_causes_says_what_would_have_been_seen() -> None:
     assert said.startswith("no lane change relaxation would surely have been seen, up to kappa = ")
     assert "1.00 m on 20 held-out drivers; the model is not extended" in diagnosis_words.gain_sentence(silent().gain)
     assert contract(silent())["causes"] == []
+
+
+def test_the_law_that_drivers_follow_is_said_with_what_it_is_nearer_by() -> None:
+    gain = replace(silent().gain, base=0.4, extended=0.3, difference=0.1, ci95=(0.05, 0.15), vehicles=20)
+    typical = {"idm": 0.4, "full_velocity_difference": 0.31, "krauss": 0.5}
+    found = replace(silent(), law=Law("full_velocity_difference", gain), typical_by_law=typical)
+    assert diagnosis_words.headline(found) == "None: nothing beyond full velocity difference is shown by these data."
+    said = diagnosis_words.law_sentence(found)
+    assert "follow full velocity difference more closely than the IDM: on 20 held-out drivers" in said
+    assert "0.300 m by it and 0.400 m by the IDM (difference, 95 %: 0.050 to 0.150 m)" in said
+    table = diagnosis_words.laws_table(found)
+    assert table["law"].tolist() == ["full velocity difference", "the IDM", "Krauss's safe speed"]
+    assert "Full velocity difference is not quite the law" in diagnosis_words.law_sentence(
+        replace(found, other_law=OtherLaw("reaction_delay", "tau", "s", -0.085, 6.1))
+    )
 
 
 def test_a_drift_is_said_to_be_one() -> None:

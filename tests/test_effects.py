@@ -7,7 +7,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from idm_sumo import idm
+from idm_sumo import idm, laws
 from idm_sumo.effects import BLIND, BY_NAME, CATALOGUE, Cause, ExtendedModel, Sight, extended_acceleration, slots
 from idm_sumo.effects.reaction_delay import REMEMBERED, acted_on, follow_another, recall
 from idm_sumo.errors import InputError
@@ -231,6 +231,20 @@ def test_a_model_survives_its_file(tmp_path):
     assert list(tmp_path.iterdir()) == [tmp_path / "model.json"]
 
 
+def test_a_model_of_another_law_survives_its_file_and_an_older_file_is_an_idm(tmp_path):
+    model = ExtendedModel(
+        IDMParameters(1.1, 1.7, 1.2, 2.0, 0.0), 27.0, (Cause("reaction_delay", {"tau": 0.4}),), "here", "krauss"
+    )
+    model.write(tmp_path / "model.json")
+    back = ExtendedModel.read(tmp_path / "model.json")
+    assert back.law == "krauss"
+    assert not back.is_idm
+    assert (back.magnitudes_by_lane()[:, slots.LAW] == laws.KRAUSS).all()
+    older = model.to_json().replace('  "law": "krauss",\n', "")
+    assert older != model.to_json()
+    assert ExtendedModel.from_json(older).is_idm
+
+
 @given(st.floats(-50.0, 500.0), st.floats(-0.7, 0.7))
 def test_a_headway_drifts_from_one_time_to_the_other_and_stays_there(t, share):
     factor = np.interp(t, [100.0, 400.0], [1.0 - share, 1.0 + share])
@@ -262,6 +276,7 @@ def test_the_other_kind_of_an_effect_survives_its_file(cause, usual, instead, tm
         "{}",
         '{"format": "other"}',
         ExtendedModel(IDMParameters(1, 1, 1, 1, 0)).to_json().replace("[]", '[{"name": "ghost", "parameters": {}}]'),
+        ExtendedModel(IDMParameters(1, 1, 1, 1, 0), law="krauss").to_json().replace("krauss", "ghost"),
     ],
 )
 def test_what_is_no_model_is_refused_in_one_line(text, tmp_path):

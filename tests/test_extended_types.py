@@ -135,3 +135,11 @@ def delayed(tau: float, leader: np.ndarray, start: np.ndarray) -> np.ndarray:
         a = 1.0 * (1 - (own / road.SPEED_LIMIT) ** 4 - (wanted / gap) ** 2)
         x, v = x + (v + 0.05 * a) * road.FRAME_STEP, v + a * road.FRAME_STEP
     return np.array(out)
+
+
+def test_a_law_that_is_no_idm_is_said_to_be_our_loops_only(tmp_path) -> None:
+    plain = export_routes(drivers(), tmp_path / "plain.rou.xml")
+    result = export_routes(drivers(), tmp_path / "us101.rou.xml", model=ExtendedModel(TEXTBOOK, law="krauss"))
+    (said,) = [note for note in result.notes if note.startswith("law krauss")]
+    assert "interactive --model" in said
+    assert types_of(result.route_file) == types_of(plain.route_file)

@@ -6,6 +6,7 @@ from idm_sumo.diagnosis.result import (
     Diagnosis,
     Estimate,
     Gain,
+    Law,
     OtherLaw,
     Power,
     Region,
@@ -15,5 +16,5 @@ from idm_sumo.diagnosis.result import (
 )
 
 __all__ = [
-    "CauseFound", "Diagnosis", "Estimate", "Gain", "OtherLaw", "Power", "Region", "RuledOut", "Scan", "Unexplained", "diagnose",
+    "CauseFound", "Diagnosis", "Estimate", "Gain", "Law", "OtherLaw", "Power", "Region", "RuledOut", "Scan", "Unexplained", "diagnose",
 ]  # fmt: skip

@@ -84,7 +84,7 @@ def _diagnose(recording: Recording, rng: np.random.Generator, progress: Progress
     by_idm = fit_drivers(train, PLAIN.copy(), np.array([start[0].var() + 1e-4, start[1].var() + 1e-4]), rounds=ROUNDS)
     clock.append(("fit", time.perf_counter()))
     progress("comparing car-following laws", 0, 1)
-    base = law.followed(train, by_idm, rng.spawn(1)[0])  # what follows has its own luck, whatever the law
+    base, typical = law.followed(train, by_idm, rng.spawn(1)[0])  # what follows has its own luck, whatever the law
     clock.append(("law", time.perf_counter()))
     leader = motion if recording.has_leader_rows and not recording.is_smooth else None
     noises = luck.Noises(measurement, no.QUIET, leader)
@@ -92,7 +92,8 @@ def _diagnose(recording: Recording, rng: np.random.Generator, progress: Progress
     found = search(subject, base, rng, progress)
     clock.append(("search", time.perf_counter()))
     progress("measuring the gain", 0, 1)
-    told = _told(recording, windows, held, found, by_idm, measurement, clock, rng)
+    told = _told(recording, windows, held, found, measurement, clock, rng)
+    told = replace(told, law=_law(held, found.base, by_idm, rng), typical_by_law=typical)
     return (
         told
         if seam is None
@@ -152,7 +153,7 @@ def _too_little(windows: Windows, train: Windows, clock: list[tuple[str, float]]
 
 
 def _told(
-    recording: Recording, windows: Windows, held: Windows, found: Found, by_idm: Fit, measurement: no.Noise,
+    recording: Recording, windows: Windows, held: Windows, found: Found, measurement: no.Noise,
     clock: list[tuple[str, float]], rng: np.random.Generator,
 ) -> Diagnosis:  # fmt: skip
     """Measure the gain on the held-out drivers and put everything into words."""
@@ -182,7 +183,6 @@ def _told(
         notes=statements.notes(recording, windows, measurement, found),
         seconds=_seconds(clock),
         other_law=statements.other_law(found.last),
-        law=_law(held, found.base, by_idm, rng),
     )
 
 

@@ -194,6 +194,8 @@ class Diagnosis:
         None if what is left does not say so.
     law : Law or None
         Which drivers follow more closely than the IDM; it is then in both models, and gains are beside it. None for the IDM.
+    typical_by_law : mapping of str to float
+        By each law's name the typical ADE (m; geometric mean) of some drivers that fit, no causes in any.
     """
 
     verdict: str
@@ -215,3 +217,4 @@ class Diagnosis:
     seconds: Mapping[str, float] = field(default_factory=dict)
     other_law: OtherLaw | None = None
     law: Law | None = None
+    typical_by_law: Mapping[str, float] = field(default_factory=dict)
