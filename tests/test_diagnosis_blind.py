@@ -12,7 +12,7 @@ from idm_sumo.diagnosis import Diagnosis, diagnose
 from idm_sumo.diagnosis.artefact import find_seam
 from idm_sumo.reading import read_recording
 from idm_sumo.recording import Recording
-from tests import planting
+from tests import elsewhere, planting
 
 SMALL = {"drivers": 200, "minutes": 3.0, "lanes": 3, "noise": "white", "sigma": 0.2, "underlying": "idm"}
 
@@ -202,3 +202,16 @@ def test_too_few_drivers_say_nothing(tmp_path):
     )
     assert found.verdict == "none"
     assert "too little" in found.notes[0]
+
+
+def test_a_shower_that_crosses_the_section_is_unknown_and_moves(tmp_path):
+    case = {"kind": "outside", "names": ["shower"], "size": ["mid"], "usual": [False], "law": None}
+    got, _ = elsewhere.make(631, 32, case)
+    got["table"].to_parquet(tmp_path / "recording.parquet", index=False)
+    (shower,) = got["hidden"]
+    found = checked(diagnose(read_recording(tmp_path / "recording.parquet").recording, seed=1))
+    assert found.verdict == "unknown"
+    first = found.unexplained[0]
+    assert first.covariate.startswith("position and time, moving at ")
+    speed = (shower.position[1] - shower.position[0]) / (shower.time[1] - shower.time[0])
+    assert float(first.covariate.split()[-2]) == pytest.approx(speed, rel=0.25)
