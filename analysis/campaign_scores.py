@@ -58,7 +58,7 @@ def _row(trial: dict[str, Any]) -> dict[str, Any]:
         "gain_class": gain_class(_share(best)), "lesser_class": gain_class(_lesser_share(best)), "gain": gain["difference"] / gain["base"] if sure else math.nan,
         "realised": gain["difference"] / (best["base"] - best["extended"])
         if best and sure and names and best["base"] > 1.02 * best["extended"] else math.nan,
-        **{key: plan[key] for key in ("underlying", "noise", "form", "density", "lanes")},
+        "law": found.get("law"), **{key: plan[key] for key in ("underlying", "noise", "form", "density", "lanes")},
         "sigma": sigma_class(plan["sigma"]), "sigma_m": plan["sigma"], "seed": trial["seed"], "seconds": trial["seconds"],
     }  # fmt: skip
 

@@ -21,6 +21,7 @@ EXPLAINED = {
     "Power": "Single effects; the last two columns are medians: what the true model gains, what the extended model gained.",
     "Confusion": "Rows: hidden. Columns: named first, or the verdict.",
     "Power by car-following": "The same by the car-following underneath, and by the form of the effect.",
+    "Laws": "Rows: the car-following underneath. Columns: the law that was taken for it.",
     "In SUMO": "One effect on the headway, large, in traffic that SUMO's own car-following drives.",
     "Pairs by what the lesser is worth": "Two effects at once; what the true model is better by for the lesser, the other in it.",
     "Pairs": "Two effects at once.",
@@ -72,6 +73,7 @@ def tables(graded: pd.DataFrame, sizes: pd.DataFrame) -> dict[str, pd.DataFrame]
         "Power by car-following": _by(single, ("underlying", "form"), ("gain_class",)),
         "Power": power,
         "Confusion": confusion(graded),
+        "Laws": laws(graded),
         "In SUMO": _by(graded[graded["group"] == "in SUMO"], ("name", "underlying")),
         "Pairs by what the lesser is worth": counts(pairs, ["lesser_class"], order=GAIN_CLASSES),
         "Pairs": pd.concat([counts(pairs, ["name"]), counts(pairs, ["underlying"]).rename(columns={"underlying": "name"})]),
@@ -110,6 +112,12 @@ def confusion(graded: pd.DataFrame) -> pd.DataFrame:
     if some.empty:
         return pd.DataFrame()
     return pd.crosstab(some["name"], some["first"]).reset_index().rename(columns={"name": "hidden"})
+
+
+def laws(graded: pd.DataFrame) -> pd.DataFrame:
+    """Return which law (columns) was taken for the car-following underneath (rows), if that is known."""
+    known = graded[graded["law"].notna()]
+    return pd.crosstab(known["underlying"], known["law"]).reset_index() if len(known) else pd.DataFrame()
 
 
 def _by(graded: pd.DataFrame, conditions: tuple[str, ...], more: tuple[str, ...] = ()) -> pd.DataFrame:

@@ -10,7 +10,7 @@ import pytest
 
 from analysis import campaign
 from analysis.campaign_scores import outcome, scored, sized
-from analysis.campaign_tables import summarise
+from analysis.campaign_tables import laws, summarise
 
 PLAN = {"underlying": "idm", "noise": "white", "sigma": 0.3, "form": "usual", "density": "congested", "lanes": 4, "only_lane": 1,
         "place": [200.0, 300.0], "time": [100.0, 200.0]}  # fmt: skip
@@ -151,3 +151,11 @@ def test_what_the_second_simulator_draws_itself_cannot_be_asked_for(given, tmp_p
     with pytest.raises(SystemExit, match="2"):
         campaign.main(["-o", str(tmp_path), "--planter", "elsewhere", *given])
     assert f"leave out {given[0]}" in capsys.readouterr().err
+
+
+def test_the_law_that_was_taken_is_held_against_the_one_underneath():
+    known = trial("none", {})
+    known["found"]["law"] = "krauss"
+    graded = scored(pd.DataFrame([known, trial("none", {})]))  # of the other one an older campaign says nothing
+    assert laws(graded).to_dict("records") == [{"underlying": "idm", "krauss": 1}]
+    assert laws(graded.iloc[1:]).empty
