@@ -103,11 +103,13 @@ def law_sentence(found: Diagnosis) -> str:
 def _followed(found: Diagnosis) -> str:
     if found.law is None:
         return ""
-    gain = found.law.gain
+    gain, likelier = found.law.gain, found.law.likelier
+    low, high = likelier.ci95
     return (
-        f"These drivers follow {law_of(found)} more closely than the IDM: on {gain.vehicles} held-out drivers, each fitted, the mean "
-        f"displacement error is {gain.extended:.3f} m by it and {gain.base:.3f} m by the IDM (difference, 95 %: {gain.ci95[0]:.3f} to "
-        f"{gain.ci95[1]:.3f} m). What follows is beyond that law; the model file holds it."
+        f"These drivers follow {law_of(found)} more likely than the IDM: whatever a driver's parameters, the log-likelihood is higher by "
+        f"{likelier.difference:.2f} a driver (95 %: {low:.2f} to {high:.2f}). On {gain.vehicles} held-out drivers, each fitted, the mean "
+        f"displacement error is {gain.extended:.3f} m by it and {gain.base:.3f} m by the IDM. What follows is beyond that law; the "
+        "model file holds it."
     )
 
 
@@ -123,11 +125,14 @@ def _another(found: Diagnosis) -> str:
 
 
 def laws_table(found: Diagnosis) -> pd.DataFrame:
-    """Return what each car-following law leaves, the nearest first."""
-    ordered = sorted(found.typical_by_law.items(), key=lambda one: one[1])
+    """Return how likely drivers follow each car-following law, and what it leaves of them; the likeliest first."""
+    ordered = sorted(found.by_law.items(), key=lambda one: -one[1].log_likelihood)
     return pd.DataFrame(
-        [{"law": laws.IN_WORDS[laws.NAMES.index(name)], "typical ADE (m)": f"{ade:.3g}"} for name, ade in ordered],
-        columns=["law", "typical ADE (m)"],
+        [
+            (laws.IN_WORDS[laws.NAMES.index(name)], f"{one.log_likelihood:.3g}", f"{one.typical_ade:.3g}")
+            for name, one in ordered
+        ],
+        columns=["law", "log-likelihood a driver, less the IDM's", "typical ADE (m)"],
     )
 
 

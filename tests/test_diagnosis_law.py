@@ -22,13 +22,14 @@ def test_drivers_follow_the_law_that_drove_them(number):
     found = law.followed(windows, base, np.random.default_rng(1))
     assert law.law_of(found.fit) == number
     assert (found.fit is base) is (number == laws.IDM)
-    assert min(found.typical, key=found.typical.__getitem__) == laws.NAMES[number]
+    assert max(found.by_law, key=lambda name: found.by_law[name].log_likelihood) == laws.NAMES[number]
+    assert (found.likelier is None) is (number == laws.IDM)
 
 
-def test_a_law_that_is_hardly_nearer_is_not_taken(monkeypatch):
+def test_a_law_that_is_not_surely_likelier_is_not_taken(monkeypatch):
     windows, _ = followers(law.of(laws.KRAUSS), np.random.default_rng(4))
     base = fit_drivers(windows, ro.PLAIN.copy(), START, rounds=4)
-    monkeypatch.setattr(law, "LEAST_GAIN", 10.0)
+    monkeypatch.setattr(law, "SURE", 1e3)
     assert law.followed(windows, base, np.random.default_rng(1)).fit is base
 
 

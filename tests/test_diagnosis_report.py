@@ -15,7 +15,7 @@ from analysis.diagnosis_curves import clustered_mean, curves, lag_response, map_
 from analysis.diagnosis_report import contract, groups
 from idm_sumo.cli import main
 from idm_sumo.diagnosis import CauseFound, Diagnosis, Estimate, Gain, Power, Region, RuledOut, Scan, Unexplained
-from idm_sumo.diagnosis.result import Law, OtherLaw
+from idm_sumo.diagnosis.result import Law, LawCompared, OtherLaw
 from idm_sumo.effects import Cause, ExtendedModel
 from idm_sumo.idm import TEXTBOOK
 from tests.planting import plan, simulate
@@ -142,14 +142,20 @@ def test_a_verdict_without_causes_says_what_would_have_been_seen() -> None:
     assert contract(silent())["causes"] == []
 
 
-def test_the_law_that_drivers_follow_is_said_with_what_it_is_nearer_by() -> None:
+def test_the_law_that_drivers_follow_is_said_with_what_it_is_likelier_by() -> None:
     gain = replace(silent().gain, base=0.4, extended=0.3, difference=0.1, ci95=(0.05, 0.15), vehicles=20)
-    typical = {"idm": 0.4, "full_velocity_difference": 0.31, "krauss": 0.5}
-    found = replace(silent(), law=Law("full_velocity_difference", gain), typical_by_law=typical)
+    likelier = replace(silent().gain, metric="unlikelihood", difference=2.0, ci95=(1.5, 2.5))
+    by_law = {
+        "idm": LawCompared(0.4, 0.0),
+        "full_velocity_difference": LawCompared(0.41, 2.1),
+        "krauss": LawCompared(0.5, -3.0),
+    }
+    found = replace(silent(), law=Law("full_velocity_difference", likelier, gain), by_law=by_law)
     assert diagnosis_words.headline(found) == "None: nothing beyond full velocity difference is shown by these data."
     said = diagnosis_words.law_sentence(found)
-    assert "follow full velocity difference more closely than the IDM: on 20 held-out drivers" in said
-    assert "0.300 m by it and 0.400 m by the IDM (difference, 95 %: 0.050 to 0.150 m)" in said
+    assert "follow full velocity difference more likely than the IDM" in said
+    assert "higher by 2.00 a driver (95 %: 1.50 to 2.50). On 20 held-out drivers" in said
+    assert "0.300 m by it and 0.400 m by the IDM" in said
     table = diagnosis_words.laws_table(found)
     assert table["law"].tolist() == ["full velocity difference", "the IDM", "Krauss's safe speed"]
     assert "Full velocity difference is not quite the law" in diagnosis_words.law_sentence(

@@ -19,6 +19,7 @@ from idm_sumo.diagnosis.artefact import find_seam, repaired
 from idm_sumo.diagnosis.fit import Fit, first_guess, fit_drivers
 from idm_sumo.diagnosis.gain import Errors, all_gains, compare, driven
 from idm_sumo.diagnosis.gain_gates import is_confirmed
+from idm_sumo.diagnosis.law import Followed
 from idm_sumo.diagnosis.look import Subject
 from idm_sumo.diagnosis.result import NAMED, NONE, UNKNOWN, Diagnosis, Gain, Law
 from idm_sumo.diagnosis.rollout import PLAIN
@@ -84,7 +85,8 @@ def _diagnose(recording: Recording, rng: np.random.Generator, progress: Progress
     by_idm = fit_drivers(train, PLAIN.copy(), np.array([start[0].var() + 1e-4, start[1].var() + 1e-4]), rounds=ROUNDS)
     clock.append(("fit", time.perf_counter()))
     progress("comparing car-following laws", 0, 1)
-    base, typical = law.followed(train, by_idm, rng.spawn(1)[0])  # what follows has its own luck, whatever the law
+    followed = law.followed(train, by_idm, rng.spawn(1)[0])  # what comes after has its own luck, whatever the law
+    base = followed.fit
     clock.append(("law", time.perf_counter()))
     leader = motion if recording.has_leader_rows and not recording.is_smooth else None
     noises = luck.Noises(measurement, no.QUIET, leader)
@@ -93,7 +95,7 @@ def _diagnose(recording: Recording, rng: np.random.Generator, progress: Progress
     clock.append(("search", time.perf_counter()))
     progress("measuring the gain", 0, 1)
     told = _told(recording, windows, held, found, measurement, clock, rng)
-    told = replace(told, law=_law(held, found.base, by_idm, rng), typical_by_law=typical)
+    told = replace(told, law=_law(held, followed, by_idm, rng), by_law=followed.by_law)
     return (
         told
         if seam is None
@@ -186,12 +188,13 @@ def _told(
     )
 
 
-def _law(held: Windows, base: Fit, by_idm: Fit, rng: np.random.Generator) -> Law | None:
-    """Return the law that drivers follow if it is not the IDM, and by how much it is nearer to those held out; neither with causes."""
-    if base is by_idm or not len(held.seen):
+def _law(held: Windows, followed: Followed, by_idm: Fit, rng: np.random.Generator) -> Law | None:
+    """Return the law that drivers follow if it is not the IDM, and what it does to those held out; no causes in either."""
+    if followed.likelier is None or not len(held.seen):
         return None
-    gain = compare("ade_m", driven(held, by_idm).ade_m, driven(held, base).ade_m, held.platoon, rng, held_out=True)
-    return Law(laws.NAMES[law.law_of(base)], gain)
+    base, other = driven(held, by_idm), driven(held, followed.fit)
+    gain = compare("ade_m", base.ade_m, other.ade_m, held.platoon, rng, held_out=True)
+    return Law(laws.NAMES[law.law_of(followed.fit)], followed.likelier, gain)
 
 
 def _shares(held: Windows, found: Found, base: float, extended: float) -> Mapping[str, float]:

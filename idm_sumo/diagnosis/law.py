@@ -7,7 +7,6 @@ Of drivers who follow another law than the IDM, the IDM leaves something whereve
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import replace
 from typing import NamedTuple
 
 import numpy as np
@@ -15,16 +14,19 @@ import numpy.typing as npt
 
 from idm_sumo import laws
 from idm_sumo.diagnosis.fit import Fit, fit_drivers
+from idm_sumo.diagnosis.gain import compare
+from idm_sumo.diagnosis.likelihood import log_likelihood
+from idm_sumo.diagnosis.result import Gain, LawCompared
 from idm_sumo.diagnosis.rollout import PLAIN
-from idm_sumo.diagnosis.sizes import ROUNDS, gain_share, log_ade
+from idm_sumo.diagnosis.sizes import ROUNDS, log_ade
 from idm_sumo.diagnosis.windows import Windows
 from idm_sumo.effects import slots
 
 # Drivers, and rounds of their fits, by which laws are compared before the best one is fitted to all.
 SOME, FEW_ROUNDS = 120, 8
-# Of the typical ADE, by which another law must be nearer than the IDM. (Of 46 recordings of IDM drivers, with effects hidden or without,
-# one of another law was nearer by 0.01 at most; of drivers by another law by 0.02 to 0.42 where it was.)
-LEAST_GAIN = 0.02
+# Standard errors of the log-likelihood's gain, by which another law must be likelier than the IDM. (Of 42 recordings of IDM drivers, with
+# effects hidden or without, the surest was 0.1.)
+SURE = 3.0
 
 
 def of(law: int) -> npt.NDArray[np.float64]:
@@ -45,16 +47,22 @@ class Followed(NamedTuple):
     Attributes
     ----------
     fit : Fit
-    typical : mapping of str to float
-        By each law's name the typical ADE (m) of the drivers that were asked, each fitted.
+    likelier : Gain or None
+        Negative log-likelihood of a driver by the IDM, and by the law that they follow; None if that is the IDM.
+    by_law : mapping of str to LawCompared
+        What each law, by its name, makes of the drivers that were asked.
     """
 
     fit: Fit
-    typical: Mapping[str, float]
+    likelier: Gain | None
+    by_law: Mapping[str, LawCompared]
 
 
 def followed(windows: Windows, base: Fit, rng: np.random.Generator) -> Followed:
-    """Return the drivers fitted by the law that they follow most closely, ``base`` unless another one is clearly nearer than the IDM.
+    """Return the drivers fitted by the law that they most likely follow, ``base`` unless another one is clearly likelier than the IDM.
+
+    Likelier, not nearer to each fitted driver: of laws that say as much, the one whose parameters take up more of the drivers' noise is
+    nearer.
 
     Parameters
     ----------
@@ -66,14 +74,30 @@ def followed(windows: Windows, base: Fit, rng: np.random.Generator) -> Followed:
     """
     asked = np.sort(rng.permutation(windows.drivers)[:SOME])
     some = windows.of_drivers(asked)
-    fits = [replace(base, own=base.own[asked]), *(_fitted(some, law, base) for law in range(1, len(laws.NAMES)))]
-    typical = {name: float(np.exp(log_ade(some, fit).mean())) for name, fit in zip(laws.NAMES, fits, strict=True)}
-    best = laws.NAMES.index(min(typical, key=typical.__getitem__))
-    if best == laws.IDM:
-        return Followed(base, typical)
+    fits = [_fitted(some, law, base) for law in range(len(laws.NAMES))]
+    each = np.stack([log_likelihood(some, fit) for fit in fits])
+    likelier = each - each[laws.IDM]
+    by_law = {
+        name: LawCompared(float(np.exp(log_ade(some, fit).mean())), float(gain.mean()))
+        for name, fit, gain in zip(laws.NAMES, fits, likelier, strict=True)
+    }
+    best = max(range(1, len(laws.NAMES)), key=lambda law: float(each[law].mean()))
+    if not _may_be_likelier(likelier[best]):
+        return Followed(base, None, by_law)
     other = fit_drivers(windows, of(best), base.start_variance, rounds=ROUNDS)
-    gain = gain_share(windows, base, other, rng)
-    return Followed(other if gain.is_likely and gain.difference > LEAST_GAIN else base, typical)
+    gain = compare(
+        "unlikelihood", -log_likelihood(windows, base), -log_likelihood(windows, other), windows.platoon, rng, held_out=False
+    )  # fmt: skip
+    return Followed(other, gain, by_law) if _is_sure(gain) else Followed(base, None, by_law)
+
+
+def _is_sure(gain: Gain) -> bool:
+    return gain.difference > SURE / 1.96 * (gain.difference - gain.ci95[0])
+
+
+def _may_be_likelier(gain: npt.NDArray[np.float64]) -> bool:
+    """Return whether of all drivers another law may be likelier, as far as some of them say."""
+    return bool(gain.mean() + SURE * gain.std() / np.sqrt(len(gain)) > 0.0)
 
 
 def _fitted(windows: Windows, law: int, base: Fit) -> Fit:

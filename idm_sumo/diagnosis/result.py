@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import dataclass, field
+from typing import NamedTuple
 
 import numpy as np
 import numpy.typing as npt
@@ -98,18 +99,37 @@ class Gain:
 
 @dataclass(frozen=True)
 class Law:
-    """A car-following law that drivers follow more closely than the IDM.
+    """A car-following law that drivers follow more likely than the IDM.
 
     Attributes
     ----------
     name : str
         Of :data:`idm_sumo.laws.NAMES`.
+    likelier : Gain
+        Negative log-likelihood of a driver that fits: by the IDM, and by this law; no causes in either.
     gain : Gain
-        ADE of held-out drivers: by the IDM, and by this law; no causes in either.
+        ADE of held-out drivers, each fitted, likewise. It may be a loss: the law whose parameters take up more of the drivers' noise is
+        nearer to them.
     """
 
     name: str
+    likelier: Gain
     gain: Gain
+
+
+class LawCompared(NamedTuple):
+    """What a car-following law makes of some drivers.
+
+    Attributes
+    ----------
+    typical_ade : float
+        Geometric mean of the drivers' ADE (m), each fitted.
+    log_likelihood : float
+        Mean over drivers, whatever their parameters, less that by the IDM.
+    """
+
+    typical_ade: float
+    log_likelihood: float
 
 
 @dataclass(frozen=True)
@@ -193,9 +213,9 @@ class Diagnosis:
     other_law : OtherLaw or None
         None if what is left does not say so.
     law : Law or None
-        Which drivers follow more closely than the IDM; it is then in both models, and gains are beside it. None for the IDM.
-    typical_by_law : mapping of str to float
-        By each law's name the typical ADE (m; geometric mean) of some drivers that fit, no causes in any.
+        Which drivers follow more likely than the IDM; it is then in both models, and gains are beside it. None for the IDM.
+    by_law : mapping of str to LawCompared
+        By its name, what each law makes of some drivers that fit, no causes in any.
     """
 
     verdict: str
@@ -217,4 +237,4 @@ class Diagnosis:
     seconds: Mapping[str, float] = field(default_factory=dict)
     other_law: OtherLaw | None = None
     law: Law | None = None
-    typical_by_law: Mapping[str, float] = field(default_factory=dict)
+    by_law: Mapping[str, LawCompared] = field(default_factory=dict)
