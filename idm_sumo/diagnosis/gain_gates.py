@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from math import inf
+
 from idm_sumo.diagnosis import evidence as ev
 from idm_sumo.diagnosis import gates
 from idm_sumo.diagnosis.hypotheses import Candidate
@@ -25,6 +27,9 @@ SURE, BEYOND_DOUBT = 4.8, 7.0  # standard errors, from which on any gain will do
 SURE_AGAIN = 5.0  # standard errors, from which on held-out drivers need not be better than chance
 AS_SURE = 0.5  # of the first cause's support, for a further one beyond doubt
 CHANCE = 0.01  # of the ADE
+# Of the standard errors of whatever else there is, from which on relaxation is no other law's: few drivers are cut in on, so that most
+# rollouts tell nothing of its gain. (In 132 recordings of four laws with nothing hidden the surest had 4.5 of them.)
+FAR_SURER = {"lane_change_relaxation": 1.4}
 
 
 def is_worth_it(gain: Gain, tried: Tried, first: Tried | None, strongest: float = 0.0) -> bool:
@@ -52,7 +57,7 @@ def is_worth_it(gain: Gain, tried: Tried, first: Tried | None, strongest: float 
         return clearly and share >= UNTWINNED_GAIN
     if gates.needs_gain(candidate, is_first=first is None):
         return clearly and share >= DECIDING_GAIN
-    like_no_other = candidate.name not in gates.SURER or z > gates.SUREST
+    like_no_other = candidate.name not in gates.SURER or z > gates.SUREST or z > _far_surer_than(strongest, candidate)
     unlike_laws = _is_unlike_laws(candidate)
     surest = like_no_other and (unlike_laws or z >= strongest)
     beyond_doubt = surest and z > BEYOND_DOUBT and share > -CHANCE
@@ -92,6 +97,11 @@ def is_faint_beside(further: Tried, first: Tried) -> bool:
     """Return whether a further cause is so much less sure than the first that it may be what its shape leaves over."""
     fainter = further.candidate.z**2 < FURTHER_SHARE * first.candidate.z**2
     return fainter and further.support < FURTHER_SHARE * first.support
+
+
+def _far_surer_than(strongest: float, candidate: Candidate) -> float:
+    """Return the standard errors from which on a candidate is far surer than the surest of what else there is."""
+    return strongest * FAR_SURER.get(candidate.name, inf)
 
 
 def _is_unlike_laws(candidate: Candidate) -> bool:

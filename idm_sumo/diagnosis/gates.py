@@ -122,12 +122,13 @@ def needs_gain(candidate: Candidate, *, is_first: bool) -> bool:
 
 
 def surest_beside(candidate: Candidate, there: Iterable[Candidate]) -> float:
-    """Return the standard errors of the surest of all that is there, a candidate's own shadow left out.
+    """Return the standard errors of the surest of all else that is there, a candidate's own shadow left out.
 
     Who is late seems to follow the second leader less than not at all.
     """
     shadow = OPPOSITE_OF_DELAY if candidate.name == DELAY else None
-    return max((abs(c.z) for c in there if c.name != shadow or c.is_possible), default=0.0)
+    others = (c for c in there if c.name != candidate.name)
+    return max((abs(c.z) for c in others if c.name != shadow or c.is_possible), default=0.0)
 
 
 def with_what_it_may_hide(close: list[Candidate], every: Iterable[Candidate]) -> list[Candidate]:
