@@ -55,6 +55,7 @@ def test_what_is_less_sure_than_something_impossible_must_gain_clearly():
         ("lane_change_relaxation", 5.9, 3.7, True),
         ("lane_change_relaxation", 5.9, 4.4, False),
         ("multi_leader_anticipation", 5.9, 3.7, False),
+        ("multi_leader_anticipation", 9.0, 0.0, False),
     ],
 )
 def test_a_relaxation_far_surer_than_all_else_need_not_gain_clearly(name, z, strongest, worth_it):

@@ -88,11 +88,8 @@ def followed(windows: Windows, base: Fit, rng: np.random.Generator) -> Followed:
     gain = compare(
         "unlikelihood", -log_likelihood(windows, base), -log_likelihood(windows, other), windows.platoon, rng, held_out=False
     )  # fmt: skip
-    return Followed(other, gain, by_law) if _is_sure(gain) else Followed(base, None, by_law)
-
-
-def _is_sure(gain: Gain) -> bool:
-    return gain.difference > SURE / 1.96 * (gain.difference - gain.ci95[0])
+    is_sure = gain.difference > SURE * gain.standard_error
+    return Followed(other, gain, by_law) if is_sure else Followed(base, None, by_law)
 
 
 def _may_be_likelier(gain: npt.NDArray[np.float64]) -> bool:

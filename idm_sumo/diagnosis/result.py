@@ -76,6 +76,7 @@ class Unexplained:
     p_value: float
 
 
+Z95 = 1.96  # standard errors from a value to the end of its 95 % interval
 NINE_TO_ONE = 0.65  # of the distance to the end of a 95 % interval: the end of an 80 % one
 
 
@@ -90,6 +91,11 @@ class Gain:
     ci95: Range
     vehicles: int
     held_out: bool = True
+
+    @property
+    def standard_error(self) -> float:
+        """What the interval below the difference amounts to."""
+        return (self.difference - self.ci95[0]) / Z95
 
     @property
     def is_likely(self) -> bool:

@@ -16,7 +16,7 @@ from idm_sumo.diagnosis.choice import Accepted
 from idm_sumo.diagnosis.fit import Fit
 from idm_sumo.diagnosis.hypotheses import Candidate
 from idm_sumo.diagnosis.noise import Noise
-from idm_sumo.diagnosis.result import CauseFound, Estimate, OtherLaw, Power, Region, RuledOut, Scan, Unexplained
+from idm_sumo.diagnosis.result import Z95, CauseFound, Estimate, OtherLaw, Power, Region, RuledOut, Scan, Unexplained
 from idm_sumo.diagnosis.search import Found
 from idm_sumo.diagnosis.windows import HORIZON, SECOND, UNTIL_CUT_IN, Windows
 from idm_sumo.effects import BY_NAME, Cause, ExtendedModel, slots
@@ -26,7 +26,7 @@ from idm_sumo.road import FRAME_STEP
 
 NAMES = tuple(BY_NAME)
 SHARE_SEEN = 0.8  # probability of the power statement
-Z95, Z80 = 1.96, 0.84
+Z80 = 0.84
 # Of a size, standard deviation: how far sizes were from the truth in blind trials beyond their statistical error. An effect has
 # one of several forms, and drivers who have absorbed a part of it keep it back.
 FORM_DOUBT = 0.2
