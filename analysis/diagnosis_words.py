@@ -97,7 +97,7 @@ def law_of(found: Diagnosis) -> str:
 
 def law_sentence(found: Diagnosis) -> str:
     """Say which law drivers follow if it is not the IDM, and whether what they follow is yet another one; else nothing."""
-    return " ".join(filter(None, (_followed(found), _another(found))))
+    return " ".join(filter(None, (_followed(found), _with_causes(found), _another(found))))
 
 
 def _followed(found: Diagnosis) -> str:
@@ -110,6 +110,19 @@ def _followed(found: Diagnosis) -> str:
         f"{likelier.difference:.2f} a driver (95 %: {low:.2f} to {high:.2f}). On {gain.vehicles} held-out drivers, each fitted, the mean "
         f"displacement error is {gain.extended:.3f} m by it and {gain.base:.3f} m by the IDM. What follows is beyond that law; the "
         "model file holds it."
+    )
+
+
+def _with_causes(found: Diagnosis) -> str:
+    """Say where the law that is likeliest without causes is not the one that is with them."""
+    if found.law is None:
+        return ""
+    likeliest = max(found.by_law, key=lambda name: found.by_law[name].log_likelihood, default=found.law.name)
+    if likeliest == found.law.name:
+        return ""
+    return (
+        f"That holds with the causes in the model; without them {laws.IN_WORDS[laws.NAMES.index(likeliest)]} would be likelier, which "
+        "takes up a part of what is named."
     )
 
 

@@ -41,3 +41,14 @@ def test_effects_act_on_top_of_each_law():
         longer[:, slots.PERIOD], longer[:, slots.PERIOD_END] = 0.3, 1e6
         behind = ro.positions(windows, theta, longer) - ro.positions(windows, theta, m)
         assert behind.mean() < -0.5
+
+
+def test_another_law_with_its_causes_has_the_one_that_drove_for_a_rival_and_that_has_none():
+    longer_at_speed = law.of(laws.FULL_VELOCITY_DIFFERENCE)
+    longer_at_speed[:, slots.SPEED_HEADWAY], longer_at_speed[:, slots.PIVOT_SPEED] = 0.6, 9.0
+    windows, _ = followers(longer_at_speed, np.random.default_rng(4))
+    by_another = law.of(laws.KRAUSS)
+    by_another[:, slots.SPEED_HEADWAY], by_another[:, slots.PIVOT_SPEED] = 0.4, 9.0
+    for begin, rival in ((by_another, laws.FULL_VELOCITY_DIFFERENCE), (longer_at_speed, None)):
+        fit = fit_drivers(windows, begin, START, rounds=8)
+        assert law.rival(windows, fit, ["speed_dependent_headway"], np.random.default_rng(1)) == rival

@@ -158,6 +158,11 @@ def test_the_law_that_drivers_follow_is_said_with_what_it_is_likelier_by() -> No
     assert "0.300 m by it and 0.400 m by the IDM" in said
     table = diagnosis_words.laws_table(found)
     assert table["law"].tolist() == ["full velocity difference", "the IDM", "Krauss's safe speed"]
+    assert "with the causes in the model" not in said
+    without = by_law | {"krauss": LawCompared(0.3, 4.0)}
+    assert "with the causes in the model; without them Krauss's safe speed would be likelier" in (
+        diagnosis_words.law_sentence(replace(found, by_law=without))
+    )
     assert "Full velocity difference is not quite the law" in diagnosis_words.law_sentence(
         replace(found, other_law=OtherLaw("reaction_delay", "tau", "s", -0.085, 6.1))
     )

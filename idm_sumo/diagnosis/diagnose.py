@@ -92,6 +92,7 @@ def _diagnose(recording: Recording, rng: np.random.Generator, progress: Progress
     noises = luck.Noises(measurement, no.QUIET, leader)
     subject = with_its_noise(Subject(train, noises, at.grid_of(windows), recording.is_smooth), base, rng)
     found = search(subject, base, rng, progress)
+    followed, found = _by_the_law_with_causes(subject, followed, by_idm, found, rng, progress)
     clock.append(("search", time.perf_counter()))
     progress("measuring the gain", 0, 1)
     told = _told(recording, windows, held, found, measurement, clock, rng)
@@ -101,6 +102,30 @@ def _diagnose(recording: Recording, rng: np.random.Generator, progress: Progress
         if seam is None
         else replace(told, verdict=NAMED, causes=(statements.seam_cause(seam), *told.causes), unexplained=())
     )
+
+
+def _by_the_law_with_causes(
+    subject: Subject, followed: Followed, by_idm: Fit, found: Found, rng: np.random.Generator, progress: Progress
+) -> tuple[Followed, Found]:
+    """Return the law that drivers surely follow with the causes in the model, and the causes beyond that one.
+
+    The law came first, without any cause, and may have taken up a part of one.
+    """
+    windows, names = subject.windows, [cause.candidate.name for cause in found.accepted]
+    rival = law.rival(windows, found.fit, names, rng) if names else None
+    if rival is None:
+        return followed, found
+    base = by_idm
+    if rival != laws.IDM:
+        base = fit_drivers(windows, law.of(rival), by_idm.start_variance, rounds=ROUNDS)
+    again = search(with_its_noise(subject, base, rng), base, rng, progress)
+    if not law.is_sure(law.likelihood_gain(windows, found.fit, again.fit, rng)):
+        return followed, found
+    likelier = None
+    if rival != laws.IDM:
+        with_idm = fit_drivers(windows, law.by_other_law(again.fit, laws.IDM), by_idm.start_variance, rounds=ROUNDS)
+        likelier = law.likelihood_gain(windows, with_idm, again.fit, rng)
+    return Followed(base, likelier, followed.by_law), again
 
 
 def _follower_filter(measurement: no.Noise, rng: np.random.Generator) -> Smoother:

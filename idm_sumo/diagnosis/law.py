@@ -6,7 +6,7 @@ Of drivers who follow another law than the IDM, the IDM leaves something whereve
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from typing import NamedTuple
 
 import numpy as np
@@ -18,7 +18,7 @@ from idm_sumo.diagnosis.gain import compare
 from idm_sumo.diagnosis.likelihood import log_likelihood
 from idm_sumo.diagnosis.result import Gain, LawCompared
 from idm_sumo.diagnosis.rollout import PLAIN
-from idm_sumo.diagnosis.sizes import ROUNDS, log_ade
+from idm_sumo.diagnosis.sizes import ROUNDS, log_ade, magnitude_of
 from idm_sumo.diagnosis.windows import Windows
 from idm_sumo.effects import slots
 
@@ -27,6 +27,8 @@ SOME, FEW_ROUNDS = 120, 8
 # Standard errors of the log-likelihood's gain, by which another law must be likelier than the IDM. (Of 42 recordings of IDM drivers, with
 # effects hidden or without, the surest was 0.1.)
 SURE = 3.0
+# Of the causes' sizes, with which laws are compared once more: beyond a law that takes up a part of a cause it comes out too small.
+SIZES = (1.0, 1.5, 2.0)
 
 
 def of(law: int) -> npt.NDArray[np.float64]:
@@ -85,11 +87,59 @@ def followed(windows: Windows, base: Fit, rng: np.random.Generator) -> Followed:
     if not _may_be_likelier(likelier[best]):
         return Followed(base, None, by_law)
     other = fit_drivers(windows, of(best), base.start_variance, rounds=ROUNDS)
-    gain = compare(
-        "unlikelihood", -log_likelihood(windows, base), -log_likelihood(windows, other), windows.platoon, rng, held_out=False
-    )  # fmt: skip
-    is_sure = gain.difference > SURE * gain.standard_error
-    return Followed(other, gain, by_law) if is_sure else Followed(base, None, by_law)
+    gain = likelihood_gain(windows, base, other, rng)
+    return Followed(other, gain, by_law) if is_sure(gain) else Followed(base, None, by_law)
+
+
+def rival(windows: Windows, fit: Fit, names: Sequence[str], rng: np.random.Generator) -> int | None:
+    """Return another law than a fit's, if drivers are likelier by it with the fit's causes in it, at these sizes or larger ones.
+
+    A law may take up a part of what drivers do beyond theirs, and look likelier than theirs for that.
+
+    Parameters
+    ----------
+    windows : Windows
+    fit : Fit
+        With causes.
+    names : sequence of str
+        Of the causes.
+    rng : numpy.random.Generator
+        Of the drivers that are asked.
+    """
+    some = windows.of_drivers(np.sort(rng.permutation(windows.drivers)[:SOME]))
+    each = np.stack([_likeliest_size(some, fit, names, law) for law in range(len(laws.NAMES))])
+    gain = each - each[law_of(fit)]
+    best = int(np.argmax(gain.mean(axis=1)))
+    return best if gain[best].mean() > gain[best].std() / np.sqrt(len(gain[best])) else None
+
+
+def by_other_law(fit: Fit, law: int) -> npt.NDArray[np.float64]:
+    """Return the magnitudes of a fit with another law beneath its causes."""
+    by_lane = fit.by_lane.copy()
+    by_lane[:, slots.LAW] = law
+    return by_lane
+
+
+def likelihood_gain(windows: Windows, before: Fit, after: Fit, rng: np.random.Generator) -> Gain:
+    """Return by how much drivers are likelier by one fit than by another; its metric is the negative log-likelihood of a driver."""
+    each = [-log_likelihood(windows, fit) for fit in (before, after)]
+    return compare("unlikelihood", each[0], each[1], windows.platoon, rng, held_out=False)
+
+
+def is_sure(gain: Gain) -> bool:
+    """Return whether drivers are surely likelier."""
+    return gain.difference > SURE * gain.standard_error
+
+
+def _likeliest_size(windows: Windows, fit: Fit, names: Sequence[str], law: int) -> npt.NDArray[np.float64]:
+    """Return the log-likelihood of each driver by a law, with the causes of a fit at the size of :data:`SIZES` that is likeliest."""
+    tried = list[npt.NDArray[np.float64]]()
+    for size in SIZES:
+        by_lane = by_other_law(fit, law)
+        for first in (magnitude_of(fit, name) for name in names):
+            by_lane[:, first.slot] = np.clip(size * by_lane[:, first.slot], first.lower, first.upper)
+        tried.append(log_likelihood(windows, fit_drivers(windows, by_lane, fit.start_variance, rounds=FEW_ROUNDS)))
+    return max(tried, key=lambda one: float(one.mean()))
 
 
 def _may_be_likelier(gain: npt.NDArray[np.float64]) -> bool:
