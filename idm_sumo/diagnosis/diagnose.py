@@ -123,7 +123,7 @@ def _by_the_law_with_causes(
         return followed, found
     likelier = None
     if rival != laws.IDM:
-        with_idm = fit_drivers(windows, law.by_other_law(again.fit, laws.IDM), by_idm.start_variance, rounds=ROUNDS)
+        with_idm = fit_drivers(windows, law.beneath(again.fit.by_lane, laws.IDM), by_idm.start_variance, rounds=ROUNDS)
         likelier = law.likelihood_gain(windows, with_idm, again.fit, rng)
     return Followed(base, likelier, followed.by_law), again
 

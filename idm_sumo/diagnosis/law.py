@@ -33,9 +33,7 @@ SIZES = (1.0, 1.5, 2.0)
 
 def of(law: int) -> npt.NDArray[np.float64]:
     """Return the magnitudes of a law without any effect, shape ``(9, slots.COUNT)``."""
-    by_lane = PLAIN.copy()
-    by_lane[:, slots.LAW] = law
-    return by_lane
+    return beneath(PLAIN, law)
 
 
 def law_of(fit: Fit) -> int:
@@ -113,9 +111,9 @@ def rival(windows: Windows, fit: Fit, names: Sequence[str], rng: np.random.Gener
     return best if gain[best].mean() > gain[best].std() / np.sqrt(len(gain[best])) else None
 
 
-def by_other_law(fit: Fit, law: int) -> npt.NDArray[np.float64]:
-    """Return the magnitudes of a fit with another law beneath its causes."""
-    by_lane = fit.by_lane.copy()
+def beneath(by_lane: npt.NDArray[np.float64], law: int) -> npt.NDArray[np.float64]:
+    """Return magnitudes with a law beneath their effects, whichever was there."""
+    by_lane = by_lane.copy()
     by_lane[:, slots.LAW] = law
     return by_lane
 
@@ -135,7 +133,7 @@ def _likeliest_size(windows: Windows, fit: Fit, names: Sequence[str], law: int) 
     """Return the log-likelihood of each driver by a law, with the causes of a fit at the size of :data:`SIZES` that is likeliest."""
     tried = list[npt.NDArray[np.float64]]()
     for size in SIZES:
-        by_lane = by_other_law(fit, law)
+        by_lane = beneath(fit.by_lane, law)
         for first in (magnitude_of(fit, name) for name in names):
             by_lane[:, first.slot] = np.clip(size * by_lane[:, first.slot], first.lower, first.upper)
         tried.append(log_likelihood(windows, fit_drivers(windows, by_lane, fit.start_variance, rounds=FEW_ROUNDS)))
