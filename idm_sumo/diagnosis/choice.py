@@ -21,6 +21,7 @@ from idm_sumo.progress import silent
 TRIED = 3  # effects at most, that are brought to their sizes and compared
 HEARD = 1  # of the twins, on the way to the size of a delay
 FORM = 0.5  # of the best form's support: one of the same effect with less is not taken for it, however it drives
+FAR_LESS = 0.35  # of the best cause's support: another with less is at most what the best one looks like, however it drives
 WANTED = 20.0  # support that says of itself that all drivers have a cause
 RIVAL = 0.85  # of the best cause's support: one with as much cannot be told apart
 
@@ -74,7 +75,7 @@ def strongest(
     unless another drives the vehicles clearly better: where no form is quite right, the likelihood may hold on to how errors vary
     together more than to where the vehicles are. Of causes with nearly as much support the one that drives them best is taken.
     Which of two places (or times) is meant, support alone decides: what one has too much the other has too little. So it does
-    between forms of an effect of which one has far less, and between a delay and the hysteresis that it looks like.
+    between what has far less and what has more, and between a delay and the hysteresis that it looks like.
     """
     each = [at_size(subject, fit, c, lucks, {} if known is None else known) for c in close]
     there = {tried.candidate.name for tried in each if gates.is_there(tried)}
@@ -99,11 +100,13 @@ def at_size(subject: Subject, fit: Fit, candidate: Candidate, lucks: list[Luck],
 def _support_decides(other: Tried, best: Tried) -> bool:
     """Return whether support alone decides between two candidates.
 
-    So it is with places or times, where a form of an effect has far less, and with what is easily taken for a delay: in drivers of
-    another law it may drive a little better than the delay they have, with less of what a delay alone explains.
+    So it is with places or times, with what has far less, and with what is easily taken for a delay: in drivers of another law it may
+    drive a little better than the delay they have, with less of what a delay alone explains. Where few drivers have a delay, one for
+    all of them drives the others worse, and an asymmetry with a fourth of its support does not.
     """
     if best.candidate.name != other.candidate.name:
-        return best.candidate.name == DELAY and other.candidate.name == gates.LIKE_A_DELAY
+        like_a_delay = best.candidate.name == DELAY and other.candidate.name == gates.LIKE_A_DELAY
+        return like_a_delay or other.support < FAR_LESS * best.support
     return best.candidate.name in hy.SCANNED or other.support < FORM * best.support
 
 
