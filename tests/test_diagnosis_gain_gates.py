@@ -63,6 +63,14 @@ def test_a_relaxation_far_surer_than_all_else_need_not_gain_clearly(name, z, str
     assert gain_gates.is_worth_it(gain(0.008, 0.02), tried(z, name), None, strongest) is worth_it
 
 
+def test_a_relaxation_in_one_lane_must_gain_clearly_however_sure_it_is():
+    """SUMO's Krauss drivers, nothing hidden, showed one in one of three lanes with 5.7 standard errors, all else 3.6 at most."""
+    alone = tried(5.7, "lane_change_relaxation")
+    alone = replace(alone, candidate=replace(alone.candidate, atom=replace(alone.candidate.atom, lane=3)))
+    assert not gain_gates.is_worth_it(gain(0.003, 0.02), alone, None, 3.6)
+    assert gain_gates.is_worth_it(gain(0.02, 0.01), alone, None, 3.6)
+
+
 @pytest.mark.parametrize("name", ["leader_class", "location", "time_of_day", "speed_dependent_headway"])
 def test_who_where_and_when_are_nothing_that_looks_like_something_impossible_nor_longer_headways_at_speed(name):
     assert gain_gates.is_worth_it(gain(0.001, 0.04), tried(5.0, name), None, 13.0)
@@ -153,7 +161,19 @@ def test_what_has_no_null_twin_must_gain_more(difference, accepted):
     ],
 )
 def test_held_out_drivers_are_few_and_what_is_sure_need_not_be_clear_on_them(difference, margin, z, fitted, confirmed):
-    assert gain_gates.is_confirmed(gain(difference, margin), gain(fitted, 0.0), tried(z).candidate) is confirmed
+    unclear = gain(difference, 1.0)
+    assert (
+        gain_gates.is_confirmed(gain(difference, margin), unclear, gain(fitted, 0.0), tried(z).candidate) is confirmed
+    )
+
+
+@pytest.mark.parametrize(
+    ("difference", "typical", "confirmed"), [(0.09, 0.03, True), (0.09, -0.03, False), (-0.01, 0.03, False)]
+)
+def test_a_held_out_driver_at_the_edge_of_stability_does_not_outdo_the_typical_one(difference, typical, confirmed):
+    """One of 41 was 2.5 m worse with a relaxation that was there, at 4.97 standard errors: mean gain 9 % (-13 to 30), typical 14 (3 to 26)."""
+    least = gain(typical + 0.11, 0.11)
+    assert gain_gates.is_confirmed(gain(difference, 0.21), least, gain(0.13, 0.04), tried(4.97).candidate) is confirmed
 
 
 @pytest.mark.parametrize(
@@ -169,4 +189,5 @@ def test_held_out_drivers_are_few_and_what_is_sure_need_not_be_clear_on_them(dif
 )
 def test_what_no_law_makes_up_and_is_surely_there_need_not_gain(name, value, z, difference, confirmed):
     candidate = tried(z, name, value).candidate
-    assert gain_gates.is_confirmed(gain(difference, 0.04), gain(0.003, 0.01), candidate) is confirmed
+    unclear = gain(difference, 1.0)
+    assert gain_gates.is_confirmed(gain(difference, 0.04), unclear, gain(0.003, 0.01), candidate) is confirmed

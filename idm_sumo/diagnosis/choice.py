@@ -21,7 +21,9 @@ from idm_sumo.progress import silent
 TRIED = 3  # effects at most, that are brought to their sizes and compared
 HEARD = 1  # of the twins, on the way to the size of a delay
 FORM = 0.5  # of the best form's support: one of the same effect with less is not taken for it, however it drives
-FAR_LESS = 0.35  # of the best cause's support: another with less is at most what the best one looks like, however it drives
+FAR_LESS = (
+    0.35  # of the best cause's support: another with less is at most what the best one looks like, however it drives
+)
 WANTED = 20.0  # support that says of itself that all drivers have a cause
 RIVAL = 0.85  # of the best cause's support: one with as much cannot be told apart
 

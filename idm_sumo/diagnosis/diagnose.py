@@ -17,7 +17,7 @@ from idm_sumo.diagnosis import law, luck, statements, tables
 from idm_sumo.diagnosis import noise as no
 from idm_sumo.diagnosis.artefact import find_seam, repaired
 from idm_sumo.diagnosis.fit import Fit, first_guess, fit_drivers
-from idm_sumo.diagnosis.gain import Errors, all_gains, compare, driven
+from idm_sumo.diagnosis.gain import Errors, all_gains, compare, driven, typical_gain
 from idm_sumo.diagnosis.gain_gates import is_confirmed
 from idm_sumo.diagnosis.law import Followed
 from idm_sumo.diagnosis.look import Subject
@@ -144,7 +144,8 @@ def _confirmed(found: Found, held: Windows, rng: np.random.Generator) -> tuple[F
         extended = driven(held, found.fit)
         gains = all_gains(base, extended, held.platoon, rng)
         first = found.accepted[0]
-        if is_confirmed(gains[0], first.gain, first.candidate):
+        typical = typical_gain(base.ade_m, extended.ade_m, held.platoon, rng, held_out=True)
+        if is_confirmed(gains[0], typical, first.gain, first.candidate):
             return found, base, extended, gains
         there = (*found.without_gain, *(cause.candidate for cause in found.accepted))
         left = left_without_causes(found.first)

@@ -72,16 +72,16 @@ def is_worth_it(gain: Gain, tried: Tried, first: Tried | None, strongest: float 
     return (enough and gain.is_likely) or (beyond_doubt and tried.support > AS_SURE * first.support)
 
 
-def is_confirmed(held_out: Gain, fitted: Gain, first: Candidate) -> bool:
-    """Return whether drivers that were never touched bear out the causes: they drive better, nine to one.
+def is_confirmed(held_out: Gain, typical: Gain, fitted: Gain, first: Candidate) -> bool:
+    """Return whether drivers that were never touched bear out the causes: they drive better, nine to one, or the typical one clearly.
 
     They are a third as many as those that fit. So what is surely there and gains clearly on those, or is made up by no law of
     car-following, must not be worse on these, and what is beyond doubt not clearly worse.
 
     Parameters
     ----------
-    held_out : Gain
-        Of all causes.
+    held_out, typical : Gain
+        Of all causes; of the mean, and of the typical driver.
     fitted : Gain
         Of the first cause, on the drivers that fit.
     first : Candidate
@@ -90,7 +90,8 @@ def is_confirmed(held_out: Gain, fitted: Gain, first: Candidate) -> bool:
     if z > BEYOND_DOUBT and held_out.ci95[1] > 0.0:
         return True
     surely_real = fitted.ci95[0] > 0.0 or _is_unlike_laws(first)
-    return held_out.is_likely or (z > SURE_AGAIN and surely_real and held_out.difference > 0.0)
+    reason_enough = typical.ci95[0] > 0.0 or (z > SURE_AGAIN and surely_real)
+    return held_out.is_likely or (reason_enough and held_out.difference > 0.0)
 
 
 def is_faint_beside(further: Tried, first: Tried) -> bool:
@@ -100,8 +101,11 @@ def is_faint_beside(further: Tried, first: Tried) -> bool:
 
 
 def _far_surer_than(strongest: float, candidate: Candidate) -> float:
-    """Return the standard errors from which on a candidate is far surer than the surest of what else there is."""
-    return strongest * FAR_SURER.get(candidate.name, inf)
+    """Return the standard errors from which on a candidate is far surer than the surest of what else there is.
+
+    In one lane none is: lanes are several, and few drivers of one are cut in on.
+    """
+    return inf if candidate.only_lanes else strongest * FAR_SURER.get(candidate.name, inf)
 
 
 def _is_unlike_laws(candidate: Candidate) -> bool:

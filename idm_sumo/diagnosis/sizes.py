@@ -13,7 +13,7 @@ from idm_sumo.diagnosis import evidence as ev
 from idm_sumo.diagnosis import hypotheses as hy
 from idm_sumo.diagnosis.edges import sharpened
 from idm_sumo.diagnosis.fit import Fit, fit_drivers, improve
-from idm_sumo.diagnosis.gain import compare, driven
+from idm_sumo.diagnosis.gain import driven, typical, typical_gain
 from idm_sumo.diagnosis.hypotheses import Candidate
 from idm_sumo.diagnosis.look import Look, Subject
 from idm_sumo.diagnosis.luck import Luck
@@ -32,7 +32,6 @@ STEEPEST = 0.6  # of the information: twins follow the model that drives them on
 LONGEST_MOVE, SETTLED = 0.6, 0.02  # of a magnitude, in one step; below, it has settled
 LARGEST_FACTOR = 6.0  # by which steps may grow
 LARGEST_LOSS = 0.01  # of the ADE, by a refined size
-LEAST_ADE = 1e-3  # m
 DELAY = "reaction_delay"
 
 
@@ -135,17 +134,13 @@ def _heard_on_the_way(
 
 
 def typical_ade(subject: Subject, fit: Fit) -> float:
-    """Return the geometric mean, over the drivers that fit, of their average displacement errors (m).
-
-    A few drivers at the edge of stability err by many times as much as others, and what a size does to those is no reason for or
-    against it.
-    """
+    """Return the geometric mean, over the drivers that fit, of their average displacement errors (m)."""
     return float(np.exp(log_ade(subject.windows, fit).mean()))
 
 
 def log_ade(windows: Windows, fit: Fit) -> Floats:
     """Return the logarithm of the average displacement error (m) of each driver that fits."""
-    return np.log(np.maximum(driven(windows, fit, known=True).ade_m, LEAST_ADE))
+    return typical(driven(windows, fit, known=True).ade_m)
 
 
 def _delayed(subject: Subject, fit: Fit, candidate: Candidate) -> list[Fit]:
@@ -231,8 +226,8 @@ def gain_of(subject: Subject, before: Fit, after: Fit, rng: np.random.Generator)
 
 def gain_share(windows: Windows, before: Fit, after: Fit, rng: np.random.Generator) -> Gain:
     """Return :func:`gain_of` in some windows."""
-    spared, all_of_it = log_ade(windows, before) - log_ade(windows, after), np.ones(windows.drivers)
-    return compare("share_of_ade", all_of_it, all_of_it - spared, windows.platoon, rng, held_out=False)
+    base, extended = (driven(windows, fit, known=True).ade_m for fit in (before, after))
+    return typical_gain(base, extended, windows.platoon, rng, held_out=False)
 
 
 class Stride:
