@@ -6,7 +6,9 @@ from dataclasses import replace
 
 import pytest
 
+from idm_sumo import laws
 from idm_sumo.diagnosis import gain_gates, gates
+from idm_sumo.diagnosis.law import beneath
 from idm_sumo.diagnosis.result import Gain
 from tests.test_diagnosis_gates import tried
 
@@ -61,6 +63,22 @@ def test_what_is_less_sure_than_something_impossible_must_gain_clearly():
 def test_a_relaxation_far_surer_than_all_else_need_not_gain_clearly(name, z, strongest, worth_it):
     """At 1 of a driver's gap, hidden, few were cut in on: 0.008 of all drivers' error, and 0.02 on either side."""
     assert gain_gates.is_worth_it(gain(0.008, 0.02), tried(z, name), None, strongest) is worth_it
+
+
+@pytest.mark.parametrize(
+    ("name", "law", "difference", "worth_it"),
+    [
+        ("hysteresis", laws.IDM, -0.002, True),
+        ("hysteresis", laws.SMOOTH_VELOCITY_DIFFERENCE, -0.002, False),
+        ("hysteresis", laws.SMOOTH_VELOCITY_DIFFERENCE, 0.002, True),
+        ("location", laws.SMOOTH_VELOCITY_DIFFERENCE, -0.002, True),
+    ],
+)
+def test_beyond_another_law_than_the_idm_what_motion_makes_up_must_gain_something(name, law, difference, worth_it):
+    """Full velocity difference of another form than ours, nothing hidden, left 7 standard errors of a hysteresis that gained nothing."""
+    beyond = tried(7.1, name)
+    beyond = replace(beyond, fit=replace(beyond.fit, by_lane=beneath(beyond.fit.by_lane, law)))
+    assert gain_gates.is_worth_it(gain(difference, 0.007), beyond, None, 2.7) is worth_it
 
 
 def test_a_relaxation_in_one_lane_must_gain_clearly_however_sure_it_is():

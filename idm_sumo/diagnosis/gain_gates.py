@@ -4,11 +4,13 @@ from __future__ import annotations
 
 from math import inf
 
+from idm_sumo import laws
 from idm_sumo.diagnosis import evidence as ev
 from idm_sumo.diagnosis import gates
 from idm_sumo.diagnosis.hypotheses import Candidate
 from idm_sumo.diagnosis.result import Gain
 from idm_sumo.diagnosis.sizes import Tried
+from idm_sumo.effects import slots
 
 # No law of car-following makes these up: who, where and when are no motion of the driver's, nor is a change of lane to come (at most
 # 4.3 standard errors of room made before a cut-in, 2.2 before the own change, in 122 recordings of ten laws with nothing hidden), and
@@ -60,7 +62,7 @@ def is_worth_it(gain: Gain, tried: Tried, first: Tried | None, strongest: float 
     like_no_other = candidate.name not in gates.SURER or z > gates.SUREST or z > _far_surer_than(strongest, candidate)
     unlike_laws = _is_unlike_laws(candidate)
     surest = like_no_other and (unlike_laws or z >= strongest)
-    beyond_doubt = surest and z > BEYOND_DOUBT and share > -CHANCE
+    beyond_doubt = surest and z > BEYOND_DOUBT and share > _least_beyond_doubt(tried)
     if first is None:
         return (
             (clearly and (z > SURE or unlike_laws or z >= strongest))
@@ -98,6 +100,15 @@ def is_faint_beside(further: Tried, first: Tried) -> bool:
     """Return whether a further cause is so much less sure than the first that it may be what its shape leaves over."""
     fainter = further.candidate.z**2 < FURTHER_SHARE * first.candidate.z**2
     return fainter and further.support < FURTHER_SHARE * first.support
+
+
+def _least_beyond_doubt(tried: Tried) -> float:
+    """Return the share of the ADE that what is beyond doubt must spare.
+
+    Drivers of another law than the IDM need not follow it in the form in which it is here, and what its form leaves over may be sure.
+    """
+    is_like_laws = int(tried.fit.by_lane[0, slots.LAW]) != laws.IDM and not _is_unlike_laws(tried.candidate)
+    return 0.0 if is_like_laws else -CHANCE
 
 
 def _far_surer_than(strongest: float, candidate: Candidate) -> float:
