@@ -109,11 +109,12 @@ def _by_the_law_with_causes(
 ) -> tuple[Followed, Found]:
     """Return the law that drivers surely follow with the causes in the model, and the causes beyond that one.
 
-    The law came first, without any cause, and may have taken up a part of one.
+    The law came first, without any cause, and may have taken up a part of one, or all of it: where nothing is named beyond another law
+    than the IDM, causes are looked for beyond the IDM.
     """
-    windows, names = subject.windows, [cause.candidate.name for cause in found.accepted]
-    rival = law.rival(windows, found.fit, names, rng) if names else None
-    if rival is None:
+    windows, names = subject.windows, _names(found)
+    rival = law.rival(windows, found.fit, names, rng) if names else laws.IDM
+    if rival in (None, law.law_of(found.fit)):
         return followed, found
     base = by_idm
     if rival != laws.IDM:
@@ -121,11 +122,17 @@ def _by_the_law_with_causes(
     again = search(with_its_noise(subject, base, rng), base, rng, progress)
     if not law.is_sure(law.likelihood_gain(windows, found.fit, again.fit, rng)):
         return followed, found
+    if not names and law.rival(windows, again.fit, _names(again), rng) is not None:
+        return followed, found  # causes that an IDM needs to come near to another law
     likelier = None
     if rival != laws.IDM:
         with_idm = fit_drivers(windows, law.beneath(again.fit.by_lane, laws.IDM), by_idm.start_variance, rounds=ROUNDS)
         likelier = law.likelihood_gain(windows, with_idm, again.fit, rng)
     return Followed(base, likelier, followed.by_law), again
+
+
+def _names(found: Found) -> list[str]:
+    return [cause.candidate.name for cause in found.accepted]
 
 
 def _follower_filter(measurement: no.Noise, rng: np.random.Generator) -> Smoother:
