@@ -218,6 +218,19 @@ def test_too_few_drivers_say_nothing(tmp_path):
 
 
 @pytest.mark.slow
+def test_what_had_made_another_law_likelier_is_named_beyond_the_idm_that_drove(tmp_path):
+    names = ["courtesy_yielding", "lane_change_relaxation"]
+    got, _ = elsewhere.make(
+        673, 44, {"kind": "pair", "names": names, "size": ["mid", "large"], "usual": [False, True], "law": None}
+    )
+    got["table"].to_parquet(tmp_path / "recording.parquet", index=False)
+    found = checked(diagnose(read_recording(tmp_path / "recording.parquet").recording, seed=673))
+    assert found.law is None
+    assert found.causes[0].name in names
+    assert better(found)
+
+
+@pytest.mark.slow
 def test_a_shower_that_crosses_the_section_is_unknown_and_moves(tmp_path):
     case = {"kind": "outside", "names": ["shower"], "size": ["mid"], "usual": [False], "law": None}
     got, _ = elsewhere.make(631, 32, case)
