@@ -69,6 +69,7 @@ def test_which_of_two_places_is_meant_support_alone_decides(monkeypatch):
         ("hysteresis", "reaction_delay", 70.0, 0.3),
         ("reaction_delay", "acceleration_asymmetry", 30.0, 0.6),
         ("reaction_delay", "acceleration_asymmetry", 40.0, 0.3),
+        ("lane_change_relaxation", "pre_insertion", 30.0, 0.3),
     ],
 )
 def test_a_form_or_a_shadow_with_less_support_is_not_taken_however_it_drives(

@@ -102,13 +102,13 @@ def at_size(subject: Subject, fit: Fit, candidate: Candidate, lucks: list[Luck],
 def _support_decides(other: Tried, best: Tried) -> bool:
     """Return whether support alone decides between two candidates.
 
-    So it is with places or times, with what has far less, and with what is easily taken for a delay: in drivers of another law it may
-    drive a little better than the delay they have, with less of what a delay alone explains. Where few drivers have a delay, one for
-    all of them drives the others worse, and an asymmetry with a fourth of its support does not.
+    So it is with places or times, with forms that have far less, and with what is easily taken for a delay: in drivers of another law it
+    may drive a little better than the delay they have, with less of what a delay alone explains. Where few drivers have a delay, one
+    for all of them drives the others worse, and an asymmetry with a fourth of its support does not.
     """
     if best.candidate.name != other.candidate.name:
-        like_a_delay = best.candidate.name == DELAY and other.candidate.name == gates.LIKE_A_DELAY
-        return like_a_delay or other.support < FAR_LESS * best.support
+        like_a_delay = other.candidate.name == gates.LIKE_A_DELAY or other.support < FAR_LESS * best.support
+        return best.candidate.name == DELAY and like_a_delay
     return best.candidate.name in hy.SCANNED or other.support < FORM * best.support
 
 
