@@ -221,13 +221,8 @@ class TwinScore:
 
 def gain_of(subject: Subject, before: Fit, after: Fit, rng: np.random.Generator) -> Gain:
     """Return the share of a driver's ADE that one model spares beside another, the typical one of the drivers that fit."""
-    return gain_share(subject.windows, before, after, rng)
-
-
-def gain_share(windows: Windows, before: Fit, after: Fit, rng: np.random.Generator) -> Gain:
-    """Return :func:`gain_of` in some windows."""
-    base, extended = (driven(windows, fit, known=True).ade_m for fit in (before, after))
-    return typical_gain(base, extended, windows.platoon, rng, held_out=False)
+    base, extended = (driven(subject.windows, fit, known=True).ade_m for fit in (before, after))
+    return typical_gain(base, extended, subject.windows.platoon, rng, held_out=False)
 
 
 class Stride:

@@ -15,11 +15,12 @@ from idm_sumo.diagnosis.artefact import Seam
 from idm_sumo.diagnosis.choice import Accepted
 from idm_sumo.diagnosis.fit import Fit
 from idm_sumo.diagnosis.hypotheses import Candidate
+from idm_sumo.diagnosis.law import law_of
 from idm_sumo.diagnosis.noise import Noise
 from idm_sumo.diagnosis.result import Z95, CauseFound, Estimate, OtherLaw, Power, Region, RuledOut, Scan, Unexplained
 from idm_sumo.diagnosis.search import Found
 from idm_sumo.diagnosis.windows import HORIZON, SECOND, UNTIL_CUT_IN, Windows
-from idm_sumo.effects import BY_NAME, Cause, ExtendedModel, slots
+from idm_sumo.effects import BY_NAME, Cause, ExtendedModel
 from idm_sumo.idm import IDMParameters
 from idm_sumo.recording import Recording
 from idm_sumo.road import FRAME_STEP
@@ -41,7 +42,7 @@ def model_of(fit: Fit, accepted: tuple[Accepted, ...], source: str) -> ExtendedM
     """Return the median driver's model with the accepted causes."""
     a, b, headway, gap, limit = (float(v) for v in np.exp(fit.mean))
     causes = tuple(Cause(c.candidate.name, _values(fit, c.candidate.name), c.candidate.only_lanes) for c in accepted)
-    law = laws.NAMES[int(fit.by_lane[0, slots.LAW])]
+    law = laws.NAMES[law_of(fit)]
     return ExtendedModel(IDMParameters(a, b, headway, gap, 0.0), limit, causes, source, law)
 
 
