@@ -24,7 +24,7 @@ from idm_sumo.diagnosis.look import Subject
 from idm_sumo.diagnosis.result import NAMED, NONE, UNKNOWN, Diagnosis, Gain, Law
 from idm_sumo.diagnosis.rollout import PLAIN
 from idm_sumo.diagnosis.search import Found, left_without_causes, search, with_its_noise
-from idm_sumo.diagnosis.sizes import ROUNDS
+from idm_sumo.diagnosis.sizes import ROUNDS, without_cause
 from idm_sumo.diagnosis.smoother import Smoother, local_cubic, posterior_mean, window_for
 from idm_sumo.diagnosis.windows import Windows, cut_windows
 from idm_sumo.progress import Progress, silent
@@ -242,5 +242,4 @@ def _shares(held: Windows, found: Found, base: float, extended: float) -> Mappin
 
 
 def _ade_without(held: Windows, fit: Fit, name: str) -> float:
-    by_lane = statements.without_cause(fit.by_lane, name)
-    return float(driven(held, replace(fit, by_lane=by_lane)).ade_m.mean())
+    return float(driven(held, without_cause(fit, name)).ade_m.mean())

@@ -70,8 +70,13 @@ def is_worth_it(gain: Gain, tried: Tried, first: Tried | None, strongest: float 
             or beyond_doubt
         )
     if is_faint_beside(tried, first) or (z < strongest and not unlike_laws):
-        return clearly and share >= FAINT_GAIN
+        return is_clear(gain)
     return (enough and gain.is_likely) or (beyond_doubt and tried.support > AS_SURE * first.support)
+
+
+def is_clear(gain: Gain) -> bool:
+    """Return whether rollouts are clearly better, and by as much as asked of what may be another's shape."""
+    return gain.ci95[0] > 0.0 and gain.difference >= FAINT_GAIN * gain.base
 
 
 def is_confirmed(held_out: Gain, typical: Gain, fitted: Gain, first: Candidate) -> bool:

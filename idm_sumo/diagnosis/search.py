@@ -22,8 +22,9 @@ from idm_sumo.diagnosis.luck import Luck, draws
 from idm_sumo.diagnosis.one_lane import place_in_one_lane
 from idm_sumo.diagnosis.recovery import is_over_at_once
 from idm_sumo.diagnosis.sizes import Tried, anew, magnitude_of, refined
+from idm_sumo.diagnosis.together import two_together
 from idm_sumo.diagnosis.twins import driver_noise
-from idm_sumo.progress import Progress
+from idm_sumo.progress import Progress, silent
 
 Floats = npt.NDArray[np.float64]
 
@@ -82,24 +83,26 @@ def _search(
         chosen = (
             _in_one_lane(subject, fit, strange, rng)
             if strange
-            else _next(subject, fit, last, accepted, without, lucks, rng, but, known)
+            else _next(subject, fit, last, accepted, without, lucks, rng, but, known, progress)
         )
-        if chosen is None:
+        if not chosen:
             break
         strange, known = (), Known()
-        accepted.append(chosen)
-        progress(f"refining {chosen.candidate.name}", 0, 1)
-        subject = with_its_noise(subject, chosen.tried.fit, rng)
+        accepted += chosen
+        newest = chosen[-1]
+        progress(f"refining {newest.candidate.name}", 0, 1)
+        subject = with_its_noise(subject, newest.tried.fit, rng)
         count = _twins_of(subject, TWINS)
         lucks = draws(subject.windows, subject.noises, count, rng)  # not the luck that had a hand in the choice
         smaller = fit
-        fit = refined(subject, chosen.tried.fit, [cause.candidate.name for cause in accepted], lucks, rng)
-        if not _is_still_large(chosen, fit) or is_over_at_once(chosen.candidate.name, fit):
-            fit, without = smaller, [*without, accepted.pop().candidate]
+        fit = refined(subject, newest.tried.fit, [cause.candidate.name for cause in accepted], lucks, rng)
+        if not all(_is_still_large(cause, fit) and not is_over_at_once(cause.candidate.name, fit) for cause in chosen):
+            fit, without = smaller, [*without, *(cause.candidate for cause in chosen)]
+            del accepted[-len(chosen) :]
             break
         last = ev.examine(subject, fit, lucks, progress=progress, stage="looking for further causes")
-        if len(accepted) == 1 and _is_no_interval(chosen.candidate, first, last):
-            return NoInterval(chosen.candidate.atom, tuple(without))
+        if len(accepted) == 1 and _is_no_interval(newest.candidate, first, last):
+            return NoInterval(newest.candidate.atom, tuple(without))
         accepted = [_measured(cause, fit, last) for cause in accepted]
     left = told(strange) if strange or accepted else left_without_causes(first)
     return Found(base, fit, tuple(accepted), tuple(without), first, last, left)
@@ -170,20 +173,25 @@ def _outside(
 
 def _in_one_lane(
     subject: Subject, fit: Fit, strange: tuple[LeftOver, ...], rng: np.random.Generator
-) -> Accepted | None:
+) -> tuple[Accepted, ...]:
     """Return the location in one lane only that what is strange is, if it passes the gates."""
     candidate = place_in_one_lane(strange[0])
-    return None if candidate is None else choice.judged(subject, fit, [candidate], None, [candidate], [], rng)[1]
+    if candidate is None:
+        return ()
+    chosen = choice.judged(subject, fit, [candidate], None, [candidate], [], rng)[1]
+    return () if chosen is None else (chosen,)
 
 
 def _next(
     subject: Subject, fit: Fit, evidence: ev.Evidence, accepted: list[Accepted], without: list[Candidate],
     lucks: list[Luck], rng: np.random.Generator, but: Container[Atom] = (), known: Known | None = None,
-) -> Accepted | None:  # fmt: skip
-    """Return the next cause that passes every gate and is no shadow of one that does not, with the refitted model.
+    progress: Progress = silent,
+) -> tuple[Accepted, ...]:  # fmt: skip
+    """Return the next cause that passes every gate and is no shadow of one that does not, with the refitted model; or none.
 
     What is there without gain is added to ``without``; the forms ``but`` are left out. Who, where or when is no shadow of what was
-    refused if it is still there with that in the model; beside it the refused may gain, and is asked again.
+    refused if it is still there with that in the model; beside it the refused may gain, and is asked again. Where nothing gains alone,
+    two may together.
     """
     used = {a.candidate.name for a in accepted} | {c.name for c in without}
     there = [c for c in gates.believed(evidence) if c.name not in used]
@@ -207,13 +215,17 @@ def _next(
         )
         if chosen is not None:
             if refused is None or chosen.tried.support > SHADOW * refused.support:
-                return chosen
+                return (chosen,)
             if not choice.stands_beside(subject, refused, chosen.candidate, lucks):
-                return None
+                return ()
             without[:] = [c for c in without if c.name != refused.candidate.name]
-            return chosen
+            return (chosen,)
         refused = best if refused is None else max(refused, best, key=lambda one: one.support)
         if gates.is_significant(best.candidate):
             without.append(best.candidate)
         open_ = [c for c in open_ if c.name != best.candidate.name]
-    return None
+    if refused is None or accepted:
+        return ()
+    both = two_together(subject, fit, refused, lucks, rng, progress)
+    without[:] = [c for c in without if c.name not in {cause.candidate.name for cause in both}]
+    return both

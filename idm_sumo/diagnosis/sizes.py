@@ -50,6 +50,14 @@ def with_value(fit: Fit, name: str, value: float) -> Fit:
     return replace(fit, by_lane=by_lane)
 
 
+def without_cause(fit: Fit, name: str) -> Fit:
+    """Return the fit with a cause that is in it taken out, the drivers not yet refitted."""
+    by_lane = fit.by_lane.copy()
+    for parameter in BY_NAME[name].every:
+        by_lane[:, parameter.slot] = 0.0
+    return replace(fit, by_lane=by_lane)
+
+
 def refitted(subject: Subject, fit: Fit, *, rounds: int) -> Fit:
     """Return the fit with drivers, population and noise adapted to its magnitudes."""
     for _ in range(rounds):

@@ -5,7 +5,6 @@ from __future__ import annotations
 from collections.abc import Mapping
 
 import numpy as np
-import numpy.typing as npt
 
 from idm_sumo import laws
 from idm_sumo.diagnosis import evidence as ev
@@ -48,14 +47,6 @@ def model_of(fit: Fit, accepted: tuple[Accepted, ...], source: str) -> ExtendedM
 
 def _values(fit: Fit, name: str) -> dict[str, float]:
     return {p.symbol: float(fit.by_lane[0, p.slot]) for p in BY_NAME[name].acting(fit.by_lane[0])}
-
-
-def without_cause(by_lane: npt.NDArray[np.float64], name: str) -> npt.NDArray[np.float64]:
-    """Return magnitudes with one cause taken out."""
-    left = by_lane.copy()
-    for parameter in BY_NAME[name].every:
-        left[:, parameter.slot] = 0.0
-    return left
 
 
 def causes(found: Found, shares: Mapping[str, float]) -> tuple[CauseFound, ...]:
