@@ -34,6 +34,8 @@ def test_what_is_there_and_then_only_is_no_place_and_no_time(z, beyond, neither)
         ("delay over time", 7.0, True),
         ("headway over leader_gap", 7.0, False),  # another car-following model looks like it
         ("headway over leader_gap", 9.5, True),
+        ("headway over since_braking", 7.0, False),  # so it does: of its own motion a driver's noise tells
+        ("headway over since_braking", 9.5, True),
     ],
 )
 def test_what_is_looked_at_more_must_stand_out_more(covariate, z, stands_out):
@@ -218,5 +220,27 @@ def test_a_pedal_left_alone_is_asked_for_where_small_approach_rates_seem_unnotic
     seen = [Candidate(name, 0.5, 0.01, z, 1e-6, Atom(name, 0.5), 1.0, 0.0)] if name else []
     monkeypatch.setattr(gates, "believed", lambda _: seen)
     one = free("response over wanted_acceleration", -pedal)
-    assert free_gates.is_in_the_foot(one)
+    assert free_gates.is_stood_in_for(one)
     assert bool(free_gates.outside(evidence(0.0, one))) is stands_out
+
+
+@pytest.mark.parametrize(
+    ("place", "z", "road", "entry", "is_it"),
+    [
+        (300.0, 14.9, 13.9, 16.8, True),
+        (300.0, 8.4, 11.5, 11.2, False),  # along the road it is surer
+        (300.0, 15.0, 14.0, 15.5, False),  # the place says as much
+        (0.0, 15.0, 14.0, 15.5, True),  # one that begins where the recording does
+        (0.0, 15.0, 14.0, 14.9, False),
+        (None, 0.0, 0.0, 5.6, True),
+    ],
+)
+def test_what_changes_with_the_time_since_the_entry_is_told_from_a_place(monkeypatch, place, z, road, entry, is_it):
+    bins = [Atom("location", low=low, high=low + 20.0) for low in (0.0, 300.0)]
+    seen = [Candidate("location", -0.2, 0.01, z, 1e-6, Atom("location", -0.2, low=place), 1.0, 0.0)] if z else []
+    monkeypatch.setattr(gates, "believed", lambda _: seen)
+    one = free("headway over since_entry", -entry)
+    shown = replace(evidence(0.0, one, free("position", road)), atoms=bins)
+    monkeypatch.setattr(free_gates, "standing_out", lambda _: (one,))
+    assert free_gates.is_stood_in_for(one)
+    assert bool(free_gates.outside(shown)) is is_it

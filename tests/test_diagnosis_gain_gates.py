@@ -23,7 +23,9 @@ def gain(difference, margin):
     ("difference", "margin", "z", "first", "further"),
     [
         (0.02, 0.01, 3.0, True, True),  # clearly better
-        (0.02, 0.025, 3.0, False, True),  # nine to one
+        (0.02, 0.025, 3.0, False, False),  # nine to one
+        (0.02, 0.025, 7.5, True, True),  # so, and beyond doubt
+        (0.012, 0.005, 5.5, True, False),  # clearly, and less than what the first one's form may leave over
         (0.02, 0.04, 3.0, False, False),
         (0.001, 0.04, 5.0, True, False),  # surely there, and no worse
         (-0.005, 0.04, 5.0, False, False),

@@ -55,6 +55,7 @@ def test_pulses_add_up_to_the_score_and_the_gram_matrix_of_a_field(driven):
     [
         ("beside_gap", w.BESIDE_GAP, 1.0, 0.0), ("motorcycles_beside", w.MOTORCYCLES, 2.0, 0.0),
         ("leader_length", w.LENGTH, 6.0, 0.0), ("since_standing", w.SINCE_STANDING, 2.0, 1e6),
+        ("since_entry", w.SINCE_ENTRY, 20.0, np.nan), ("since_braking", w.SINCE_BRAKING, 2.0, 1e6),
         ("faster_difference", w.FASTER, 15.0, np.nan), ("nearest_beside", w.NEAREST_BESIDE, -6.0, np.nan),
     ],
 )  # fmt: skip

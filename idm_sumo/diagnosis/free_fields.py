@@ -41,6 +41,8 @@ EDGES: dict[str, tuple[float, ...]] = {
     "motorcycles_beside": (0.5, 99.0),
     "leader_length": (0.5, 4.2, 5.2, 7.0, 40.0),
     "since_standing": (0.0, 3.0, 8.0, 20.0),
+    "since_braking": (0.0, 5.0, 10.0, 20.0),
+    "since_entry": (2.0, 12.0, 22.0, 32.0, 45.0, 60.0, 90.0),
     "unrest": (0.0, 0.4, 0.7, 1.0, 9.0),
     "wanted_acceleration": (0.0, 0.15, 0.3, 0.45, 0.7, 1.1, 20.0),
 }
@@ -48,7 +50,7 @@ EDGES: dict[str, tuple[float, ...]] = {
 # jumps among them; and who brakes more than the model has the follower near.
 DOUBTFUL = (
     "leader_acceleration", "leader_gap", "adjacent_difference", "faster_difference", "rear_gap", "crowd_left", "crowd_right",
-    "since_change",
+    "since_change", "since_braking",
 )  # fmt: skip
 # Who is where around a driver: no motion of its own makes these up, and they are few.
 AROUND = (
@@ -202,6 +204,8 @@ def covariates(windows: w.Windows, state: Floats) -> dict[str, Floats]:
         "motorcycles_beside": seen[:, :, w.MOTORCYCLES],
         "leader_length": seen[:, :, w.LENGTH],
         "since_standing": seen[:, :, w.SINCE_STANDING],
+        "since_braking": seen[:, :, w.SINCE_BRAKING],
+        "since_entry": seen[:, :, w.SINCE_ENTRY],
         "unrest": seen[:, :, w.UNREST],
         "wanted_acceleration": np.abs(state[:, :, ro.BASE_A]),
         "position": x,

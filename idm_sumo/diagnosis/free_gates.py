@@ -9,6 +9,7 @@ from idm_sumo.diagnosis import gates
 from idm_sumo.diagnosis import hypotheses as hy
 from idm_sumo.diagnosis.free_fields import AROUND, CHANGES, DOUBTFUL, HELD, MOVING, PEDAL, REGION, SUSPECT
 from idm_sumo.diagnosis.gates import FREE_CLEAR
+from idm_sumo.diagnosis.hypotheses import Candidate
 from idm_sumo.diagnosis.left_over import SWING, LeftOver
 
 # Standard errors, for more than stands out: a response that changes, of which there are most looks, and what is suspect; and what
@@ -21,6 +22,9 @@ FREE_IMPOSSIBLE = 0.5  # of the z of what cannot be, for what is free along what
 FREE_ELSEWHERE = 1.2  # of the same, for a response that changes along the road: another law answers dense traffic otherwise than light
 # Of the same, for how drivers start after standing: another law has a way of its own, which said up to 6.5 beside 8.0 of what cannot be.
 STARTING, FREE_STARTING = "since_standing", 1.0
+# What changes with the time since the entry a location at the beginning comes near to, and the reverse: of them that is believed which
+# says more than the other, and than what is free along the road.
+ENTRY = "since_entry"
 # Times the best cause's squared z, and more, from which on the catalogue does not hold it. A response that changes from place to
 # place, or with time, is what goes beyond the same change everywhere, and has to be only half as sure as that.
 FREE_EXCESS, FREE_CHANGE, FREE_MORE = 1.5, 0.5, 25.0
@@ -91,18 +95,28 @@ def _least_of_pedal(evidence: ev.Evidence) -> float:
 def outside(evidence: ev.Evidence) -> tuple[LeftOver, ...]:
     """Return what is free and says more than any significant effect of the catalogue."""
     every = gates.believed(evidence)
-    best = max((c.z**2 for c in every if gates.is_significant(c)), default=0.0)
+    significant = [c for c in every if gates.is_significant(c)]
+    best = max((c.z**2 for c in significant), default=0.0)
     seen = {c.name for c in every if gates.is_likely(c) or gates.is_too_small(c)}
 
     def needed(one: LeftOver) -> float:
         if one.covariate == PEDAL:
             return 0.0
+        if one.subject == ENTRY:
+            return max(best, _least_of_entry(evidence, significant))
         return FREE_MORE + best * (FREE_CHANGE if one.covariate.startswith(CHANGES) else FREE_EXCESS)
 
     def is_new(one: LeftOver) -> bool:
         return _shown_by(one) not in seen and (best == 0.0 or one.covariate not in HELD)
 
     return tuple(one for one in standing_out(evidence) if is_new(one) and one.z**2 > needed(one))
+
+
+def _least_of_entry(evidence: ev.Evidence, significant: list[Candidate]) -> float:
+    """Return the squared z from which on what changes with the time since the entry is more than a place, or another cause."""
+    along_the_road = max((one.z**2 for one in evidence.free if one.covariate == HELD[0]), default=0.0)
+    others = (c.z**2 for c in significant if not gates.begins_with_the_road(c, evidence))
+    return max(along_the_road, max(others, default=0.0) + FREE_MORE)
 
 
 def untold(evidence: ev.Evidence) -> tuple[LeftOver, ...]:
@@ -121,9 +135,12 @@ def _sign_of(one: LeftOver) -> float:
     return float(np.sign(one.value) * (1.0 if one.range is None else np.sign(sum(one.range))))
 
 
-def is_in_the_foot(strange: LeftOver) -> bool:
-    """Return whether what is free is a pedal that is left alone: a dead band at its size would only stand in for it."""
-    return strange.covariate == PEDAL
+def is_stood_in_for(strange: LeftOver) -> bool:
+    """Return whether the best cause at its size would only stand in for what is free.
+
+    A dead band does so for a pedal that is left alone, a location for what changes with the time since the entry.
+    """
+    return strange.covariate == PEDAL or strange.subject == ENTRY
 
 
 def is_neither(strange: LeftOver) -> bool:

@@ -172,9 +172,16 @@ def is_past_unseen(candidate: Candidate, evidence: ev.Evidence, accepted: Contai
     """
     if candidate.name != "location" or "lane_change_relaxation" not in accepted:
         return False
-    bins = [atom for atom in evidence.atoms if atom.name == "location"]
     pushes = candidate.value > 0.0 if not hy.acting_of(candidate)[0].is_share else candidate.value < 0.0
-    slack = hy.NARROWEST[candidate.name]
     if pushes:
-        return candidate.atom.low <= min(one.low for one in bins) + slack
-    return candidate.atom.high >= max(one.high for one in bins) - slack
+        return begins_with_the_road(candidate, evidence)
+    end = max(one.high for one in evidence.atoms if one.name == candidate.name)
+    return candidate.atom.high >= end - hy.NARROWEST[candidate.name]
+
+
+def begins_with_the_road(candidate: Candidate, evidence: ev.Evidence) -> bool:
+    """Return whether a candidate is a location that begins where the recorded road does."""
+    if candidate.name != "location":
+        return False
+    begin = min(one.low for one in evidence.atoms if one.name == candidate.name)
+    return candidate.atom.low <= begin + hy.NARROWEST[candidate.name]

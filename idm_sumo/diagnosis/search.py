@@ -155,7 +155,7 @@ def _outside(
     such look: no cause of the catalogue is.
     """
     strange = free_gates.outside(first)
-    if not strange or free_gates.is_neither(strange[0]) or free_gates.is_in_the_foot(strange[0]):
+    if not strange or free_gates.is_neither(strange[0]) or free_gates.is_stood_in_for(strange[0]):
         return strange
     left, names, evidence = strange, list[str](), first
     for beside in (known, Known()):

@@ -7,6 +7,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 import numpy.typing as npt
+import pandas as pd
 
 from idm_sumo import columns as c
 from idm_sumo.diagnosis.other_lanes import OtherLanes
@@ -23,6 +24,7 @@ EVERY = 10  # frames between compared positions
 STANDING = 0.5  # m/s
 MOVING = 1.0  # m/s: a window in which nobody is faster says nothing
 UNREST_FRAMES = 150
+HARD, HARD_FRAMES = -1.2, 10  # m/s², for so long: braking that is no noise of the measurement
 NEARLY_ALWAYS = 0.8  # of the frames
 NEAREST = 0.3  # m: a smaller recorded gap is an overlap of the measurement
 
@@ -31,8 +33,8 @@ REAR, SPEED, ACCELERATION, KIND, SECOND, SECOND_SPEED, ADJACENT, BEHIND = range(
 JUMP, SINCE, UNTIL_CUT_IN, UNTIL_OWN, MEAN_SPEED, LANE, TIME, X, V, OWN_KIND = range(8, 18)
 TRUCKS_BESIDE, BRAKING_BESIDE, UNREST, ACCEPTED, BEHIND_KIND, CROWD_LEFT, CROWD_RIGHT = range(18, 25)
 ABREAST, SECOND_KIND, FASTER, BESIDE_GAP, MOTORCYCLES, LENGTH, SINCE_STANDING, NEXT_BESIDE = range(25, 33)
-ACCELERATION_OF_LATE, NEAREST_BESIDE = range(33, 35)
-COLUMNS = 35
+ACCELERATION_OF_LATE, NEAREST_BESIDE, SINCE_ENTRY, SINCE_BRAKING = range(33, 37)
+COLUMNS = 37
 LEADERS = (REAR, SPEED, ACCELERATION, SECOND, SECOND_SPEED)  # of which a recording shows what smoothing leaves
 
 Floats = npt.NDArray[np.float64]
@@ -54,7 +56,8 @@ class Windows:
         left and in the right adjacent lane (NaN without one); adjacent lanes with a vehicle alongside; second leader's class; faster
         adjacent lane's speed (NaN for none); adjacent lanes with a vehicle beside the own gap; motorcycles beside; leader's length (m, 0
         if not known); time since the own last standstill; speed of the slower of the next vehicles ahead in the adjacent lanes (NaN for none);
-        leader's mean acceleration of the last seconds.
+        leader's mean acceleration of the last seconds; time since the entry (NaN for who was there when the recording began) and since
+        the own last hard braking.
         The simulation starts at frame ``LEAD``.
     blurred : float64, shape (windows, LEAD + horizon + 1, 5)
         The columns ``LEADERS``, smoothed once more: what a twin's measurement sees.
@@ -202,9 +205,12 @@ def _columns(recording: Recording, ahead: Ahead) -> Floats:
         seen[:, BESIDE_GAP], seen[:, MOTORCYCLES] = beside.beside_gap(ahead.rear - x), beside.motorcycles()
     seen[:, BEHIND_KIND], seen[:, SECOND_KIND], seen[:, LENGTH] = ahead.follower_kind, ahead.second_kind, ahead.length
     seen[:, SINCE_STANDING] = since(v < STANDING, same_run(table))[0]
-    seen[:, UNREST] = running_mean(np.abs(table[c.ACCELERATION].to_numpy(np.float64)), same_run(table), UNREST_FRAMES)
+    own = table[c.ACCELERATION].to_numpy(np.float64)
+    seen[:, UNREST] = running_mean(np.abs(own), same_run(table), UNREST_FRAMES)
+    seen[:, SINCE_BRAKING] = since(running_mean(own, same_run(table), HARD_FRAMES) < HARD, same_run(table))[0]
     seen[:, LANE] = table[c.LANE].to_numpy(np.float64)
     seen[:, TIME] = _clock(recording)
+    seen[:, SINCE_ENTRY] = _since_entry(table, seen[:, TIME])
     seen[:, X], seen[:, V], seen[:, OWN_KIND] = x, v, table[c.CLASS].to_numpy(np.float64)
     return seen
 
@@ -214,6 +220,14 @@ def _clock(recording: Recording) -> Floats:
     table = recording.table
     first = table.groupby(c.PERIOD, observed=True)[c.FRAME].transform("min")
     return np.asarray((table[c.FRAME] - first).to_numpy() * FRAME_STEP, dtype=np.float64)
+
+
+def _since_entry(table: pd.DataFrame, clock: Floats) -> Floats:
+    """Return the time (s) since each vehicle came into sight, NaN for those that were there when their period began."""
+    entry = (
+        pd.Series(clock).groupby([table[c.PERIOD].cat.codes.to_numpy(), table[c.VEHICLE].to_numpy()]).transform("min")
+    )
+    return np.where(entry > 0.0, clock - entry, np.nan)
 
 
 def _blurred(shown: Recording, ahead: Ahead, leaders: Smoother) -> Floats:
