@@ -23,7 +23,7 @@ UNLIKE_LAWS = (
 FURTHER_SHARE = 0.12
 LEAST_GAIN = 0.004  # of the ADE, on the drivers that fit
 UNTWINNED_GAIN = 0.02  # of the ADE, for what has no null twin: a follower answers its leader, so its place tells of the leader's noise
-DECIDING_GAIN = 0.015  # of the ADE, for what is not quite significant, and for a further cause that is not beyond doubt
+DECIDING_GAIN = 0.015  # of the ADE, for what is not quite significant, and for a further cause that laws make up, unless beyond doubt
 FAINT_GAIN = 0.02  # of the ADE, for a further cause that may be what the first one's shape, or another law, leaves over
 SURE, BEYOND_DOUBT = 4.8, 7.0  # standard errors, from which on any gain will do, and no loss beyond chance
 SURE_AGAIN = 5.0  # standard errors, from which on held-out drivers need not be better than chance
@@ -39,7 +39,8 @@ def is_worth_it(gain: Gain, tried: Tried, first: Tried | None, strongest: float 
 
     What something else looks like, too, must make them better clearly, unless it is far beyond doubt. What is not quite sure must be
     the surest of all that is looked at: of two that are as sure either may be the other. A further cause must clearly, or, beyond
-    doubt, nine to one, unless it is about as sure as the first, too: what the first one's form leaves over is there as well.
+    doubt or made up by no law, nine to one, unless it is about as sure as the first, too: what the first one's form leaves over is
+    there as well.
 
     Parameters
     ----------
@@ -71,8 +72,9 @@ def is_worth_it(gain: Gain, tried: Tried, first: Tried | None, strongest: float 
         )
     if is_faint_beside(tried, first) or (z < strongest and not unlike_laws):
         return is_clear(gain)
-    enough = clearly and share >= DECIDING_GAIN if z <= BEYOND_DOUBT else enough and gain.is_likely
-    return enough or (beyond_doubt and tried.support > AS_SURE * first.support)
+    is_sure = z > BEYOND_DOUBT or unlike_laws
+    worth_it = enough and gain.is_likely if is_sure else clearly and share >= DECIDING_GAIN
+    return worth_it or (beyond_doubt and tried.support > AS_SURE * first.support)
 
 
 def is_clear(gain: Gain) -> bool:
