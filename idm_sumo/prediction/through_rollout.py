@@ -15,6 +15,7 @@ from collections.abc import Sequence
 
 import numpy as np
 import numpy.typing as npt
+from threadpoolctl import threadpool_limits
 
 from idm_sumo.calibration.kernel import LOWER, PARAMETERS, UPPER, costs, costs_and_derivatives
 from idm_sumo.calibration.problem import Problem
@@ -43,8 +44,13 @@ def fit_weights(problems: Sequence[Problem], features: Sequence[Floats], center:
     ridge : float
         How strongly weights are drawn to 0, the pooled parameters.
     """
-    parts = list(zip(problems, features, strict=True))
-    penalty = np.full(features[0].shape[1], ridge)
+    # The matrices are small: threads of the linear algebra would wait for each other, a hundred times as long beside other work.
+    with threadpool_limits(1, user_api="blas"):
+        return _descended(list(zip(problems, features, strict=True)), center, ridge)
+
+
+def _descended(parts: list[tuple[Problem, Floats]], center: Floats, ridge: float) -> Floats:
+    penalty = np.full(parts[0][1].shape[1], ridge)
     penalty[0] = FREE
     weights, damping = np.zeros((len(penalty), PARAMETERS)), 0.1
     best = _values(parts, center, weights[None], penalty)[0]
