@@ -45,6 +45,7 @@ def test_the_shadow_of_what_was_refused_is_no_cause(monkeypatch, support, named)
     ("name", "with_it", "named"),
     [
         ("time_of_day", 0.2, True),
+        ("pre_insertion", 0.2, True),
         ("time_of_day", 0.1, False),  # what was refused takes it away
         ("time_of_day", -0.2, False),  # or turns it round
         ("hysteresis", 0.2, False),  # motion may make it up

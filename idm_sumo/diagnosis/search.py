@@ -189,8 +189,8 @@ def _next(
 ) -> tuple[Accepted, ...]:  # fmt: skip
     """Return the next cause that passes every gate and is no shadow of one that does not, with the refitted model; or none.
 
-    What is there without gain is added to ``without``; the forms ``but`` are left out. Who, where or when is no shadow of what was
-    refused if it is still there with that in the model; beside it the refused may gain, and is asked again. Where nothing gains alone,
+    What is there without gain is added to ``without``; the forms ``but`` are left out. Who, where, when or a lane change to come is no shadow
+    of what was refused if it is still there with that in the model; beside it the refused may gain, and is asked again. Where nothing gains alone,
     two may together.
     """
     used = {a.candidate.name for a in accepted} | {c.name for c in without}
