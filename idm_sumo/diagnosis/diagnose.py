@@ -110,7 +110,8 @@ def _by_the_law_with_causes(
     """Return the law that drivers surely follow with the causes in the model, and the causes beyond that one.
 
     The law came first, without any cause, and may have taken up a part of one, or all of it: where nothing is named beyond another law
-    than the IDM, causes are looked for beyond the IDM.
+    than the IDM, causes are looked for beyond the IDM. What is named beyond one law, and beyond another nothing that would make up for
+    it, is no cause.
     """
     windows, names = subject.windows, _names(found)
     rival = law.rival(windows, found.fit, names, rng) if names else laws.IDM
@@ -120,7 +121,10 @@ def _by_the_law_with_causes(
     if rival != laws.IDM:
         base = fit_drivers(windows, law.of(rival), by_idm.start_variance, rounds=ROUNDS)
     again = search(with_its_noise(subject, base, rng), base, rng, progress)
-    if not law.is_sure(law.likelihood_gain(windows, found.fit, again.fit, rng)):
+    gain = law.likelihood_gain(windows, found.fit, again.fit, rng)
+    if names and not again.accepted and gain.difference > 0.0:
+        return followed, _refused(found)  # what another law, likelier without any cause, does by itself
+    if not law.is_sure(gain):
         return followed, found
     if not names and law.rival(windows, again.fit, _names(again), rng) is not None:
         return followed, found  # causes that an IDM needs to come near to another law
@@ -154,10 +158,14 @@ def _confirmed(found: Found, held: Windows, rng: np.random.Generator) -> tuple[F
         typical = typical_gain(base.ade_m, extended.ade_m, held.platoon, rng, held_out=True)
         if is_confirmed(gains[0], typical, first.gain, first.candidate):
             return found, base, extended, gains
-        there = (*found.without_gain, *(cause.candidate for cause in found.accepted))
-        left = left_without_causes(found.first)
-        found = replace(found, fit=found.base, accepted=(), without_gain=there, unexplained=left)
+        found = _refused(found)
     return found, base, base, all_gains(base, base, held.platoon, rng)
+
+
+def _refused(found: Found) -> Found:
+    """Return what was found, its causes as there without gain."""
+    there = (*found.without_gain, *(cause.candidate for cause in found.accepted))
+    return replace(found, fit=found.base, accepted=(), without_gain=there, unexplained=left_without_causes(found.first))
 
 
 def _split(windows: Windows, rng: np.random.Generator) -> tuple[Windows, Windows]:
