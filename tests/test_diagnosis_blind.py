@@ -24,6 +24,13 @@ def hidden(folder: Path, seed: int, effect: str | None, size: str = "large", **g
     return read_recording(path).recording
 
 
+def made_elsewhere(folder: Path, seed: int, number: int, case: dict[str, object]) -> Recording:
+    """A recording of the second simulator."""
+    got, _ = elsewhere.make(seed, number, case)
+    got["table"].to_parquet(folder / "recording.parquet", index=False)
+    return read_recording(folder / "recording.parquet").recording
+
+
 def checked(found: Diagnosis) -> Diagnosis:
     """What holds for every verdict."""
     assert (found.verdict == "named") == bool(found.causes)
@@ -218,16 +225,23 @@ def test_too_few_drivers_say_nothing(tmp_path):
 
 
 @pytest.mark.slow
-def test_what_had_made_another_law_likelier_is_named_beyond_the_idm_that_drove(tmp_path):
-    names = ["courtesy_yielding", "lane_change_relaxation"]
-    got, _ = elsewhere.make(
-        673, 44, {"kind": "pair", "names": names, "size": ["mid", "large"], "usual": [False, True], "law": None}
-    )
-    got["table"].to_parquet(tmp_path / "recording.parquet", index=False)
-    found = checked(diagnose(read_recording(tmp_path / "recording.parquet").recording, seed=673))
-    assert found.law is None
-    assert found.causes[0].name in names
+def test_two_causes_of_which_neither_gains_alone_are_both_named(tmp_path):
+    names = ["acceleration_asymmetry", "lane_change_relaxation"]
+    case = {"kind": "pair", "names": names, "size": ["large", "mid"], "usual": [True, True], "law": None}
+    found = checked(diagnose(made_elsewhere(tmp_path, 661, 16, case), seed=661))
+    assert sorted(cause.name for cause in found.causes) == names
     assert better(found)
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize(
+    ("number", "name", "told"), [(4, "tired_in_section", "since_entry"), (23, "shaken", "since_braking")]
+)
+def test_what_changes_with_the_time_since_something_is_unknown_and_since_what_is_said(number, name, told, tmp_path):
+    case = {"kind": "outside", "names": [name], "size": ["mid"], "usual": [True], "law": None}
+    found = checked(diagnose(made_elsewhere(tmp_path, 673, number, case), seed=673))
+    assert found.verdict == "unknown"
+    assert told in found.unexplained[0].covariate
 
 
 @pytest.mark.slow

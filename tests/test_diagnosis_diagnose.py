@@ -13,7 +13,7 @@ from idm_sumo.diagnosis import atoms as at
 from idm_sumo.diagnosis import rollout as ro
 from idm_sumo.diagnosis.choice import Accepted
 from idm_sumo.diagnosis.fit import fit_drivers
-from idm_sumo.diagnosis.law import Followed
+from idm_sumo.diagnosis.law import Followed, beneath
 from idm_sumo.diagnosis.look import Subject
 from idm_sumo.diagnosis.luck import Noises
 from idm_sumo.diagnosis.result import Gain
@@ -26,6 +26,29 @@ from tests.test_diagnosis_rollout import QUIET, followers
 diagnosing = sys.modules["idm_sumo.diagnosis.diagnose"]  # the package's name is that of the function
 
 
+@pytest.fixture
+def beyond():
+    """What a search finds, and the subject: nothing, and a dead band."""
+    windows, _ = followers(ro.PLAIN, np.random.default_rng(5))
+    fit = fit_drivers(windows, ro.PLAIN.copy(), np.array([1e-4, 1e-4]), rounds=1)
+    tried = Tried(candidate(6.0), with_cause(fit, candidate(6.0)), 60.0)
+    cause = Accepted(tried, 0.5, 0.01, Gain("ade_m", 1.0, 0.99, 0.01, (0.0, 0.02), 10, False), ())
+    nothing = Found(fit, fit, (), (), evidence(0.0), evidence(0.0), ())
+    subject = Subject(windows, Noises(QUIET, QUIET), at.grid_of(windows), True)
+    return subject, nothing, replace(nothing, fit=tried.fit, accepted=(cause,))
+
+
+def asked_again(monkeypatch, subject, found, again, likelier, rivals):
+    """What comes of a search when the law is asked again; ``likelier`` so much, give or take one."""
+    gain = Gain("unlikelihood", 10.0, 10.0 - likelier, likelier, (likelier - 2.0, likelier + 2.0), 10, False)
+    monkeypatch.setattr(diagnosing.law, "rival", lambda *_: rivals.pop(0))
+    monkeypatch.setattr(diagnosing, "search", lambda *_: again)
+    monkeypatch.setattr(diagnosing.law, "likelihood_gain", lambda *_: gain)
+    followed = Followed(found.base, None, {})
+    rng = np.random.default_rng(0)
+    return diagnosing._by_the_law_with_causes(subject, followed, found.base, found, rng, lambda *_: None)[1]
+
+
 @pytest.mark.parametrize(
     ("names_again", "likelier", "outcome"),
     [
@@ -36,26 +59,26 @@ diagnosing = sys.modules["idm_sumo.diagnosis.diagnose"]  # the package's name is
     ],
 )
 def test_what_is_named_beyond_one_law_and_not_beyond_a_likelier_one_is_no_cause(
-    monkeypatch, names_again, likelier, outcome
+    monkeypatch, beyond, names_again, likelier, outcome
 ):
-    windows, _ = followers(ro.PLAIN, np.random.default_rng(5))
-    fit = fit_drivers(windows, ro.PLAIN.copy(), np.array([1e-4, 1e-4]), rounds=1)
-    subject = Subject(windows, Noises(QUIET, QUIET), at.grid_of(windows), True)
-    tried = Tried(candidate(6.0), with_cause(fit, candidate(6.0)), 60.0)
-    cause = Accepted(tried, 0.5, 0.01, Gain("ade_m", 1.0, 0.99, 0.01, (0.0, 0.02), 10, False), ())
-    found = Found(fit, tried.fit, (cause,), (), evidence(0.0), evidence(0.0), ())
-    again = replace(found, fit=fit, accepted=(cause,) if names_again else ())
-    monkeypatch.setattr(diagnosing.law, "rival", lambda *_: laws.KRAUSS)
-    monkeypatch.setattr(diagnosing, "search", lambda *_: again)
-    gain = Gain("unlikelihood", 10.0, 10.0 - likelier, likelier, (likelier - 2.0, likelier + 2.0), 10, False)
-    monkeypatch.setattr(diagnosing.law, "likelihood_gain", lambda *_: gain)
-    followed = Followed(fit, None, {})
-    _, after = diagnosing._by_the_law_with_causes(
-        subject, followed, fit, found, np.random.default_rng(0), lambda *_: None
-    )
+    subject, nothing, found = beyond
+    again = replace(found) if names_again else nothing
+    after = asked_again(monkeypatch, subject, found, again, likelier, [laws.KRAUSS])
     if outcome == "without gain":
         assert after.fit is found.base
         assert not after.accepted
         assert [one.name for one in after.without_gain] == ["perception_threshold"]
     else:
         assert after is (again if outcome == "again" else found)
+
+
+@pytest.mark.parametrize(
+    ("likelier", "rival", "taken"), [(5.0, None, True), (2.0, None, False), (5.0, laws.KRAUSS, False)]
+)
+def test_where_nothing_is_named_beyond_another_law_causes_beyond_the_idm_may_be(
+    monkeypatch, beyond, likelier, rival, taken
+):
+    subject, nothing, by_idm = beyond
+    other = replace(nothing, fit=replace(nothing.fit, by_lane=beneath(nothing.fit.by_lane, laws.KRAUSS)))
+    after = asked_again(monkeypatch, subject, other, by_idm, likelier, [rival])
+    assert after is (by_idm if taken else other)
