@@ -50,6 +50,7 @@ def fit_weights(problems: Sequence[Problem], features: Sequence[Floats], center:
 
 
 def _descended(parts: list[tuple[Problem, Floats]], center: Floats, ridge: float) -> Floats:
+    """Return the weights to which damped Gauss-Newton steps lead from the pooled driver."""
     penalty = np.full(parts[0][1].shape[1], ridge)
     penalty[0] = FREE
     weights, damping = np.zeros((len(penalty), PARAMETERS)), 0.1
