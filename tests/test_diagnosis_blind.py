@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pytest
@@ -24,11 +25,11 @@ def hidden(folder: Path, seed: int, effect: str | None, size: str = "large", **g
     return read_recording(path).recording
 
 
-def made_elsewhere(folder: Path, seed: int, number: int, case: dict[str, object]) -> Recording:
-    """A recording of the second simulator."""
+def made_elsewhere(folder: Path, seed: int, number: int, case: dict[str, object]) -> tuple[Recording, list[Any]]:
+    """A recording of the second simulator, and what is hidden in it."""
     got, _ = elsewhere.make(seed, number, case)
     got["table"].to_parquet(folder / "recording.parquet", index=False)
-    return read_recording(folder / "recording.parquet").recording
+    return read_recording(folder / "recording.parquet").recording, got["hidden"]
 
 
 def checked(found: Diagnosis) -> Diagnosis:
@@ -228,7 +229,8 @@ def test_too_few_drivers_say_nothing(tmp_path):
 def test_two_causes_of_which_neither_gains_alone_are_both_named(tmp_path):
     names = ["acceleration_asymmetry", "lane_change_relaxation"]
     case = {"kind": "pair", "names": names, "size": ["large", "mid"], "usual": [True, True], "law": None}
-    found = checked(diagnose(made_elsewhere(tmp_path, 661, 16, case), seed=661))
+    recording, _ = made_elsewhere(tmp_path, 661, 16, case)
+    found = checked(diagnose(recording, seed=661))
     assert sorted(cause.name for cause in found.causes) == names
     assert better(found)
 
@@ -239,7 +241,8 @@ def test_two_causes_of_which_neither_gains_alone_are_both_named(tmp_path):
 )
 def test_what_changes_with_the_time_since_something_is_unknown_and_since_what_is_said(number, name, told, tmp_path):
     case = {"kind": "outside", "names": [name], "size": ["mid"], "usual": [True], "law": None}
-    found = checked(diagnose(made_elsewhere(tmp_path, 673, number, case), seed=673))
+    recording, _ = made_elsewhere(tmp_path, 673, number, case)
+    found = checked(diagnose(recording, seed=673))
     assert found.verdict == "unknown"
     assert told in found.unexplained[0].covariate
 
@@ -247,10 +250,8 @@ def test_what_changes_with_the_time_since_something_is_unknown_and_since_what_is
 @pytest.mark.slow
 def test_a_shower_that_crosses_the_section_is_unknown_and_moves(tmp_path):
     case = {"kind": "outside", "names": ["shower"], "size": ["mid"], "usual": [False], "law": None}
-    got, _ = elsewhere.make(631, 32, case)
-    got["table"].to_parquet(tmp_path / "recording.parquet", index=False)
-    (shower,) = got["hidden"]
-    found = checked(diagnose(read_recording(tmp_path / "recording.parquet").recording, seed=1))
+    recording, (shower,) = made_elsewhere(tmp_path, 631, 32, case)
+    found = checked(diagnose(recording, seed=1))
     assert found.verdict == "unknown"
     first = found.unexplained[0]
     assert first.covariate.startswith("position and time, moving at ")

@@ -38,10 +38,10 @@ def beyond():
     return subject, nothing, replace(nothing, fit=tried.fit, accepted=(cause,))
 
 
-def asked_again(monkeypatch, subject, found, again, likelier, rivals):
+def asked_again(monkeypatch, subject, found, again, likelier, rival):
     """What comes of a search when the law is asked again; ``likelier`` so much, give or take one."""
     gain = Gain("unlikelihood", 10.0, 10.0 - likelier, likelier, (likelier - 2.0, likelier + 2.0), 10, False)
-    monkeypatch.setattr(diagnosing.law, "rival", lambda *_: rivals.pop(0))
+    monkeypatch.setattr(diagnosing.law, "rival", lambda *_: rival)
     monkeypatch.setattr(diagnosing, "search", lambda *_: again)
     monkeypatch.setattr(diagnosing.law, "likelihood_gain", lambda *_: gain)
     followed = Followed(found.base, None, {})
@@ -63,7 +63,7 @@ def test_what_is_named_beyond_one_law_and_not_beyond_a_likelier_one_is_no_cause(
 ):
     subject, nothing, found = beyond
     again = replace(found) if names_again else nothing
-    after = asked_again(monkeypatch, subject, found, again, likelier, [laws.KRAUSS])
+    after = asked_again(monkeypatch, subject, found, again, likelier, laws.KRAUSS)
     if outcome == "without gain":
         assert after.fit is found.base
         assert not after.accepted
@@ -80,5 +80,5 @@ def test_where_nothing_is_named_beyond_another_law_causes_beyond_the_idm_may_be(
 ):
     subject, nothing, by_idm = beyond
     other = replace(nothing, fit=replace(nothing.fit, by_lane=beneath(nothing.fit.by_lane, laws.KRAUSS)))
-    after = asked_again(monkeypatch, subject, other, by_idm, likelier, [rival])
+    after = asked_again(monkeypatch, subject, other, by_idm, likelier, rival)
     assert after is (by_idm if taken else other)

@@ -103,7 +103,7 @@ def outside(evidence: ev.Evidence) -> tuple[LeftOver, ...]:
         if one.covariate == PEDAL:
             return 0.0
         if one.subject == ENTRY:
-            return max(best, _least_of_entry(evidence, significant))
+            return _least_of_entry(evidence, significant)
         return FREE_MORE + best * (FREE_CHANGE if one.covariate.startswith(CHANGES) else FREE_EXCESS)
 
     def is_new(one: LeftOver) -> bool:
@@ -115,8 +115,8 @@ def outside(evidence: ev.Evidence) -> tuple[LeftOver, ...]:
 def _least_of_entry(evidence: ev.Evidence, significant: list[Candidate]) -> float:
     """Return the squared z from which on what changes with the time since the entry is more than a place, or another cause."""
     along_the_road = max((one.z**2 for one in evidence.free if one.covariate == HELD[0]), default=0.0)
-    others = (c.z**2 for c in significant if not gates.begins_with_the_road(c, evidence))
-    return max(along_the_road, max(others, default=0.0) + FREE_MORE)
+    causes = [c.z**2 + (0.0 if gates.begins_with_the_road(c, evidence) else FREE_MORE) for c in significant]
+    return max([FREE_MORE, along_the_road, *causes])
 
 
 def untold(evidence: ev.Evidence) -> tuple[LeftOver, ...]:

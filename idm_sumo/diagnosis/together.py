@@ -47,19 +47,15 @@ def two_together(
         return ()
     evidence = ev.examine(subject, refused.fit, lucks, progress=progress, stage="looking for two causes at once")
     there = [c for c in gates.believed(evidence) if c.name != refused.candidate.name]
-    forms = [
-        form
-        for c in [c for c in there if gates.is_worth_trying(c, is_first=False)][: choice.TRIED]
-        for form in hy.forms(evidence, c)
-    ]
+    likely = [c for c in there if gates.is_worth_trying(c, is_first=False)][: choice.TRIED]
+    forms = [form for c in likely for form in hy.forms(evidence, c)]
     if not forms:
         return ()
     _, second = choice.judged(subject, refused.fit, forms, refused, there, lucks, rng)
     if second is None or not gain_gates.is_clear(gain_of(subject, fit, second.tried.fit, rng)):
         return ()
-    gain = gain_of(
-        subject, anew(subject, without_cause(second.tried.fit, refused.candidate.name)), second.tried.fit, rng
-    )
+    alone = anew(subject, without_cause(second.tried.fit, refused.candidate.name))
+    gain = gain_of(subject, alone, second.tried.fit, rng)
     if not gain_gates.is_clear(gain):
         return ()
     candidate = refused.candidate

@@ -182,6 +182,7 @@ def _placed(starts: Integers, lengths: Integers, horizon: int) -> Integers:
 def _columns(recording: Recording, ahead: Ahead) -> Floats:
     """Return the columns of ``Windows.seen`` for each row."""
     table = recording.table
+    same = same_run(table)
     x, v = table[c.X].to_numpy(np.float64), table[c.SPEED].to_numpy(np.float64)
     length = table[c.LENGTH].fillna(CAR_LENGTH).to_numpy(np.float64)
     events = leader_events(table, ahead)
@@ -191,7 +192,7 @@ def _columns(recording: Recording, ahead: Ahead) -> Floats:
     seen[:, SECOND], seen[:, SECOND_SPEED] = ahead.second_place, ahead.second_speed
     seen[:, BEHIND] = ahead.follower_front + length
     seen[:, [JUMP, SINCE, ACCEPTED, UNTIL_CUT_IN, UNTIL_OWN]] = np.stack(events, 1)
-    seen[:, MEAN_SPEED] = running_mean(v, same_run(table))
+    seen[:, MEAN_SPEED] = running_mean(v, same)
     seen[:, [ADJACENT, NEXT_BESIDE, FASTER, CROWD_LEFT, CROWD_RIGHT, NEAREST_BESIDE]] = np.nan
     seen[:, [TRUCKS_BESIDE, BRAKING_BESIDE, ABREAST, BESIDE_GAP, MOTORCYCLES]] = 0.0
     if recording.has_leader_rows:
@@ -204,10 +205,10 @@ def _columns(recording: Recording, ahead: Ahead) -> Floats:
         seen[:, NEXT_BESIDE], seen[:, NEAREST_BESIDE] = beside.slower_next_speed(), beside.nearest()
         seen[:, BESIDE_GAP], seen[:, MOTORCYCLES] = beside.beside_gap(ahead.rear - x), beside.motorcycles()
     seen[:, BEHIND_KIND], seen[:, SECOND_KIND], seen[:, LENGTH] = ahead.follower_kind, ahead.second_kind, ahead.length
-    seen[:, SINCE_STANDING] = since(v < STANDING, same_run(table))[0]
+    seen[:, SINCE_STANDING] = since(v < STANDING, same)[0]
     own = table[c.ACCELERATION].to_numpy(np.float64)
-    seen[:, UNREST] = running_mean(np.abs(own), same_run(table), UNREST_FRAMES)
-    seen[:, SINCE_BRAKING] = since(running_mean(own, same_run(table), HARD_FRAMES) < HARD, same_run(table))[0]
+    seen[:, UNREST] = running_mean(np.abs(own), same, UNREST_FRAMES)
+    seen[:, SINCE_BRAKING] = since(running_mean(own, same, HARD_FRAMES) < HARD, same)[0]
     seen[:, LANE] = table[c.LANE].to_numpy(np.float64)
     seen[:, TIME] = _clock(recording)
     seen[:, SINCE_ENTRY] = _since_entry(table, seen[:, TIME])
