@@ -108,9 +108,15 @@ def _followed(found: Diagnosis) -> str:
     return (
         f"These drivers follow {law_of(found)} more likely than the IDM: whatever a driver's parameters, the log-likelihood is higher by "
         f"{likelier.difference:.2f} a driver (95 %: {low:.2f} to {high:.2f}). On {gain.vehicles} held-out drivers, each fitted, the mean "
-        f"displacement error is {gain.extended:.3f} m by it and {gain.base:.3f} m by the IDM. What follows is beyond that law; the "
-        "model file holds it."
+        f"displacement error is {gain.extended:.3f} m by it and {gain.base:.3f} m by the IDM.{_reached(found)} What follows is beyond "
+        "that law; the model file holds it."
     )
+
+
+def _reached(found: Diagnosis) -> str:
+    """Say how soon drivers of Krauss's law reach their safe speed."""
+    model = found.base_model
+    return f" They reach it within {model.reaction:.2g} s." if model.law == laws.NAMES[laws.KRAUSS] else ""
 
 
 def _with_causes(found: Diagnosis) -> str:

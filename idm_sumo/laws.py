@@ -9,20 +9,21 @@ in place of one, that is written below by ``a`` or ``b``, so that one population
 
 from __future__ import annotations
 
-from math import tanh
+from math import sqrt, tanh
 
 from numba import njit
 
-IDM, FULL_VELOCITY_DIFFERENCE, SMOOTH_VELOCITY_DIFFERENCE, KRAUSS, OPTIMAL_VELOCITY = range(5)
-NAMES = ("idm", "full_velocity_difference", "smooth_velocity_difference", "krauss", "optimal_velocity")
+IDM, FULL_VELOCITY_DIFFERENCE, SMOOTH_VELOCITY_DIFFERENCE, KRAUSS, OPTIMAL_VELOCITY, GIPPS = range(6)
+NAMES = ("idm", "full_velocity_difference", "smooth_velocity_difference", "krauss", "optimal_velocity", "gipps")
 IN_WORDS = (
     "the IDM", "full velocity difference", "full velocity difference with a smooth optimal velocity", "Krauss's safe speed",
-    "optimal velocity",
+    "optimal velocity", "Gipps's safe speed",
 )  # fmt: skip
 WITHIN = 4.0  # m/s: by how much the optimal velocity must differ for all of `a`
 OF_RATE = 3.0  # m/s: of approach rate, that is answered by `b`
 AT_ONCE = 1.0  # m/s: of the optimal velocity law, by how much it must differ for an acceleration of `b`
-REACTION = 1.0  # s, in which a safe speed is reached
+REACTION = 1.0  # s, in which Krauss's safe speed is reached, if nothing else is said
+OF_HEADWAY = 2.0 / 3.0  # of the time headway, that Gipps's reaction time is: the rest is his margin
 
 
 def in_the_type(law: float) -> tuple[int, ...]:
@@ -52,15 +53,29 @@ def smooth(gap, T, d0, desired_speed):  # type: ignore[no-untyped-def]
 
 
 @njit(cache=True, error_model="numpy", forceinline=True)
-def krauss(speed, approach_rate, gap, a, b, T, d0, desired_speed):  # type: ignore[no-untyped-def]
+def krauss(speed, approach_rate, gap, a, b, T, d0, desired_speed, reaction):  # type: ignore[no-untyped-def]
     r"""Return the acceleration (m/s²) towards Krauss's safe speed :math:`v_l + (d - d_0 - v_l T)/((v + v_l)/2b + T)`.
 
-    Krauss (1998), eq. 3.6 in the form of SUMO's default model, without its imperfection: reached within a second, no faster than
-    with ``a`` (1 - v/v0).
+    Krauss (1998), eq. 3.6 in the form of SUMO's default model, without its imperfection: reached within ``reaction`` (s), no faster
+    than with ``a`` (1 - v/v0).
     """
     ahead = max(0.0, speed - approach_rate)
     safe = ahead + (gap - d0 - ahead * T) / ((speed + ahead) / (2.0 * b) + T)
-    return min(a * (1.0 - speed / desired_speed), (safe - speed) / REACTION)
+    return min(a * (1.0 - speed / desired_speed), (safe - speed) / reaction)
+
+
+@njit(cache=True, error_model="numpy", forceinline=True)
+def gipps(speed, approach_rate, gap, a, b, T, d0, desired_speed):  # type: ignore[no-untyped-def]
+    r"""Return the acceleration (m/s²) towards Gipps's safe speed, reached within his reaction time :math:`\tau = T/1.5`.
+
+    :math:`-b\tau + \sqrt{b^2\tau^2 + b(2(d - d_0) - v\tau) + v_l^2}`, no faster than with
+    :math:`2.5\,a(1 - v/v_0)\sqrt{0.025 + v/v_0}`: Gipps (1981), eqs. 1 and 8, the leader thought to brake as the driver does.
+    """
+    tau = OF_HEADWAY * T
+    ahead, share = max(0.0, speed - approach_rate), max(0.0, speed / desired_speed)
+    under = (b * tau) * (b * tau) + b * (2.0 * (gap - d0) - speed * tau) + ahead * ahead
+    safe = sqrt(max(0.0, under)) - b * tau
+    return min(2.5 * a * (1.0 - share) * sqrt(0.025 + share), (safe - speed) / tau)
 
 
 @njit(cache=True, error_model="numpy", forceinline=True)
@@ -73,7 +88,7 @@ def optimal_velocity(speed, wanted, a, b):  # type: ignore[no-untyped-def]
 
 
 @njit(cache=True, error_model="numpy", forceinline=True)
-def acceleration(law, speed, approach_rate, gap, a, weight, T, d0, desired_speed):  # type: ignore[no-untyped-def]
+def acceleration(law, speed, approach_rate, gap, a, weight, T, d0, desired_speed, reaction):  # type: ignore[no-untyped-def]
     """Return the acceleration (m/s²) by a law other than the IDM.
 
     Parameters
@@ -84,6 +99,8 @@ def acceleration(law, speed, approach_rate, gap, a, weight, T, d0, desired_speed
         m/s, m/s, m (not below the IDM's smallest gap).
     a, weight, T, d0, desired_speed : float
         ``weight`` of :func:`idm_sumo.idm.closing_weight`, in which ``b`` is.
+    reaction : float
+        s, in which Krauss's safe speed is reached.
     """
     b = 0.25 / (weight * weight * a)
     if law == FULL_VELOCITY_DIFFERENCE:
@@ -91,5 +108,7 @@ def acceleration(law, speed, approach_rate, gap, a, weight, T, d0, desired_speed
     if law == SMOOTH_VELOCITY_DIFFERENCE:
         return velocity_difference(speed, approach_rate, smooth(gap, T, d0, desired_speed), a, b)
     if law == KRAUSS:
-        return krauss(speed, approach_rate, gap, a, b, T, d0, desired_speed)
+        return krauss(speed, approach_rate, gap, a, b, T, d0, desired_speed, reaction)
+    if law == GIPPS:
+        return gipps(speed, approach_rate, gap, a, b, T, d0, desired_speed)
     return optimal_velocity(speed, triangular(gap, T, d0, desired_speed), a, b)

@@ -13,7 +13,7 @@ from idm_sumo.diagnosis import atoms as at
 from idm_sumo.diagnosis import rollout as ro
 from idm_sumo.diagnosis.choice import Accepted
 from idm_sumo.diagnosis.fit import fit_drivers
-from idm_sumo.diagnosis.law import Followed, beneath
+from idm_sumo.diagnosis.law import Followed, beneath, of
 from idm_sumo.diagnosis.look import Subject
 from idm_sumo.diagnosis.luck import Noises
 from idm_sumo.diagnosis.result import Gain
@@ -44,7 +44,7 @@ def asked_again(monkeypatch, subject, found, again, likelier, rival):
     monkeypatch.setattr(diagnosing.law, "rival", lambda *_: rival)
     monkeypatch.setattr(diagnosing, "search", lambda *_: again)
     monkeypatch.setattr(diagnosing.law, "likelihood_gain", lambda *_: gain)
-    followed = Followed(found.base, None, {})
+    followed = Followed(found.base, None, {}, tuple(of(number) for number in range(len(laws.NAMES))))
     rng = np.random.default_rng(0)
     return diagnosing._by_the_law_with_causes(subject, followed, found.base, found, rng, lambda *_: None)[1]
 
@@ -79,6 +79,6 @@ def test_where_nothing_is_named_beyond_another_law_causes_beyond_the_idm_may_be(
     monkeypatch, beyond, likelier, rival, taken
 ):
     subject, nothing, by_idm = beyond
-    other = replace(nothing, fit=replace(nothing.fit, by_lane=beneath(nothing.fit.by_lane, laws.KRAUSS)))
+    other = replace(nothing, fit=replace(nothing.fit, by_lane=beneath(nothing.fit.by_lane, of(laws.KRAUSS))))
     after = asked_again(monkeypatch, subject, other, by_idm, likelier, rival)
     assert after is (by_idm if taken else other)

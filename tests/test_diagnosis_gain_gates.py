@@ -8,7 +8,7 @@ import pytest
 
 from idm_sumo import laws
 from idm_sumo.diagnosis import gain_gates, gates
-from idm_sumo.diagnosis.law import beneath
+from idm_sumo.diagnosis.law import beneath, of
 from idm_sumo.diagnosis.result import Gain
 from tests.test_diagnosis_gates import tried
 
@@ -86,7 +86,7 @@ def test_a_relaxation_far_surer_than_all_else_need_not_gain_clearly(name, z, str
 def test_beyond_another_law_than_the_idm_what_motion_makes_up_must_gain_something(name, law, difference, worth_it):
     """Full velocity difference of another form than ours, nothing hidden, left 7 standard errors of a hysteresis that gained nothing."""
     beyond = tried(7.1, name)
-    beyond = replace(beyond, fit=replace(beyond.fit, by_lane=beneath(beyond.fit.by_lane, law)))
+    beyond = replace(beyond, fit=replace(beyond.fit, by_lane=beneath(beyond.fit.by_lane, of(law))))
     assert gain_gates.is_worth_it(gain(difference, 0.007), beyond, None, 2.7) is worth_it
 
 

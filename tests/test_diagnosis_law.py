@@ -13,6 +13,7 @@ from idm_sumo.effects import slots
 from tests.test_diagnosis_rollout import followers
 
 START = np.array([1e-4, 1e-4])
+FORMS = [law.of(number) for number in range(len(laws.NAMES))]
 
 
 @pytest.mark.parametrize("number", range(len(laws.NAMES)))
@@ -24,6 +25,26 @@ def test_drivers_follow_the_law_that_drove_them(number):
     assert (found.fit is base) is (number == laws.IDM)
     assert max(found.by_law, key=lambda name: found.by_law[name].log_likelihood) == laws.NAMES[number]
     assert (found.likelier is None) is (number == laws.IDM)
+
+
+@pytest.mark.parametrize("reaction", [0.6, 0.9, 1.7])
+def test_how_soon_drivers_of_krauss_reach_their_safe_speed(reaction):
+    windows, _ = followers(law.of(laws.KRAUSS, reaction), np.random.default_rng(4))
+    base = fit_drivers(windows, ro.PLAIN.copy(), START, rounds=8)
+    found = law.followed(windows, base, np.random.default_rng(1))
+    assert law.law_of(found.fit) == laws.KRAUSS
+    assert law.reaction_of(found.fit) == pytest.approx(reaction, rel=0.1)
+    assert found.forms[laws.KRAUSS] == pytest.approx(found.fit.by_lane, abs=0.05)
+
+
+def test_a_law_beneath_effects_keeps_them():
+    m = law.of(laws.KRAUSS, 0.6)
+    m[:, slots.DELAY] = 0.4
+    other = law.beneath(m, law.of(laws.GIPPS))
+    assert (other[:, slots.DELAY] == 0.4).all()
+    assert (other[:, slots.LAW] == laws.GIPPS).all()
+    assert (other[:, slots.REACTION_CHANGE] == 0.0).all()
+    assert (m[:, slots.LAW] == laws.KRAUSS).all()
 
 
 def test_a_law_that_is_not_surely_likelier_is_not_taken(monkeypatch):
@@ -51,4 +72,4 @@ def test_another_law_with_its_causes_has_the_one_that_drove_for_a_rival_and_that
     by_another[:, slots.SPEED_HEADWAY], by_another[:, slots.PIVOT_SPEED] = 0.4, 9.0
     for begin, rival in ((by_another, laws.FULL_VELOCITY_DIFFERENCE), (longer_at_speed, None)):
         fit = fit_drivers(windows, begin, START, rounds=8)
-        assert law.rival(windows, fit, ["speed_dependent_headway"], np.random.default_rng(1)) == rival
+        assert law.rival(windows, fit, ["speed_dependent_headway"], FORMS, np.random.default_rng(1)) == rival

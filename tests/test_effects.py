@@ -200,7 +200,7 @@ def test_a_change_to_a_longer_gap_leaves_the_headway_as_it_is():
 
 def test_every_magnitude_has_a_slot_of_its_own():
     used = [p.slot for e in CATALOGUE for p in e.every]
-    assert sorted([*used, slots.LAW]) == list(range(slots.COUNT))
+    assert sorted([*used, slots.LAW, slots.REACTION_CHANGE]) == list(range(slots.COUNT))
     assert all(p.lower <= p.typical <= p.upper for e in CATALOGUE for p in e.every)
 
 
@@ -233,16 +233,19 @@ def test_a_model_survives_its_file(tmp_path):
 
 def test_a_model_of_another_law_survives_its_file_and_an_older_file_is_an_idm(tmp_path):
     model = ExtendedModel(
-        IDMParameters(1.1, 1.7, 1.2, 2.0, 0.0), 27.0, (Cause("reaction_delay", {"tau": 0.4}),), "here", "krauss"
+        IDMParameters(1.1, 1.7, 1.2, 2.0, 0.0), 27.0, (Cause("reaction_delay", {"tau": 0.4}),), "here", "krauss", 0.8
     )
     model.write(tmp_path / "model.json")
     back = ExtendedModel.read(tmp_path / "model.json")
     assert back.law == "krauss"
     assert not back.is_idm
     assert (back.magnitudes_by_lane()[:, slots.LAW] == laws.KRAUSS).all()
-    older = model.to_json().replace('  "law": "krauss",\n', "")
+    assert back.magnitudes()[slots.REACTION_CHANGE] == pytest.approx(-0.2)
+    older = model.to_json().replace('  "law": "krauss",\n  "reaction": 0.8,\n', "")
     assert older != model.to_json()
     assert ExtendedModel.from_json(older).is_idm
+    with pytest.raises(InputError, match="reaction"):
+        ExtendedModel.from_json(model.to_json().replace('"reaction": 0.8', '"reaction": 0'))
 
 
 @given(st.floats(-50.0, 500.0), st.floats(-0.7, 0.7))

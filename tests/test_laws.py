@@ -16,10 +16,10 @@ WEIGHT = idm.closing_weight(A, B)
 
 
 def accelerate(law: int, speed: float, rate: float, gap: float) -> float:
-    return float(laws.acceleration(law, speed, rate, gap, A, WEIGHT, T, D0, V0))
+    return float(laws.acceleration(law, speed, rate, gap, A, WEIGHT, T, D0, V0, laws.REACTION))
 
 
-@pytest.mark.parametrize("law", [laws.FULL_VELOCITY_DIFFERENCE, laws.KRAUSS, laws.OPTIMAL_VELOCITY])
+@pytest.mark.parametrize("law", [laws.FULL_VELOCITY_DIFFERENCE, laws.KRAUSS, laws.OPTIMAL_VELOCITY, laws.GIPPS])
 @pytest.mark.parametrize("speed", [5.0, 12.0, 20.0])
 def test_at_the_time_headway_behind_a_leader_of_the_same_speed_nothing_changes(law, speed):
     assert accelerate(law, speed, 0.0, D0 + speed * T) == pytest.approx(0.0, abs=1e-9)
@@ -32,6 +32,10 @@ def test_values_by_hand():
     assert accelerate(laws.SMOOTH_VELOCITY_DIFFERENCE, 10.0, 1.0, 20.0) == pytest.approx(0.3 * 3.86351 - 0.6, abs=1e-5)
     # 9 + (10 - 2 - 10.8)/(19/3.6 + 1.2) = 8.56775 m/s
     assert accelerate(laws.KRAUSS, 10.0, 1.0, 10.0) == pytest.approx(8.56775 - 10.0, abs=1e-5)
+    # tau = 0.8 s, b tau = 1.44 m/s: sqrt(1.44^2 + 1.8 (16 - 8) + 81) - 1.44 = 8.43287 m/s
+    assert accelerate(laws.GIPPS, 10.0, 1.0, 10.0) == pytest.approx((8.43287 - 10.0) / 0.8, abs=1e-5)
+    # Gipps at a third of the desired speed: 2.5 * 1.2 * 2/3 * sqrt(0.025 + 1/3)
+    assert accelerate(laws.GIPPS, 10.0, 0.0, 1e6) == pytest.approx(1.19722, abs=1e-5)
     # V = 5 m/s
     assert accelerate(laws.OPTIMAL_VELOCITY, 6.0, 3.0, 8.0) == pytest.approx(-1.8)
 

@@ -110,29 +110,30 @@ def _by_the_law_with_causes(
     """Return the law that drivers surely follow with the causes in the model, and the causes beyond that one.
 
     The law came first, without any cause, and may have taken up a part of one, or all of it: where nothing is named beyond another law
-    than the IDM, causes are looked for beyond the IDM. What is named beyond one law, and beyond another nothing that would make up for
-    it, is no cause.
+    than the IDM, causes are looked for beyond the IDM; and where nothing is beyond the IDM, beyond another one that is likelier, but not
+    surely. What is named beyond one law, and beyond another nothing that would make up for it, is no cause.
     """
     windows, names = subject.windows, _names(found)
-    rival = law.rival(windows, found.fit, names, rng) if names else laws.IDM
+    other = followed.runner_up if law.law_of(found.fit) == laws.IDM else laws.IDM
+    rival = law.rival(windows, found.fit, names, followed.forms, rng) if names else other
     if rival in (None, law.law_of(found.fit)):
         return followed, found
     base = by_idm
     if rival != laws.IDM:
-        base = fit_drivers(windows, law.of(rival), by_idm.start_variance, rounds=ROUNDS)
+        base = fit_drivers(windows, followed.forms[rival], by_idm.start_variance, rounds=ROUNDS)
     again = search(with_its_noise(subject, base, rng), base, rng, progress)
     gain = law.likelihood_gain(windows, found.fit, again.fit, rng)
     if names and not again.accepted and gain.difference > 0.0:
         return followed, _refused(found)  # what another law, likelier without any cause, does by itself
     if not law.is_sure(gain):
         return followed, found
-    if not names and law.rival(windows, again.fit, _names(again), rng) is not None:
+    if not names and law.rival(windows, again.fit, _names(again), followed.forms, rng) is not None:
         return followed, found  # causes that an IDM needs to come near to another law
     likelier = None
     if rival != laws.IDM:
-        with_idm = fit_drivers(windows, law.beneath(again.fit.by_lane, laws.IDM), by_idm.start_variance, rounds=ROUNDS)
+        with_idm = fit_drivers(windows, law.beneath(again.fit.by_lane, PLAIN), by_idm.start_variance, rounds=ROUNDS)
         likelier = law.likelihood_gain(windows, with_idm, again.fit, rng)
-    return Followed(base, likelier, followed.by_law), again
+    return followed._replace(fit=base, likelier=likelier, runner_up=None), again
 
 
 def _names(found: Found) -> list[str]:

@@ -13,9 +13,11 @@ import numpy.typing as npt
 from scipy.stats import norm
 from scipy.stats.qmc import Sobol
 
+from idm_sumo import laws
 from idm_sumo.diagnosis import gls
-from idm_sumo.diagnosis.rollout import PARAMETERS, positions_beside
+from idm_sumo.diagnosis.rollout import PARAMETERS, positions, positions_beside
 from idm_sumo.diagnosis.windows import EVERY, Windows
+from idm_sumo.effects import slots
 from idm_sumo.road import FRAME_STEP
 
 Floats = npt.NDArray[np.float64]
@@ -31,6 +33,10 @@ LONGEST_STEP = 0.5  # of a log-parameter in one Gauss-Newton step
 TEXTBOOK = np.log([1.2, 1.8, 1.2, 2.2, 28.0])  # a, b, T, d0, v0
 BELIEF = np.array([0.7, 0.7, 0.5, 0.5, 0.15])  # sd of the population's mean around it
 LOWER, UPPER = np.log([0.15, 0.15, 0.2, 0.3, 12.0]), np.log([6.0, 8.0, 4.5, 9.0, 50.0])
+# What all drivers of a law share and is fitted with their population: a slot, the textbook's doubt and the bounds of its value (all s).
+# (A tenth of a second off in Krauss's reaction time leaves what no driver can do at nine standard errors.)
+SHARED = {laws.KRAUSS: slots.REACTION_CHANGE}
+SHARED_BELIEF, SHARED_BOUNDS, SHARED_STEP = 0.5, (0.3 - laws.REACTION, 3.0 - laws.REACTION), 0.02
 SHARES = (0.0, 0.1, 0.35, 1.0)  # of a Gauss-Newton step, that are tried where all of it makes a driver fit worse
 # Standard deviations from the population's mean, of places where drivers may start anew.
 STARTS = norm.ppf(np.clip(Sobol(PARAMETERS, scramble=False).random(32)[1:], 0.06, 0.94))
@@ -78,6 +84,7 @@ class Linear:
 
     error: Floats  # recorded minus simulated, plus what the drivers' deviation from the mean explains
     jacobian: Floats
+    shared: Floats  # the same by what all drivers share, its last axis empty for most laws
     simulated: Floats
     whitener: Floats  # whatever is multiplied by it is white where it had the covariance
 
@@ -90,7 +97,24 @@ def linearise(windows: Windows, fit: Fit) -> Linear:
     jacobian = (beside[:, :, 1 : 1 + PARAMETERS] - base[:, :, None]) / STEP
     deviation = (fit.own - fit.mean)[windows.driver]
     error = windows.target - base + (jacobian @ deviation[:, :, None])[:, :, 0]
-    return Linear(error, jacobian, base, _whitener(fit, base, beside[:, :, 1 + PARAMETERS :]))
+    whitener = _whitener(fit, base, beside[:, :, 1 + PARAMETERS :])
+    return Linear(error, jacobian, _shared(windows, fit, base), base, whitener)
+
+
+def shared_slot(fit: Fit) -> list[int]:
+    """Return the slot of what all drivers of the fit's law share, if there is such a thing."""
+    slot = SHARED.get(int(fit.by_lane[0, slots.LAW]))
+    return [] if slot is None else [slot]
+
+
+def _shared(windows: Windows, fit: Fit, base: Floats) -> Floats:
+    """Return the derivative of the positions by what all drivers share, shape ``(windows, moments, 0 or 1)``."""
+    which = shared_slot(fit)
+    if not which:
+        return np.empty((*base.shape, 0))
+    moved = fit.by_lane.copy()
+    moved[:, which] += SHARED_STEP
+    return np.asarray((positions(windows, fit.theta, moved) - base)[:, :, None] / SHARED_STEP)
 
 
 def _whitener(fit: Fit, base: Floats, nudged: Floats) -> Floats:
@@ -116,34 +140,42 @@ def improve(windows: Windows, fit: Fit, *, hyper: bool = True, new_mean: bool = 
     With ``hyper`` off spreads, covariance and weights stay; with ``new_mean`` off the population's mean, too.
     """
     line = linearise(windows, fit)
-    error, jacobian = line.whitener @ line.error[:, :, None], line.whitener @ line.jacobian
-    turned = jacobian.transpose(0, 2, 1)
-    driver, drivers = windows.driver, windows.drivers
-    information = gls.by_driver(turned @ jacobian, driver, drivers)
+    which, driver, drivers = shared_slot(fit), windows.driver, windows.drivers
+    error = line.whitener @ line.error[:, :, None]
+    common = line.whitener @ np.concatenate([line.jacobian, line.shared], axis=2)
+    turned = common.transpose(0, 2, 1)
+    information = gls.by_driver(turned @ common, driver, drivers)
     pull = gls.by_driver(turned @ error, driver, drivers)[:, :, 0]
-    inner = np.linalg.inv(information + np.linalg.inv(fit.spread))
-    shrunk = information - information @ inner @ information
-    belief = np.diag(1.0 / BELIEF**2)
-    grade = (pull - np.einsum("ipq,iqr,ir->ip", information, inner, pull, optimize=True)).sum(axis=0)
-    step = np.linalg.solve(shrunk.sum(axis=0) + belief, grade + belief @ (TEXTBOOK - fit.mean))
-    step = step if new_mean else np.zeros(PARAMETERS)
-    mean = np.clip(fit.mean + np.clip(step, -LONGEST_STEP, LONGEST_STEP), LOWER, UPPER)  # as each driver's own
-    shift = mean - fit.mean
-    deviation = np.einsum("ipq,iq->ip", inner, pull - information @ shift, optimize=True)
+    of_own = information[:, :PARAMETERS]
+    inner = np.linalg.inv(of_own[:, :, :PARAMETERS] + np.linalg.inv(fit.spread))
+    taken = of_own.transpose(0, 2, 1) @ inner
+    shrunk = (information - taken @ of_own).sum(axis=0)
+    grade = (pull - np.einsum("irp,ip->ir", taken, pull[:, :PARAMETERS])).sum(axis=0)
+    now = np.concatenate([fit.mean, fit.by_lane[0, which]])
+    towards = np.concatenate([TEXTBOOK, np.zeros(len(which))]) - now
+    belief = np.diag(1.0 / np.concatenate([BELIEF, np.full(len(which), SHARED_BELIEF)]) ** 2)
+    step = np.linalg.solve(shrunk + belief, grade + belief @ towards) if new_mean else np.zeros(len(now))
+    moved = now + np.clip(step, -LONGEST_STEP, LONGEST_STEP)
+    mean = np.clip(moved[:PARAMETERS], LOWER, UPPER)  # as each driver's own
+    by_lane = fit.by_lane.copy()
+    by_lane[:, which] = np.clip(moved[PARAMETERS:], *SHARED_BOUNDS)
+    shift = np.concatenate([mean, by_lane[0, which]]) - now
+    deviation = np.einsum("ipq,iq->ip", inner, pull[:, :PARAMETERS] - of_own @ shift, optimize=True)
     own = np.clip(mean + deviation, fit.own - LONGEST_STEP, fit.own + LONGEST_STEP)
-    own = _no_worse(windows, fit, line, mean, np.clip(own, LOWER, UPPER))
-    fit = replace(fit, mean=mean, own=own)
+    own = _no_worse(windows, replace(fit, mean=mean, by_lane=by_lane), line, np.clip(own, LOWER, UPPER))
+    fit = replace(fit, mean=mean, own=own, by_lane=by_lane)
     if not hyper:
         return fit
     spread = (deviation.T @ deviation + inner.sum(axis=0)) / drivers + 1e-4 * np.eye(PARAMETERS)
     return replace(fit, spread=spread, **_residuals(windows, fit, line, deviation, inner, shift))
 
 
-def _no_worse(windows: Windows, fit: Fit, line: Linear, mean: Floats, proposed: Floats) -> Floats:
+def _no_worse(windows: Windows, fit: Fit, line: Linear, proposed: Floats) -> Floats:
     """Return the proposed parameters; of drivers who would fit worse by them, a part of the step, or none."""
     tried = np.stack([fit.own + share * (proposed - fit.own) for share in SHARES], axis=2)
-    simulated = _beside(line.simulated[:, :, None], windows, fit, tried[:, :, 1:])
-    left = misfits(windows, replace(fit, mean=mean), line.whitener, tried, simulated)
+    here = line.simulated if not line.shared.shape[2] else positions(windows, fit.theta, fit.by_lane)
+    simulated = _beside(here[:, :, None], windows, fit, tried[:, :, 1:])
+    left = misfits(windows, fit, line.whitener, tried, simulated)
     whole = left[:, -1] < left[:, 0]
     return _of_each(tried, np.where(whole, len(SHARES) - 1, left[:, :-1].argmin(axis=1)))
 
@@ -208,7 +240,8 @@ def _residuals(
     windows: Windows, fit: Fit, line: Linear, deviation: Floats, inner: Floats, shift: Floats
 ) -> dict[str, Floats]:
     """Return the EM step of the pooled covariance and the windows' weights."""
-    left = line.error - np.einsum("wkp,wp->wk", line.jacobian, (deviation + shift)[windows.driver])
+    left = line.error - np.einsum("wkp,wp->wk", line.jacobian, (deviation + shift[:PARAMETERS])[windows.driver])
+    left -= line.shared @ shift[PARAMETERS:]
     pooled = fit.residual / fit.weight[:, None, None]
     known = np.concatenate([pooled, left[:, :, None], line.jacobian], axis=2)
     solved = line.whitener.transpose(0, 2, 1) @ (line.whitener @ known)

@@ -22,6 +22,8 @@ from idm_sumo.diagnosis.sizes import ROUNDS, log_ade, magnitude_of
 from idm_sumo.diagnosis.windows import Windows
 from idm_sumo.effects import slots
 
+Floats = npt.NDArray[np.float64]
+OF_LAW = (slots.LAW, slots.REACTION_CHANGE)
 # Drivers, and rounds of their fits, by which laws are compared before the best one is fitted to all.
 SOME, FEW_ROUNDS = 120, 8
 # Standard errors of the log-likelihood's gain, by which another law must be likelier than the IDM. (Of 42 recordings of IDM drivers, with
@@ -31,14 +33,21 @@ SURE = 3.0
 SIZES = (1.0, 1.5, 2.0)
 
 
-def of(law: int) -> npt.NDArray[np.float64]:
-    """Return the magnitudes of a law without any effect, shape ``(9, slots.COUNT)``."""
-    return beneath(PLAIN, law)
+def of(law: int, reaction: float = laws.REACTION) -> Floats:
+    """Return the magnitudes of a law without any effect, shape ``(9, slots.COUNT)``; of Krauss's with a reaction time (s)."""
+    by_lane = PLAIN.copy()
+    by_lane[:, slots.LAW], by_lane[:, slots.REACTION_CHANGE] = law, reaction - laws.REACTION
+    return by_lane
 
 
 def law_of(fit: Fit) -> int:
     """Return the number of the law that a fit's drivers follow."""
     return int(fit.by_lane[0, slots.LAW])
+
+
+def reaction_of(fit: Fit) -> float:
+    """Return the time (s) in which a fit's drivers reach their safe speed, if they follow Krauss's law."""
+    return float(laws.REACTION + fit.by_lane[0, slots.REACTION_CHANGE])
 
 
 class Followed(NamedTuple):
@@ -51,11 +60,17 @@ class Followed(NamedTuple):
         Negative log-likelihood of a driver by the IDM, and by the law that they follow; None if that is the IDM.
     by_law : mapping of str to LawCompared
         What each law, by its name, makes of the drivers that were asked.
+    forms : tuple of float64, shape (9, slots.COUNT)
+        Magnitudes of each law, as it is likeliest.
+    runner_up : int or None
+        Where they follow the IDM, the likeliest other law, if it is likelier by more than a standard error.
     """
 
     fit: Fit
     likelier: Gain | None
     by_law: Mapping[str, LawCompared]
+    forms: tuple[Floats, ...]
+    runner_up: int | None = None
 
 
 def followed(windows: Windows, base: Fit, rng: np.random.Generator) -> Followed:
@@ -75,6 +90,7 @@ def followed(windows: Windows, base: Fit, rng: np.random.Generator) -> Followed:
     asked = np.sort(rng.permutation(windows.drivers)[:SOME])
     some = windows.of_drivers(asked)
     fits = [_fitted(some, law, base) for law in range(len(laws.NAMES))]
+    forms = tuple(fit.by_lane for fit in fits)
     each = np.stack([log_likelihood(some, fit) for fit in fits])
     likelier = each - each[laws.IDM]
     by_law = {
@@ -83,13 +99,17 @@ def followed(windows: Windows, base: Fit, rng: np.random.Generator) -> Followed:
     }
     best = max(range(1, len(laws.NAMES)), key=lambda law: float(each[law].mean()))
     if not _may_be_likelier(likelier[best]):
-        return Followed(base, None, by_law)
-    other = fit_drivers(windows, of(best), base.start_variance, rounds=ROUNDS)
+        return Followed(base, None, by_law, forms)
+    other = fit_drivers(windows, forms[best], base.start_variance, rounds=ROUNDS)
     gain = likelihood_gain(windows, base, other, rng)
-    return Followed(other, gain, by_law) if is_sure(gain) else Followed(base, None, by_law)
+    if is_sure(gain):
+        return Followed(other, gain, by_law, forms)
+    return Followed(base, None, by_law, forms, best if gain.difference > gain.standard_error else None)
 
 
-def rival(windows: Windows, fit: Fit, names: Sequence[str], rng: np.random.Generator) -> int | None:
+def rival(
+    windows: Windows, fit: Fit, names: Sequence[str], forms: Sequence[Floats], rng: np.random.Generator
+) -> int | None:
     """Return another law than a fit's, if drivers are likelier by it with the fit's causes in it, at these sizes or larger ones.
 
     A law may take up a part of what drivers do beyond theirs, and look likelier than theirs for that.
@@ -101,20 +121,22 @@ def rival(windows: Windows, fit: Fit, names: Sequence[str], rng: np.random.Gener
         With causes.
     names : sequence of str
         Of the causes.
+    forms : sequence of float64, shape (9, slots.COUNT)
+        Magnitudes of each law.
     rng : numpy.random.Generator
         Of the drivers that are asked.
     """
     some = windows.of_drivers(np.sort(rng.permutation(windows.drivers)[:SOME]))
-    each = np.stack([_likeliest_size(some, fit, names, law) for law in range(len(laws.NAMES))])
+    each = np.stack([_likeliest_size(some, fit, names, form) for form in forms])
     gain = each - each[law_of(fit)]
     best = int(np.argmax(gain.mean(axis=1)))
     return best if gain[best].mean() > gain[best].std() / np.sqrt(len(gain[best])) else None
 
 
-def beneath(by_lane: npt.NDArray[np.float64], law: int) -> npt.NDArray[np.float64]:
-    """Return magnitudes with a law beneath their effects, whichever was there."""
+def beneath(by_lane: Floats, form: Floats) -> Floats:
+    """Return magnitudes with a law beneath their effects, whichever was there; ``form`` of :func:`of`."""
     by_lane = by_lane.copy()
-    by_lane[:, slots.LAW] = law
+    by_lane[:, OF_LAW] = form[:, OF_LAW]
     return by_lane
 
 
@@ -129,18 +151,18 @@ def is_sure(gain: Gain) -> bool:
     return gain.difference > SURE * gain.standard_error
 
 
-def _likeliest_size(windows: Windows, fit: Fit, names: Sequence[str], law: int) -> npt.NDArray[np.float64]:
+def _likeliest_size(windows: Windows, fit: Fit, names: Sequence[str], form: Floats) -> Floats:
     """Return the log-likelihood of each driver by a law, with the causes of a fit at the size of :data:`SIZES` that is likeliest."""
-    tried = list[npt.NDArray[np.float64]]()
+    tried = list[Floats]()
     for size in SIZES:
-        by_lane = beneath(fit.by_lane, law)
+        by_lane = beneath(fit.by_lane, form)
         for first in (magnitude_of(fit, name) for name in names):
             by_lane[:, first.slot] = np.clip(size * by_lane[:, first.slot], first.lower, first.upper)
         tried.append(log_likelihood(windows, fit_drivers(windows, by_lane, fit.start_variance, rounds=FEW_ROUNDS)))
     return max(tried, key=lambda one: float(one.mean()))
 
 
-def _may_be_likelier(gain: npt.NDArray[np.float64]) -> bool:
+def _may_be_likelier(gain: Floats) -> bool:
     """Return whether of all drivers another law may be likelier, as far as some of them say."""
     return bool(gain.mean() + SURE * gain.std() / np.sqrt(len(gain)) > 0.0)
 

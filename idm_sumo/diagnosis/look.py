@@ -93,7 +93,8 @@ def score(
     line = answer.line
     atoms, columns = build(windows, fit, answer, subject.grid)
     truck = (windows.seen[:, -1, w.OWN_KIND] == TRUCK)[:, None, None]
-    common = np.concatenate([line.jacobian, line.jacobian * truck], axis=2) if truck.any() else line.jacobian
+    of_trucks = line.jacobian * truck if truck.any() else line.jacobian[:, :, :0]
+    common = np.concatenate([line.jacobian, of_trucks, line.shared], axis=2)
     known = common.shape[2]
     white = np.empty((*columns.shape[:2], known + columns.shape[2]))
     np.matmul(line.whitener, common, out=white[:, :, :known])

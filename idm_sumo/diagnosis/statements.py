@@ -14,7 +14,7 @@ from idm_sumo.diagnosis.artefact import Seam
 from idm_sumo.diagnosis.choice import Accepted
 from idm_sumo.diagnosis.fit import Fit
 from idm_sumo.diagnosis.hypotheses import Candidate
-from idm_sumo.diagnosis.law import law_of
+from idm_sumo.diagnosis.law import law_of, reaction_of
 from idm_sumo.diagnosis.noise import Noise
 from idm_sumo.diagnosis.result import Z95, CauseFound, Estimate, OtherLaw, Power, Region, RuledOut, Scan, Unexplained
 from idm_sumo.diagnosis.search import Found
@@ -42,7 +42,7 @@ def model_of(fit: Fit, accepted: tuple[Accepted, ...], source: str) -> ExtendedM
     a, b, headway, gap, limit = (float(v) for v in np.exp(fit.mean))
     causes = tuple(Cause(c.candidate.name, _values(fit, c.candidate.name), c.candidate.only_lanes) for c in accepted)
     law = laws.NAMES[law_of(fit)]
-    return ExtendedModel(IDMParameters(a, b, headway, gap, 0.0), limit, causes, source, law)
+    return ExtendedModel(IDMParameters(a, b, headway, gap, 0.0), limit, causes, source, law, reaction_of(fit))
 
 
 def _values(fit: Fit, name: str) -> dict[str, float]:

@@ -104,6 +104,8 @@ class Moment(NamedTuple):
         m/s², share, m, m.
     friction, adjacent_speed, pressure, room : float
         1/s, m/s, m/s²; m/s² (how a driver brakes before a lane change, its own or another's).
+    reaction : float
+        s, in which Krauss's safe speed is reached.
     """
 
     headway: float
@@ -129,6 +131,7 @@ class Moment(NamedTuple):
     adjacent_speed: float
     pressure: float
     room: float
+    reaction: float
 
 
 @njit(cache=True, error_model="numpy", forceinline=True)
@@ -159,6 +162,7 @@ def moment_of(see, m):  # type: ignore[no-untyped-def]
         m[slots.PLACE], m[slots.PLACE_HEADWAY], m[slots.PLACE_BEGIN], m[slots.PLACE_END],
         m[slots.FRICTION], beside, m[slots.PRESSURE],
         braking_before(see.until_cut_in, m[slots.COURTESY_BRAKING]) + braking_before(see.until_own_change, m[slots.PRE_INSERTION_BRAKING]),
+        laws.REACTION + m[slots.REACTION_CHANGE],
     )  # fmt: skip
 
 
@@ -207,9 +211,11 @@ def behaved(speed, approach_rate, gap, x, second_gap, rear_gap, moment, a, weigh
     if law == laws.IDM:
         free = _by_idm(speed, seen, room, second_rate, farther, moment.share, a, weight, headway, d0, d1, inverse)
     else:
-        free = laws.acceleration(law, speed, seen, room, a, weight, headway, d0, limit)
+        free = laws.acceleration(law, speed, seen, room, a, weight, headway, d0, limit, moment.reaction)
         if moment.share > 0.0:
-            behind_second = laws.acceleration(law, speed, second_rate, farther, a, weight, headway, d0, limit)
+            behind_second = laws.acceleration(
+                law, speed, second_rate, farther, a, weight, headway, d0, limit, moment.reaction
+            )
             free = shared_interaction(free, behind_second, moment.share)
     free = weakened(free, moment.asymmetry)
     free += at_place(x, moment.place, moment.begin, moment.end)

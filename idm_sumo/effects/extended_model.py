@@ -59,6 +59,8 @@ class ExtendedModel:
         The recording it was found in.
     law : str
         The car-following that the causes are beyond: of :data:`idm_sumo.laws.NAMES`, to which the parameters belong.
+    reaction : float
+        s, in which drivers of Krauss's law reach their safe speed.
     """
 
     parameters: IDMParameters
@@ -66,6 +68,7 @@ class ExtendedModel:
     causes: tuple[Cause, ...] = field(default=())
     source: str = ""
     law: str = laws.NAMES[laws.IDM]
+    reaction: float = laws.REACTION
 
     @property
     def is_idm(self) -> bool:
@@ -75,7 +78,7 @@ class ExtendedModel:
     def magnitudes(self, lane: int = 0) -> npt.NDArray[np.float64]:
         """Return the flat vector of magnitudes in a lane, shape ``(slots.COUNT,)``; 0 ignores the causes' lanes."""
         m = np.zeros(slots.COUNT)
-        m[slots.LAW] = laws.NAMES.index(self.law)
+        m[slots.LAW], m[slots.REACTION_CHANGE] = laws.NAMES.index(self.law), self.reaction - laws.REACTION
         for cause in self.causes:
             if not cause.lanes or lane == 0 or lane in cause.lanes:
                 cause.fill(m)
@@ -99,7 +102,9 @@ class ExtendedModel:
             for cause in self.causes
         ]
         base = {**self.parameters._asdict(), "desired_speed": self.desired_speed}
-        whole = {"format": FORMAT, "source": self.source, "law": self.law, "base": base, "causes": causes}
+        whole = {
+            "format": FORMAT, "source": self.source, "law": self.law, "reaction": self.reaction, "base": base, "causes": causes,
+        }  # fmt: skip
         return json.dumps(whole, indent=2) + "\n"
 
     @classmethod
@@ -123,13 +128,11 @@ class ExtendedModel:
             law = str(whole.get("law", laws.NAMES[laws.IDM]))
             if law not in laws.NAMES:
                 raise InputError(f"{name}: law {law!r} is unknown; use one of {', '.join(laws.NAMES)}")
-            return cls(
-                IDMParameters(**{k: float(v) for k, v in base.items()}),
-                limit,
-                causes,
-                str(whole.get("source", "")),
-                law,
-            )
+            reaction = float(whole.get("reaction", laws.REACTION))
+            if not reaction > 0.0:
+                raise InputError(f"{name}: reaction = {reaction:g} s; give a time above zero")
+            own = IDMParameters(**{k: float(v) for k, v in base.items()})
+            return cls(own, limit, causes, str(whole.get("source", "")), law, reaction)
         except InputError:
             raise
         except (KeyError, TypeError, ValueError) as error:
