@@ -121,6 +121,12 @@ def test_braking_before_a_lane_change_has_a_least_size_of_its_own(kind, value, l
     assert [hy.slots_of(one)[0][0]] == [slots.COURTESY_BRAKING if kind else slots.COURTESY]
 
 
+@pytest.mark.parametrize(("kind", "value", "large"), [((), 0.1, True), (((slots.LEADER_CLASS_DISTANCE, 1.0),), 0.9, False),
+                                                      (((slots.LEADER_CLASS_DISTANCE, 1.0),), 1.1, True)])  # fmt: skip
+def test_metres_behind_a_truck_have_a_least_size_of_their_own(kind, value, large):
+    assert hy.Candidate("leader_class", value, 0.01, 9.0, 1e-9, Atom("leader_class", fixed=kind)).large_enough is large
+
+
 @pytest.mark.parametrize(("value", "large"), [(0.08, True), (0.06, False), (-0.1, False), (-0.13, True)])
 def test_a_headway_that_falls_with_speed_must_fall_more_than_one_that_grows(value, large):
     name = "speed_dependent_headway"

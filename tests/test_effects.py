@@ -109,6 +109,14 @@ def test_who_brakes_before_a_lane_change_does_so_in_its_last_three_seconds(slot,
     assert drive(m, see=see) == pytest.approx(drive(none(), see=see) - less)
 
 
+@pytest.mark.parametrize(("kind", "more"), [(3.0, 2.5), (2.0, 0.0), (np.nan, 0.0)])
+def test_behind_a_truck_the_jam_distance_may_be_longer(kind, more):
+    m, see = none(), SEEN._replace(leader_class=kind)
+    m[slots.LEADER_CLASS_DISTANCE] = 2.5
+    longer = (*DRIVER[:3], DRIVER[3] + more, *DRIVER[4:])
+    assert drive(m, see=see) == pytest.approx(idm.acceleration(12.0, 0.5, 18.0, *longer, LIMIT))
+
+
 def test_a_place_ends():
     m = only("location", x_1=200.0, x_2=300.0)
     assert drive(m) == drive(none())
@@ -261,6 +269,7 @@ def test_a_headway_drifts_from_one_time_to_the_other_and_stays_there(t, share):
     [
         (Cause("time_of_day", {"delta": 0.2, "t_1": 0.0, "t_2": 420.0}), slots.PERIOD, slots.PERIOD_DRIFT),
         (Cause("location", {"theta": 0.2, "x_1": 200.0, "x_2": 350.0}), slots.PLACE, slots.PLACE_HEADWAY),
+        (Cause("leader_class", {"ell": 0.2}), slots.LEADER_CLASS, slots.LEADER_CLASS_DISTANCE),
         (Cause("courtesy_yielding", {"beta": 0.2}), slots.COURTESY, slots.COURTESY_BRAKING),
         (Cause("pre_insertion", {"beta": 0.2}), slots.PRE_INSERTION, slots.PRE_INSERTION_BRAKING),
     ],

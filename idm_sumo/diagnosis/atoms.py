@@ -40,6 +40,7 @@ SECANTS: tuple[tuple[str, int, tuple[float, ...], tuple[tuple[int, float], ...]]
     ("reaction_delay", slots.DELAY, (0.4,), ((slots.NEW_LEADER_KNOWN, 1.0),)),
     ("reaction_delay", slots.DELAY, (0.5,), ((slots.OWN_SPEED_KNOWN, 1.0), (slots.NEW_LEADER_KNOWN, 1.0))),
     ("multi_leader_anticipation", slots.SECOND_LEADER, (0.2,), ((slots.SECOND_SPEED_ONLY, 1.0),)),
+    ("leader_class", slots.LEADER_CLASS_DISTANCE, (3.0,), ()),
     *(("lane_change_relaxation", slots.RELAXATION, (0.5,), ((slots.RELAXATION_TIME, s),)) for s in RECOVERIES),
     (
         "lane_change_relaxation",

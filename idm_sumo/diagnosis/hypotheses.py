@@ -32,7 +32,7 @@ EITHER_SIGN = (
 )
 # Of a headway that is shorter at speed, as for other laws in light traffic; of one that is another at a place, where they are anywhere.
 LEAST_FALLING, LEAST_PLACE_HEADWAY = 0.12, 0.06
-LEAST_BRAKING = 0.15  # m/s², before a lane change
+LEAST_BRAKING, LEAST_DISTANCE = 0.15, 1.0  # m/s², before a lane change; m, behind a truck
 SURE_PLACE, SURE_PLACE_HEADWAY = (
     7.0,
     0.045,
@@ -101,16 +101,19 @@ class Candidate:
     @property
     def large_enough(self) -> bool:
         """Whether size and sign are such that it may be named."""
-        return self.is_possible and abs(self.value) >= self._least
+        return self.is_possible and abs(self.value) >= self.least
 
     @property
-    def _least(self) -> float:
+    def least(self) -> float:
+        """The size from which on it may be named."""
         if self.is_falling:
             return LEAST_FALLING
         if self.name == "location" and acting_of(self)[0].is_share:
             return LEAST_PLACE_HEADWAY if abs(self.z) < SURE_PLACE else SURE_PLACE_HEADWAY
         if self.name in BEFORE_A_CHANGE and not acting_of(self)[0].is_share:
             return LEAST_BRAKING
+        if self.name == "leader_class" and not acting_of(self)[0].is_share:
+            return LEAST_DISTANCE
         return LEAST.get(self.name, np.inf)
 
     @property

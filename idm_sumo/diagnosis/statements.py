@@ -181,7 +181,7 @@ def power(found: Found) -> tuple[Power, ...]:
     out = []
     for c in hy.candidates(found.first):
         first = hy.acting_of(c)[0]
-        size = max((4.2 + Z80) * c.error, hy.LEAST[c.name])  # 4.2 standard errors pass the corrected threshold
+        size = max((4.2 + Z80) * c.error, c.least)  # 4.2 standard errors pass the corrected threshold
         out.append(Power(c.name, first.symbol, first.unit, float(size), SHARE_SEEN))
     return tuple(out)
 

@@ -15,7 +15,7 @@ from idm_sumo.effects.desired_speed import in_lane
 from idm_sumo.effects.follower_pressure import pressed
 from idm_sumo.effects.hysteresis import in_phase
 from idm_sumo.effects.lane_change_relaxation import gap_credit, headway_given_up
-from idm_sumo.effects.leader_class import behind_truck
+from idm_sumo.effects.leader_class import behind_truck, farther_from_truck
 from idm_sumo.effects.location import at_place
 from idm_sumo.effects.memory import resigned
 from idm_sumo.effects.multi_leader_anticipation import shared_interaction, shared_rate
@@ -104,8 +104,8 @@ class Moment(NamedTuple):
         m/s², share, m, m.
     friction, adjacent_speed, pressure, room : float
         1/s, m/s, m/s²; m/s² (how a driver brakes before a lane change, its own or another's).
-    reaction : float
-        s, in which Krauss's safe speed is reached.
+    reaction, farther : float
+        s, in which Krauss's safe speed is reached; m, by which the jam distance is longer.
     """
 
     headway: float
@@ -132,6 +132,7 @@ class Moment(NamedTuple):
     pressure: float
     room: float
     reaction: float
+    farther: float
 
 
 @njit(cache=True, error_model="numpy", forceinline=True)
@@ -162,7 +163,7 @@ def moment_of(see, m):  # type: ignore[no-untyped-def]
         m[slots.PLACE], m[slots.PLACE_HEADWAY], m[slots.PLACE_BEGIN], m[slots.PLACE_END],
         m[slots.FRICTION], beside, m[slots.PRESSURE],
         braking_before(see.until_cut_in, m[slots.COURTESY_BRAKING]) + braking_before(see.until_own_change, m[slots.PRE_INSERTION_BRAKING]),
-        laws.REACTION + m[slots.REACTION_CHANGE],
+        laws.REACTION + m[slots.REACTION_CHANGE], farther_from_truck(see.leader_class, m[slots.LEADER_CLASS_DISTANCE]),
     )  # fmt: skip
 
 
@@ -207,14 +208,14 @@ def behaved(speed, approach_rate, gap, x, second_gap, rear_gap, moment, a, weigh
     )
     seen = perceived(rate, moment.band, moment.taken)
     room, farther = max(gap + moment.credit, idm.SMALLEST_GAP), max(0.5 * second_gap, idm.SMALLEST_GAP)
-    second_rate = speed - moment.second_speed
+    second_rate, jam = speed - moment.second_speed, d0 + moment.farther
     if law == laws.IDM:
-        free = _by_idm(speed, seen, room, second_rate, farther, moment.share, a, weight, headway, d0, d1, inverse)
+        free = _by_idm(speed, seen, room, second_rate, farther, moment.share, a, weight, headway, jam, d1, inverse)
     else:
-        free = laws.acceleration(law, speed, seen, room, a, weight, headway, d0, limit, moment.reaction)
+        free = laws.acceleration(law, speed, seen, room, a, weight, headway, jam, limit, moment.reaction)
         if moment.share > 0.0:
             behind_second = laws.acceleration(
-                law, speed, second_rate, farther, a, weight, headway, d0, limit, moment.reaction
+                law, speed, second_rate, farther, a, weight, headway, jam, limit, moment.reaction
             )
             free = shared_interaction(free, behind_second, moment.share)
     free = weakened(free, moment.asymmetry)

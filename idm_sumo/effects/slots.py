@@ -37,5 +37,6 @@ COURTESY_BRAKING = 33  # m/s^2
 PRE_INSERTION_BRAKING = 34  # m/s^2
 LAW = 35  # number of the car-following law, of `idm_sumo.laws`
 REACTION_CHANGE = 36  # s, by which a safe speed is reached later than within `idm_sumo.laws.REACTION`
+LEADER_CLASS_DISTANCE = 37  # m
 
-COUNT = 37
+COUNT = 38
