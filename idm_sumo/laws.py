@@ -13,17 +13,29 @@ from math import sqrt, tanh
 
 from numba import njit
 
-IDM, FULL_VELOCITY_DIFFERENCE, SMOOTH_VELOCITY_DIFFERENCE, KRAUSS, OPTIMAL_VELOCITY, GIPPS = range(6)
-NAMES = ("idm", "full_velocity_difference", "smooth_velocity_difference", "krauss", "optimal_velocity", "gipps")
+from idm_sumo import idm
+
+IDM, FULL_VELOCITY_DIFFERENCE, SMOOTH_VELOCITY_DIFFERENCE, KRAUSS, OPTIMAL_VELOCITY, GIPPS, IMPROVED_IDM = range(7)
+NAMES = (
+    "idm",
+    "full_velocity_difference",
+    "smooth_velocity_difference",
+    "krauss",
+    "optimal_velocity",
+    "gipps",
+    "improved_idm",
+)
 IN_WORDS = (
     "the IDM", "full velocity difference", "full velocity difference with a smooth optimal velocity", "Krauss's safe speed",
-    "optimal velocity", "Gipps's safe speed",
+    "optimal velocity", "Gipps's safe speed", "the improved IDM",
 )  # fmt: skip
 WITHIN = 4.0  # m/s: by how much the optimal velocity must differ for all of `a`
 OF_RATE = 3.0  # m/s: of approach rate, that is answered by `b`
 AT_ONCE = 1.0  # m/s: of the optimal velocity law, by how much it must differ for an acceleration of `b`
 REACTION = 1.0  # s, in which Krauss's safe speed is reached, if nothing else is said
 OF_HEADWAY = 2.0 / 3.0  # of the time headway, that Gipps's reaction time is: the rest is his margin
+
+LEAST_FREE = 1e-3  # m/s²: a free acceleration by which one can divide
 
 
 def in_the_type(law: float) -> tuple[int, ...]:
@@ -79,6 +91,22 @@ def gipps(speed, approach_rate, gap, a, b, T, d0, desired_speed):  # type: ignor
 
 
 @njit(cache=True, error_model="numpy", forceinline=True)
+def improved_idm(speed, approach_rate, gap, a, b, weight, T, d0, desired_speed):  # type: ignore[no-untyped-def]
+    r"""Return the acceleration (m/s²) of the improved IDM: the desired gap is kept exactly at every speed below the desired one.
+
+    With :math:`z = d^*/d` and the free acceleration :math:`f`: below the desired speed :math:`a(1-z^2)` where :math:`z \ge 1`, else
+    :math:`f(1-z^{2a/f})`; above it :math:`f + \min(0, a(1-z^2))`. Treiber and Kesting (2013), eqs. 11.20 to 11.22.
+    """
+    share = max(speed, 1e-9) / desired_speed
+    z = idm.desired_gap_of(speed, approach_rate, weight, T, d0, 0.0, 1.0 / desired_speed) / gap
+    too_near = min(0.0, a * (1.0 - z * z))
+    if share > 1.0:
+        return -b * (1.0 - share ** (-4.0 * a / b)) + too_near
+    free = a * (1.0 - share**4)
+    return too_near if z >= 1.0 else free * (1.0 - z ** (2.0 * a / max(free, LEAST_FREE)))
+
+
+@njit(cache=True, error_model="numpy", forceinline=True)
 def optimal_velocity(speed, wanted, a, b):  # type: ignore[no-untyped-def]
     r"""Return :math:`\dot v = \min(a, \kappa(V - v))` (m/s²), :math:`\kappa = b` per m/s: blind to the approach rate.
 
@@ -111,4 +139,6 @@ def acceleration(law, speed, approach_rate, gap, a, weight, T, d0, desired_speed
         return krauss(speed, approach_rate, gap, a, b, T, d0, desired_speed, reaction)
     if law == GIPPS:
         return gipps(speed, approach_rate, gap, a, b, T, d0, desired_speed)
+    if law == IMPROVED_IDM:
+        return improved_idm(speed, approach_rate, gap, a, b, weight, T, d0, desired_speed)
     return optimal_velocity(speed, triangular(gap, T, d0, desired_speed), a, b)

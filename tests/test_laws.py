@@ -19,7 +19,9 @@ def accelerate(law: int, speed: float, rate: float, gap: float) -> float:
     return float(laws.acceleration(law, speed, rate, gap, A, WEIGHT, T, D0, V0, laws.REACTION))
 
 
-@pytest.mark.parametrize("law", [laws.FULL_VELOCITY_DIFFERENCE, laws.KRAUSS, laws.OPTIMAL_VELOCITY, laws.GIPPS])
+@pytest.mark.parametrize(
+    "law", [laws.FULL_VELOCITY_DIFFERENCE, laws.KRAUSS, laws.OPTIMAL_VELOCITY, laws.GIPPS, laws.IMPROVED_IDM]
+)
 @pytest.mark.parametrize("speed", [5.0, 12.0, 20.0])
 def test_at_the_time_headway_behind_a_leader_of_the_same_speed_nothing_changes(law, speed):
     assert accelerate(law, speed, 0.0, D0 + speed * T) == pytest.approx(0.0, abs=1e-9)
@@ -36,6 +38,12 @@ def test_values_by_hand():
     assert accelerate(laws.GIPPS, 10.0, 1.0, 10.0) == pytest.approx((8.43287 - 10.0) / 0.8, abs=1e-5)
     # Gipps at a third of the desired speed: 2.5 * 1.2 * 2/3 * sqrt(0.025 + 1/3)
     assert accelerate(laws.GIPPS, 10.0, 0.0, 1e6) == pytest.approx(1.19722, abs=1e-5)
+    # d* = 2 + 12 + 10/(2 sqrt(2.16)) = 17.402 m; nearer: 1.2 (1 - 1.7402^2)
+    assert accelerate(laws.IMPROVED_IDM, 10.0, 1.0, 10.0) == pytest.approx(1.2 * (1.0 - 1.74021**2), abs=1e-4)
+    # f = 1.2 (1 - 1/81) = 1.185185; farther: f (1 - 0.870103^(2.4/f))
+    assert accelerate(laws.IMPROVED_IDM, 10.0, 1.0, 20.0) == pytest.approx(1.185185 * (1.0 - 0.870103**2.025), abs=1e-4)
+    # faster than wanted, far behind: -1.8 (1 - (30/33)^(4 1.2/1.8))
+    assert accelerate(laws.IMPROVED_IDM, 33.0, 0.0, 1e4) == pytest.approx(-1.8 * (1.0 - (30 / 33) ** (8 / 3)), abs=1e-6)
     # V = 5 m/s
     assert accelerate(laws.OPTIMAL_VELOCITY, 6.0, 3.0, 8.0) == pytest.approx(-1.8)
 

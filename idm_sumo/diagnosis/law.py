@@ -26,6 +26,7 @@ Floats = npt.NDArray[np.float64]
 OF_LAW = (slots.LAW, slots.REACTION_CHANGE)
 # Drivers, and rounds of their fits, by which laws are compared before the best one is fitted to all.
 SOME, FEW_ROUNDS = 120, 8
+FITTED_TO_ALL = 2  # of the likeliest other laws
 # Standard errors of the log-likelihood's gain, by which another law must be likelier than the IDM. (Of 42 recordings of IDM drivers, with
 # effects hidden or without, the surest was 0.1; in one of 60 later ones drivers who relax and make room for others reached 6.)
 SURE = 3.0
@@ -97,14 +98,16 @@ def followed(windows: Windows, base: Fit, rng: np.random.Generator) -> Followed:
         name: LawCompared(float(np.exp(log_ade(some, fit).mean())), float(gain.mean()))
         for name, fit, gain in zip(laws.NAMES, fits, likelier, strict=True)
     }
-    best = max(range(1, len(laws.NAMES)), key=lambda law: float(each[law].mean()))
-    if not _may_be_likelier(likelier[best]):
-        return Followed(base, None, by_law, forms)
-    other = fit_drivers(windows, forms[best], base.start_variance, rounds=ROUNDS)
-    gain = likelihood_gain(windows, base, other, rng)
-    if is_sure(gain):
-        return Followed(other, gain, by_law, forms)
-    return Followed(base, None, by_law, forms, best if gain.difference > gain.standard_error else None)
+    likeliest = sorted(range(1, len(laws.NAMES)), key=lambda law: -float(likelier[law].mean()))[:FITTED_TO_ALL]
+    best, gain = base, None
+    for law in (law for law in likeliest if _may_be_likelier(likelier[law])):
+        other = fit_drivers(windows, forms[law], base.start_variance, rounds=ROUNDS)
+        more = likelihood_gain(windows, base, other, rng)
+        if gain is None or more.difference > gain.difference:
+            best, gain = other, more
+    if gain is None or is_sure(gain):
+        return Followed(best, gain, by_law, forms)
+    return Followed(base, None, by_law, forms, law_of(best) if gain.difference > gain.standard_error else None)
 
 
 def rival(
