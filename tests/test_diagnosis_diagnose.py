@@ -38,13 +38,16 @@ def beyond():
     return subject, nothing, replace(nothing, fit=tried.fit, accepted=(cause,))
 
 
-def asked_again(monkeypatch, subject, found, again, likelier, rival):
+FORMS = tuple(of(number) for number in range(len(laws.NAMES)))
+
+
+def asked_again(monkeypatch, subject, found, again, likelier, rival, runner_up=None):
     """What comes of a search when the law is asked again; ``likelier`` so much, give or take one."""
     gain = Gain("unlikelihood", 10.0, 10.0 - likelier, likelier, (likelier - 2.0, likelier + 2.0), 10, False)
     monkeypatch.setattr(diagnosing.law, "rival", lambda *_: rival)
     monkeypatch.setattr(diagnosing, "search", lambda *_: again)
     monkeypatch.setattr(diagnosing.law, "likelihood_gain", lambda *_: gain)
-    followed = Followed(found.base, None, {}, tuple(of(number) for number in range(len(laws.NAMES))))
+    followed = Followed(found.base, None, {}, FORMS, runner_up)
     rng = np.random.default_rng(0)
     return diagnosing._by_the_law_with_causes(subject, followed, found.base, found, rng, lambda *_: None)[1]
 
@@ -82,3 +85,20 @@ def test_where_nothing_is_named_beyond_another_law_causes_beyond_the_idm_may_be(
     other = replace(nothing, fit=replace(nothing.fit, by_lane=beneath(nothing.fit.by_lane, of(laws.KRAUSS))))
     after = asked_again(monkeypatch, subject, other, by_idm, likelier, rival)
     assert after is (by_idm if taken else other)
+
+
+@pytest.mark.parametrize(
+    ("runner_up", "likelier", "rival", "taken"),
+    [
+        (laws.KRAUSS, 5.0, None, True),
+        (None, 5.0, None, False),  # nobody asked for another law
+        (laws.KRAUSS, 2.0, None, False),  # with its causes not surely likelier
+        (laws.KRAUSS, 5.0, laws.IDM, False),  # an IDM with the same causes is likelier
+    ],
+)
+def test_where_nothing_is_named_beyond_the_idm_causes_beyond_a_likelier_law_may_be(
+    monkeypatch, beyond, runner_up, likelier, rival, taken
+):
+    subject, nothing, again = beyond
+    after = asked_again(monkeypatch, subject, nothing, again, likelier, rival, runner_up)
+    assert after is (again if taken else nothing)

@@ -10,12 +10,15 @@ from hypothesis import given
 from hypothesis import strategies as st
 from hypothesis.extra.numpy import arrays
 
+from idm_sumo import laws
 from idm_sumo.diagnosis import atoms as at
 from idm_sumo.diagnosis import evidence as ev
+from idm_sumo.diagnosis import fit as fitting
+from idm_sumo.diagnosis import law
 from idm_sumo.diagnosis import rollout as ro
 from idm_sumo.diagnosis.bins import numbered, pulse_means, response_by_bin
 from idm_sumo.diagnosis.fit import fit_drivers
-from idm_sumo.diagnosis.look import Subject, guard
+from idm_sumo.diagnosis.look import Subject, guard, score
 from idm_sumo.diagnosis.luck import Noises, draw
 from idm_sumo.diagnosis.twins import drawn_anew, start_behind
 from idm_sumo.effects import slots
@@ -122,3 +125,21 @@ def test_the_score_vanishes_at_the_planted_size_and_points_to_it_from_below(slot
     below, there = (step.score / step.information for step in steps)
     assert below > 0.15 * size
     assert abs(there) < 0.1 * size
+
+
+def test_what_all_drivers_share_is_no_effect_where_it_is_a_little_off(monkeypatch):
+    """A tenth of a second off in the time in which a safe speed is reached looks like effects that cannot be."""
+    windows, _ = followers(law.of(laws.KRAUSS, 0.9), np.random.default_rng(5))
+    subject = Subject(windows, Noises(QUIET, QUIET), at.grid_of(windows), True)
+    with monkeypatch.context() as off:
+        off.setattr(fitting, "SHARED", {})
+        fit = fit_drivers(windows, law.of(laws.KRAUSS), START, rounds=8)
+        seen = standard_errors(subject, fit)
+    assert standard_errors(subject, fit) < 0.6 * seen
+
+
+def standard_errors(subject, fit):
+    """Return those of an acceleration asymmetry, free of nothing but the population."""
+    atoms, found = score(subject, subject.windows, fit)
+    n = [atom.name for atom in atoms].index("acceleration_asymmetry")
+    return abs(found.u[:, n].sum()) / np.sqrt(found.gram[n, n])

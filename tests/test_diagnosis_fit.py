@@ -7,8 +7,11 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
+from idm_sumo import laws
+from idm_sumo.diagnosis import law
 from idm_sumo.diagnosis import rollout as ro
 from idm_sumo.diagnosis.fit import LOWER, UPPER, elsewhere, fit_drivers, improve, linearise, misfits
+from idm_sumo.effects import slots
 from tests.test_diagnosis_rollout import DRIVERS, followers
 
 START = np.array([1e-4, 1e-4])
@@ -53,3 +56,32 @@ def test_a_step_leaves_no_driver_worse_than_it_was(fitted, seed):
     step = improve(windows, away, hyper=False, new_mean=False)
     assert (left(windows, step, away) <= left(windows, away, away) + 1e-9).all()
     assert left(windows, step, away).sum() < 0.8 * left(windows, away, away).sum()
+
+
+@pytest.fixture(name="krauss", scope="module")
+def make_krauss():
+    return followers(law.of(laws.KRAUSS, 0.8), np.random.default_rng(4))[0]
+
+
+@pytest.mark.parametrize("begin", [0.5, 1.0, 1.6])
+def test_what_all_drivers_of_a_law_share_is_fitted_with_their_population(krauss, begin):
+    fit = fit_drivers(krauss, law.of(laws.KRAUSS, begin), START, rounds=10)
+    assert law.reaction_of(fit) == pytest.approx(0.8, abs=0.03)
+    assert (fit.by_lane[:, slots.REACTION_CHANGE] == fit.by_lane[0, slots.REACTION_CHANGE]).all()
+
+
+def test_what_drivers_share_stays_with_the_population_s_mean_and_where_a_law_has_nothing_of_it(krauss, fitted):
+    fit = fit_drivers(krauss, law.of(laws.KRAUSS), START, rounds=2)
+    assert (improve(krauss, fit, new_mean=False).by_lane == fit.by_lane).all()
+    assert not (improve(krauss, fit).by_lane == fit.by_lane).all()
+    windows, by_idm = fitted
+    assert (by_idm.by_lane == ro.PLAIN).all()
+    assert linearise(windows, by_idm).shared.shape[2] == 0
+
+
+def test_the_derivative_by_what_drivers_share_is_that_of_the_rollouts(krauss):
+    fit = fit_drivers(krauss, law.of(laws.KRAUSS), START, rounds=2)
+    more = fit.by_lane.copy()
+    more[:, slots.REACTION_CHANGE] += 1e-4
+    moved = (ro.positions(krauss, fit.theta, more) - ro.positions(krauss, fit.theta, fit.by_lane)) / 1e-4
+    np.testing.assert_allclose(linearise(krauss, fit).shared[:, :, 0], moved, atol=0.05 * np.abs(moved).max())

@@ -51,7 +51,28 @@ def test_a_law_that_is_not_surely_likelier_is_not_taken(monkeypatch):
     windows, _ = followers(law.of(laws.KRAUSS), np.random.default_rng(4))
     base = fit_drivers(windows, ro.PLAIN.copy(), START, rounds=4)
     monkeypatch.setattr(law, "SURE", 1e3)
-    assert law.followed(windows, base, np.random.default_rng(1)).fit is base
+    found = law.followed(windows, base, np.random.default_rng(1))
+    assert found.fit is base
+    assert found.likelier is None
+    assert found.runner_up == laws.KRAUSS
+
+
+def test_of_the_two_likeliest_laws_all_drivers_decide(monkeypatch):
+    """Some drivers asked first, here 8, may say another one."""
+    monkeypatch.setattr(law, "SOME", 8)
+    windows, _ = followers(law.of(laws.GIPPS), np.random.default_rng(4))
+    base = fit_drivers(windows, ro.PLAIN.copy(), START, rounds=8)
+    asked = list[int]()
+    fitted = law.fit_drivers
+
+    def fits(some, by_lane, *given, **more):
+        asked.append(int(by_lane[0, slots.LAW])) if some.drivers > 8 else None
+        return fitted(some, by_lane, *given, **more)
+
+    monkeypatch.setattr(law, "fit_drivers", fits)
+    found = law.followed(windows, base, np.random.default_rng(1))
+    assert 1 <= len(asked) <= law.FITTED_TO_ALL
+    assert law.law_of(found.fit) == laws.GIPPS in asked
 
 
 def test_effects_act_on_top_of_each_law():
