@@ -18,8 +18,9 @@ Every driver is simulated behind its recorded leader, window by window. What ref
 taken out first; what is left is held against a catalogue of causes (reaction delay, a second leader, lane changes,
 trucks, places, times, ...). A cause is named only if the extended model is better for drivers that were never touched.
 
-Before that the IDM is held against other car-following laws (full velocity difference, Krauss, optimal velocity). If
-the drivers follow one of them clearly more closely, causes are what goes beyond that one, and the model file holds it.
+Before that the IDM is held against other car-following laws (full velocity difference, Krauss, Gipps, optimal
+velocity, the improved IDM). If the drivers follow one of them clearly more likely, causes are what goes beyond that
+one, and the model file holds it.
 
 verdicts (exit code 0 for each):
   named     causes with size, place, p-value and their share of the gain
