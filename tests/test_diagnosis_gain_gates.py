@@ -57,6 +57,7 @@ def test_of_two_that_are_hardly_sure_the_less_sure_is_none_even_if_it_gains():
 def test_an_asymmetry_must_be_worth_something(z, share, worth_it):
     """SUMO's IDM drivers, nothing hidden, showed one of 7.7 standard errors that gained 0.6 %, clearly."""
     assert gain_gates.is_worth_it(gain(share, 0.005), tried(z, "acceleration_asymmetry"), None, z) is worth_it
+    assert gain_gates.is_worth_it(gain(share, 0.005), tried(z, "acceleration_asymmetry"), tried(10.0), z) is worth_it
     assert gain_gates.is_worth_it(gain(share, 0.005), tried(z, "adjacent_lane_friction"), None, z)
 
 

@@ -22,7 +22,7 @@ FURTHER_SHARE = 0.12
 LEAST_GAIN = 0.004  # of the ADE, on the drivers that fit
 UNTWINNED_GAIN = 0.02  # of the ADE, for what has no null twin: a follower answers its leader, so its place tells of the leader's noise
 DECIDING_GAIN = 0.015  # of the ADE, for what is not quite significant, and for a further cause that laws make up, unless beyond doubt
-# Of the ADE, for a first cause that is the form of any law which accelerates otherwise than the model's, unless it is as sure as can be.
+# Of the ADE, for a cause that is the form of any law which accelerates otherwise than the model's, unless it is as sure as can be.
 # (SUMO's IDM drivers, nothing hidden, showed one of 7.7 standard errors that gained 0.006.)
 LAWLIKE, LAWLIKE_GAIN = "acceleration_asymmetry", 0.01
 FAINT_GAIN = 0.02  # of the ADE, for a further cause that may be what the first one's shape, or another law, leaves over
@@ -67,9 +67,9 @@ def is_worth_it(gain: Gain, tried: Tried, first: Tried | None, strongest: float 
     unlike_laws = _is_unlike_laws(candidate)
     surest = like_no_other and (unlike_laws or z >= strongest)
     beyond_doubt = surest and z > BEYOND_DOUBT and share > _least_beyond_doubt(tried)
+    if candidate.name == LAWLIKE and z < gates.SUREST and share < LAWLIKE_GAIN:
+        return False
     if first is None:
-        if candidate.name == LAWLIKE and z < gates.SUREST and share < LAWLIKE_GAIN:
-            return False
         return (
             (clearly and (z > SURE or unlike_laws or z >= strongest))
             or (surest and z > SURE and share > 0.0)
