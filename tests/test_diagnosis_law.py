@@ -57,7 +57,7 @@ def test_a_law_that_is_not_surely_likelier_is_not_taken(monkeypatch):
     assert found.runner_up == laws.KRAUSS
 
 
-def test_of_the_two_likeliest_laws_all_drivers_decide(monkeypatch):
+def test_of_the_likeliest_laws_all_drivers_decide(monkeypatch):
     """Some drivers asked first, here 8, may say another one."""
     monkeypatch.setattr(law, "SOME", 8)
     windows, _ = followers(law.of(laws.GIPPS), np.random.default_rng(4))
