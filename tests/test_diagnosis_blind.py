@@ -225,6 +225,44 @@ def test_too_few_drivers_say_nothing(tmp_path):
     assert "too little" in found.notes[0]
 
 
+def test_drivers_of_gipps_of_the_second_simulator_follow_gipps_and_nothing_is_beyond(tmp_path):
+    case = {"kind": "null", "names": [], "size": [], "usual": [], "law": "gipps"}
+    recording, _ = made_elsewhere(tmp_path, 631, 16, case)
+    found = checked(diagnose(recording, seed=631))
+    assert found.verdict == "none"
+    assert found.law is not None
+    assert found.model.law == "gipps"
+    assert found.other_law is None
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize(
+    ("seed", "size", "form", "gamma"), [(67810053, "mid", "third", -0.15), (67810005, "mid", "other", 0.15)]
+)
+def test_headways_that_change_with_speed_are_named_beyond_a_safe_speed(seed, size, form, gamma, tmp_path):
+    """Before the time in which it is reached was fitted, what its error left hid the first; the second was searched beyond an IDM."""
+    plan = planting.plan(seed, effect="speed_dependent_headway", size=size, underlying="gipps", form=form)
+    planting.write(planting.simulate(plan), tmp_path / "recording.parquet")
+    found = checked(diagnose(read_recording(tmp_path / "recording.parquet").recording, seed=seed))
+    assert found.model.law == "krauss"
+    assert found.model.reaction == pytest.approx(0.9, abs=0.15)
+    assert found.causes[0].name == "speed_dependent_headway"
+    assert found.causes[0].parameters["gamma"].value == pytest.approx(gamma, rel=0.3)
+    assert better(found)
+
+
+@pytest.mark.slow
+def test_metres_kept_more_behind_trucks_are_told_from_a_longer_headway(tmp_path):
+    given = {"underlying": "idm", "density": "light", "form": "other"}
+    plan = planting.plan(67810015, effect="leader_class", size="large", **given)
+    planting.write(planting.simulate(plan), tmp_path / "recording.parquet")
+    found = checked(diagnose(read_recording(tmp_path / "recording.parquet").recording, seed=67810015))
+    (cause,) = found.causes
+    assert cause.name == "leader_class"
+    assert cause.parameters["ell"].value == pytest.approx(0.5 * 1.25 * 9.0, rel=0.3)  # half of a headway at 9 m/s
+    assert better(found)
+
+
 @pytest.mark.slow
 def test_two_causes_of_which_neither_gains_alone_are_both_named(tmp_path):
     names = ["acceleration_asymmetry", "lane_change_relaxation"]

@@ -123,7 +123,7 @@ def most_supported(
 
 def stands_beside(subject: Subject, refused: Tried, candidate: Candidate, lucks: list[Luck]) -> bool:
     """Return whether what no motion makes up (who, where, when, a lane change to come) is still there with what was refused in the model."""
-    if candidate.name not in (*gates.OUTER, *gates.TO_COME):
+    if candidate.name not in gates.NO_MOTION:
         return False
     evidence = ev.examine(subject, refused.fit, lucks, progress=silent, stage="")
     there = next((c for c in hy.candidates(evidence) if c.name == candidate.name), None)

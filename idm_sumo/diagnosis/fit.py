@@ -36,7 +36,7 @@ LOWER, UPPER = np.log([0.15, 0.15, 0.2, 0.3, 12.0]), np.log([6.0, 8.0, 4.5, 9.0,
 # What all drivers of a law share and is fitted with their population: a slot, the textbook's doubt and the bounds of its value (all s).
 # (A tenth of a second off in Krauss's reaction time leaves what no driver can do at nine standard errors.)
 SHARED = {laws.KRAUSS: slots.REACTION_CHANGE}
-SHARED_BELIEF, SHARED_BOUNDS, SHARED_STEP = 0.5, (0.3 - laws.REACTION, 3.0 - laws.REACTION), 0.02
+SHARED_BELIEF, SHARED_BOUNDS, SHARED_STEP = 0.5, (0.3 - laws.REACTION, 2.0 - laws.REACTION), 0.02
 SHARES = (0.0, 0.1, 0.35, 1.0)  # of a Gauss-Newton step, that are tried where all of it makes a driver fit worse
 # Standard deviations from the population's mean, of places where drivers may start anew.
 STARTS = norm.ppf(np.clip(Sobol(PARAMETERS, scramble=False).random(32)[1:], 0.06, 0.94))

@@ -16,7 +16,7 @@ from idm_sumo.diagnosis.sizes import Tried
 # 4.3 standard errors of room made before a cut-in, 2.2 before the own change, in 122 recordings of ten laws with nothing hidden), and
 # headways that grow with speed are what a law that differs has less of, not more. Headways that fall must be far surer than what
 # cannot be.
-UNLIKE_LAWS = (*gates.OUTER, *gates.TO_COME, "speed_dependent_headway")
+UNLIKE_LAWS = (*gates.NO_MOTION, "speed_dependent_headway")
 # Of the first cause's squared z and of its support, for a further one: less may be what its shape leaves over, and must gain more.
 FURTHER_SHARE = 0.12
 LEAST_GAIN = 0.004  # of the ADE, on the drivers that fit

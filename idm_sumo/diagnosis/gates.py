@@ -30,6 +30,7 @@ LIKELY, LEAST_SUPPORT = 3.5, 150.0
 # Who, where and when: no motion makes these up, so that of what is not quite significant (p) a clear gain may decide.
 OUTER, DOUBTFUL = ("leader_class", "location", "time_of_day"), 0.02
 TO_COME = ("courtesy_yielding", "pre_insertion")  # nor a change of lane that nobody has made yet
+NO_MOTION = (*OUTER, *TO_COME)
 CLEAR = 5.0  # standard errors that a further cause needs
 FREE_CLEAR = 5.5  # standard errors from which on something free stands out
 STILL = 0.5  # of a squared z, that is left with the best cause in the model: that cause does not hold it
