@@ -7,6 +7,7 @@ windows that fit badly count less (Student-like weights).
 from __future__ import annotations
 
 from dataclasses import dataclass, replace
+from typing import NamedTuple
 
 import numpy as np
 import numpy.typing as npt
@@ -140,34 +141,62 @@ def improve(windows: Windows, fit: Fit, *, hyper: bool = True, new_mean: bool = 
     With ``hyper`` off spreads, covariance and weights stay; with ``new_mean`` off the population's mean, too.
     """
     line = linearise(windows, fit)
-    which, driver, drivers = shared_slot(fit), windows.driver, windows.drivers
-    error = line.whitener @ line.error[:, :, None]
-    common = line.whitener @ np.concatenate([line.jacobian, line.shared], axis=2)
-    turned = common.transpose(0, 2, 1)
-    information = gls.by_driver(turned @ common, driver, drivers)
-    pull = gls.by_driver(turned @ error, driver, drivers)[:, :, 0]
-    of_own = information[:, :PARAMETERS]
-    inner = np.linalg.inv(of_own[:, :, :PARAMETERS] + np.linalg.inv(fit.spread))
-    taken = of_own.transpose(0, 2, 1) @ inner
-    shrunk = (information - taken @ of_own).sum(axis=0)
-    grade = (pull - np.einsum("irp,ip->ir", taken, pull[:, :PARAMETERS])).sum(axis=0)
-    now = np.concatenate([fit.mean, fit.by_lane[0, which]])
-    towards = np.concatenate([TEXTBOOK, np.zeros(len(which))]) - now
-    belief = np.diag(1.0 / np.concatenate([BELIEF, np.full(len(which), SHARED_BELIEF)]) ** 2)
-    step = np.linalg.solve(shrunk + belief, grade + belief @ towards) if new_mean else np.zeros(len(now))
-    moved = now + np.clip(step, -LONGEST_STEP, LONGEST_STEP)
-    mean = np.clip(moved[:PARAMETERS], LOWER, UPPER)  # as each driver's own
-    by_lane = fit.by_lane.copy()
-    by_lane[:, which] = np.clip(moved[PARAMETERS:], *SHARED_BOUNDS)
-    shift = np.concatenate([mean, by_lane[0, which]]) - now
-    deviation = np.einsum("ipq,iq->ip", inner, pull[:, :PARAMETERS] - of_own @ shift, optimize=True)
-    own = np.clip(mean + deviation, fit.own - LONGEST_STEP, fit.own + LONGEST_STEP)
-    own = _no_worse(windows, replace(fit, mean=mean, by_lane=by_lane), line, np.clip(own, LOWER, UPPER))
-    fit = replace(fit, mean=mean, own=own, by_lane=by_lane)
+    sums = _sums(windows, fit, line)
+    moved = _with_common(fit, _common(fit) + _common_step(fit, sums)) if new_mean else fit
+    shift = _common(moved) - _common(fit)
+    of_own, pull = sums.information[:, :PARAMETERS], sums.pull[:, :PARAMETERS]
+    deviation = np.einsum("ipq,iq->ip", sums.inner, pull - of_own @ shift, optimize=True)
+    own = np.clip(moved.mean + deviation, fit.own - LONGEST_STEP, fit.own + LONGEST_STEP)
+    own = _no_worse(windows, moved, line, np.clip(own, LOWER, UPPER))
+    fit = replace(moved, own=own)
     if not hyper:
         return fit
-    spread = (deviation.T @ deviation + inner.sum(axis=0)) / drivers + 1e-4 * np.eye(PARAMETERS)
-    return replace(fit, spread=spread, **_residuals(windows, fit, line, deviation, inner, shift))
+    spread = (deviation.T @ deviation + sums.inner.sum(axis=0)) / windows.drivers + 1e-4 * np.eye(PARAMETERS)
+    return replace(fit, spread=spread, **_residuals(windows, fit, line, deviation, sums.inner, shift))
+
+
+class Sums(NamedTuple):
+    """Normal equations of each driver; what is common to all is its population's mean, and what a law's drivers share."""
+
+    information: Floats  # of what is common, shape (drivers, common, common); the first are the own parameters'
+    pull: Floats  # shape (drivers, common)
+    inner: Floats  # covariance of the own parameters given the windows, shape (drivers, 5, 5)
+
+
+def _sums(windows: Windows, fit: Fit, line: Linear) -> Sums:
+    error = line.whitener @ line.error[:, :, None]
+    by_common = line.whitener @ np.concatenate([line.jacobian, line.shared], axis=2)
+    turned = by_common.transpose(0, 2, 1)
+    information = gls.by_driver(turned @ by_common, windows.driver, windows.drivers)
+    pull = gls.by_driver(turned @ error, windows.driver, windows.drivers)[:, :, 0]
+    inner = np.linalg.inv(information[:, :PARAMETERS, :PARAMETERS] + np.linalg.inv(fit.spread))
+    return Sums(information, pull, inner)
+
+
+def _common(fit: Fit) -> Floats:
+    """Return what is common to all drivers: their population's mean, and what their law's drivers share."""
+    return np.concatenate([fit.mean, fit.by_lane[0, shared_slot(fit)]])
+
+
+def _with_common(fit: Fit, common: Floats) -> Fit:
+    by_lane = fit.by_lane.copy()
+    by_lane[:, shared_slot(fit)] = np.clip(common[PARAMETERS:], *SHARED_BOUNDS)
+    return replace(
+        fit, mean=np.clip(common[:PARAMETERS], LOWER, UPPER), by_lane=by_lane
+    )  # the mean as each driver's own
+
+
+def _common_step(fit: Fit, sums: Sums) -> Floats:
+    """Return the Gauss-Newton step of what is common, whatever the drivers' own parameters."""
+    of_own = sums.information[:, :PARAMETERS]
+    taken = of_own.transpose(0, 2, 1) @ sums.inner
+    information = (sums.information - taken @ of_own).sum(axis=0)
+    grade = (sums.pull - np.einsum("irp,ip->ir", taken, sums.pull[:, :PARAMETERS])).sum(axis=0)
+    shared = len(information) - PARAMETERS
+    belief = np.diag(1.0 / np.concatenate([BELIEF, np.full(shared, SHARED_BELIEF)]) ** 2)
+    textbook = np.concatenate([TEXTBOOK, np.zeros(shared)])
+    step = np.linalg.solve(information + belief, grade + belief @ (textbook - _common(fit)))
+    return np.clip(step, -LONGEST_STEP, LONGEST_STEP)
 
 
 def _no_worse(windows: Windows, fit: Fit, line: Linear, proposed: Floats) -> Floats:
