@@ -18,7 +18,7 @@ SHOWS_IN: dict[str, tuple[str, ...]] = {
     "beside_truck": ("trucks_beside",),
     "late_for_a_while": ("time",),
     "brake_lights_across": ("braking_beside",),
-    "weariness": ("unrest",),
+    "weariness": ("unrest", "since_braking"),
     # Those of `tests/elsewhere`.
     "late_beside_accident": ("place",),
     "slow_start": ("since_standing",),
