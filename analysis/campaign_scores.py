@@ -35,6 +35,8 @@ SHOWS_IN: dict[str, tuple[str, ...]] = {
     "closes_the_door": ("beside_gap",),
     "glare": ("place", "time"),
 }
+# m behind a truck that a planted share of 1 stands for, where metres are kept: with the middle headway; and in `tests/elsewhere`.
+TRUCK_DISTANCE, TRUCK_DISTANCE_ELSEWHERE = 9.0 * 1.25, 15.0
 GAIN_BOUNDS = (0.05, 0.02)  # of ADE
 GAIN_CLASSES = ("5 % or more", "2 to 5 %", "below 2 %")
 SIZED = ["name", "form", "underlying", "planted", "estimate", "low", "high", "error", "covered", "seed"]
@@ -125,6 +127,8 @@ def _sizes(trial: dict[str, Any]) -> Iterator[dict[str, Any]]:
     for cause in trial["found"]["causes"]:
         if cause["name"] in trial["effects"]:
             truth = abs(trial["effects"][cause["name"]])
+            if "ell" in cause["parameters"]:
+                truth *= TRUCK_DISTANCE_ELSEWHERE if "truth" in trial else TRUCK_DISTANCE
             one = next(iter(cause["parameters"].values()))  # the size comes first
             low, high = sorted(abs(bound) for bound in one["ci95"])
             low = 0.0 if one["ci95"][0] < 0.0 < one["ci95"][1] else low

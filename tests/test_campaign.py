@@ -73,6 +73,14 @@ def test_sizes_and_gains():
     assert sizes["covered"].tolist() == [True, True, True]  # an interval across zero begins there
 
 
+def test_metres_behind_trucks_are_held_against_metres():
+    kept = cause("leader_class", 3.0, (2.0, 4.0))
+    kept["parameters"] = {"ell": kept["parameters"].pop("size")}
+    one = trial("single", {"leader_class": 0.3}, [kept])
+    assert sized(pd.DataFrame([one]))["planted"].tolist() == pytest.approx([0.3 * 1.25 * 9.0])
+    assert sized(pd.DataFrame([{**one, "truth": {}}]))["planted"].tolist() == pytest.approx([4.5])
+
+
 def test_pairs_are_counted_by_what_the_lesser_is_worth_beside_the_other(tmp_path):
     two, both = {"location": 0.1, "hysteresis": 0.4}, [cause("hysteresis"), cause("location")]
     best = {"base": 1.0, "extended": 0.8, "drivers": 9}
