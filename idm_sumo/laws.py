@@ -17,14 +17,8 @@ from idm_sumo import idm
 
 IDM, FULL_VELOCITY_DIFFERENCE, SMOOTH_VELOCITY_DIFFERENCE, KRAUSS, OPTIMAL_VELOCITY, GIPPS, IMPROVED_IDM = range(7)
 NAMES = (
-    "idm",
-    "full_velocity_difference",
-    "smooth_velocity_difference",
-    "krauss",
-    "optimal_velocity",
-    "gipps",
-    "improved_idm",
-)
+    "idm", "full_velocity_difference", "smooth_velocity_difference", "krauss", "optimal_velocity", "gipps", "improved_idm",
+)  # fmt: skip
 IN_WORDS = (
     "the IDM", "full velocity difference", "full velocity difference with a smooth optimal velocity", "Krauss's safe speed",
     "optimal velocity", "Gipps's safe speed", "the improved IDM",
@@ -34,7 +28,6 @@ OF_RATE = 3.0  # m/s: of approach rate, that is answered by `b`
 AT_ONCE = 1.0  # m/s: of the optimal velocity law, by how much it must differ for an acceleration of `b`
 REACTION = 1.0  # s, in which Krauss's safe speed is reached, if nothing else is said
 OF_HEADWAY = 2.0 / 3.0  # of the time headway, that Gipps's reaction time is: the rest is his margin
-
 LEAST_FREE = 1e-3  # m/s²: a free acceleration by which one can divide
 
 
@@ -81,7 +74,7 @@ def gipps(speed, approach_rate, gap, a, b, T, d0, desired_speed):  # type: ignor
     r"""Return the acceleration (m/s²) towards Gipps's safe speed, reached within his reaction time :math:`\tau = T/1.5`.
 
     :math:`-b\tau + \sqrt{b^2\tau^2 + b(2(d - d_0) - v\tau) + v_l^2}`, no faster than with
-    :math:`2.5\,a(1 - v/v_0)\sqrt{0.025 + v/v_0}`: Gipps (1981), eqs. 1 and 8, the leader thought to brake as the driver does.
+    :math:`2.5\,a(1 - v/v_0)\sqrt{0.025 + v/v_0}`: Gipps (1981), the leader thought to brake as the driver does.
     """
     tau = OF_HEADWAY * T
     ahead, share = max(0.0, speed - approach_rate), max(0.0, speed / desired_speed)
@@ -95,7 +88,7 @@ def improved_idm(speed, approach_rate, gap, a, b, weight, T, d0, desired_speed):
     r"""Return the acceleration (m/s²) of the improved IDM: the desired gap is kept exactly at every speed below the desired one.
 
     With :math:`z = d^*/d` and the free acceleration :math:`f`: below the desired speed :math:`a(1-z^2)` where :math:`z \ge 1`, else
-    :math:`f(1-z^{2a/f})`; above it :math:`f + \min(0, a(1-z^2))`. Treiber and Kesting (2013), eqs. 11.20 to 11.22.
+    :math:`f(1-z^{2a/f})`; above it :math:`f + \min(0, a(1-z^2))`. Treiber and Kesting (2013), section 11.3.7.
     """
     share = max(speed, 1e-9) / desired_speed
     z = idm.desired_gap_of(speed, approach_rate, weight, T, d0, 0.0, 1.0 / desired_speed) / gap

@@ -34,7 +34,7 @@ LONGEST_STEP = 0.5  # of a log-parameter in one Gauss-Newton step
 TEXTBOOK = np.log([1.2, 1.8, 1.2, 2.2, 28.0])  # a, b, T, d0, v0
 BELIEF = np.array([0.7, 0.7, 0.5, 0.5, 0.15])  # sd of the population's mean around it
 LOWER, UPPER = np.log([0.15, 0.15, 0.2, 0.3, 12.0]), np.log([6.0, 8.0, 4.5, 9.0, 50.0])
-# What all drivers of a law share and is fitted with their population: a slot, the textbook's doubt and the bounds of its value (all s).
+# What all drivers of a law share and is fitted with their population: its slot; how unsure the textbook is of it, bounds and step (s).
 # (A tenth of a second off in Krauss's reaction time leaves what no driver can do at nine standard errors.)
 SHARED = {laws.KRAUSS: slots.REACTION_CHANGE}
 SHARED_BELIEF, SHARED_BOUNDS, SHARED_STEP = 0.5, (0.3 - laws.REACTION, 2.0 - laws.REACTION), 0.02
@@ -181,9 +181,8 @@ def _common(fit: Fit) -> Floats:
 def _with_common(fit: Fit, common: Floats) -> Fit:
     by_lane = fit.by_lane.copy()
     by_lane[:, shared_slot(fit)] = np.clip(common[PARAMETERS:], *SHARED_BOUNDS)
-    return replace(
-        fit, mean=np.clip(common[:PARAMETERS], LOWER, UPPER), by_lane=by_lane
-    )  # the mean as each driver's own
+    mean = np.clip(common[:PARAMETERS], LOWER, UPPER)  # as each driver's own
+    return replace(fit, mean=mean, by_lane=by_lane)
 
 
 def _common_step(fit: Fit, sums: Sums) -> Floats:
