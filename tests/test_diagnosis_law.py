@@ -94,3 +94,29 @@ def test_another_law_with_its_causes_has_the_one_that_drove_for_a_rival_and_that
     for begin, rival in ((by_another, laws.FULL_VELOCITY_DIFFERENCE), (longer_at_speed, None)):
         fit = fit_drivers(windows, begin, START, rounds=8)
         assert law.rival(windows, fit, ["speed_dependent_headway"], FORMS, np.random.default_rng(1)) == rival
+
+
+@pytest.mark.parametrize(
+    ("some", "everybody", "rival"),
+    [
+        ((0.9, 1.1), None, laws.KRAUSS),  # those who were asked tell
+        ((-3.0, 3.5), (0.9, 1.1), laws.KRAUSS),  # they do not, all do
+        ((-3.0, 3.5), (-3.0, 3.5), None),
+        ((-1.1, -0.9), None, None),  # no law is likelier than their own
+    ],
+)
+def test_all_drivers_are_asked_where_some_do_not_tell(monkeypatch, some, everybody, rival):
+    monkeypatch.setattr(law, "SOME", 10)
+    windows, _ = followers(ro.PLAIN, np.random.default_rng(4))
+    fit = fit_drivers(windows, ro.PLAIN.copy(), START, rounds=0)
+    asked = list[int]()
+
+    def likelihoods(of, _fit, _names, form):
+        asked.append(of.drivers)
+        low, high = some if of.drivers == 10 else everybody
+        own = np.tile([low, high], of.drivers // 2)
+        return {laws.IDM: 0.0 * own, laws.KRAUSS: own}.get(int(form[0, slots.LAW]), own - 99.0)
+
+    monkeypatch.setattr(law, "_likeliest_size", likelihoods)
+    assert law.rival(windows, fit, [], FORMS, np.random.default_rng(1)) == rival
+    assert (max(asked) > 10) is (everybody is not None)

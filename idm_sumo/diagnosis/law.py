@@ -130,13 +130,17 @@ def rival(
     forms : sequence of float64, shape (9, slots.COUNT)
         Magnitudes of each law.
     rng : numpy.random.Generator
-        Of the drivers that are asked.
+        Of the drivers that are asked first.
     """
-    some = windows.of_drivers(np.sort(rng.permutation(windows.drivers)[:SOME]))
-    each = np.stack([_likeliest_size(some, fit, names, form) for form in forms])
-    gain = each - each[law_of(fit)]
-    best = int(np.argmax(gain.mean(axis=1)))
-    return best if gain[best].mean() > gain[best].std() / np.sqrt(len(gain[best])) else None
+    own, some = law_of(fit), windows.of_drivers(np.sort(rng.permutation(windows.drivers)[:SOME]))
+    each = [_likeliest_size(some, fit, names, form) for form in forms]
+    best = max(range(len(each)), key=lambda law: float(each[law].mean()))
+    if best == own:
+        return None
+    gain = each[best] - each[own]
+    if not _is_likelier(gain) and some.drivers < windows.drivers:  # who were asked do not tell: all are asked
+        gain = np.subtract(*(_likeliest_size(windows, fit, names, forms[law]) for law in (best, own)))
+    return best if _is_likelier(gain) else None
 
 
 def beneath(by_lane: Floats, form: Floats) -> Floats:
@@ -166,6 +170,11 @@ def _likeliest_size(windows: Windows, fit: Fit, names: Sequence[str], form: Floa
             by_lane[:, first.slot] = np.clip(size * by_lane[:, first.slot], first.lower, first.upper)
         tried.append(log_likelihood(windows, fit_drivers(windows, by_lane, fit.start_variance, rounds=FEW_ROUNDS)))
     return max(tried, key=lambda one: float(one.mean()))
+
+
+def _is_likelier(gain: Floats) -> bool:
+    """Return whether drivers are likelier by so much on their mean, by more than a standard error."""
+    return bool(gain.mean() > gain.std() / np.sqrt(len(gain)))
 
 
 def _may_be_likelier(gain: Floats) -> bool:
