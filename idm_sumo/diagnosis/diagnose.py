@@ -133,6 +133,8 @@ def _by_the_law_with_causes(
     if rival != laws.IDM:
         with_idm = fit_drivers(windows, law.beneath(again.fit.by_lane, PLAIN), by_idm.start_variance, rounds=ROUNDS)
         likelier = law.likelihood_gain(windows, with_idm, again.fit, rng)
+        if not law.is_sure(likelier):
+            return followed, found  # an IDM with the same causes is about as likely
     return followed._replace(fit=base, likelier=likelier, runner_up=None), again
 
 
