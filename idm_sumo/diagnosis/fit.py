@@ -102,7 +102,7 @@ def linearise(windows: Windows, fit: Fit) -> Linear:
     return Linear(error, jacobian, _shared(windows, fit, base), base, whitener)
 
 
-def shared_slot(fit: Fit) -> list[int]:
+def _shared_slot(fit: Fit) -> list[int]:
     """Return the slot of what all drivers of the fit's law share, if there is such a thing."""
     slot = SHARED.get(int(fit.by_lane[0, slots.LAW]))
     return [] if slot is None else [slot]
@@ -110,7 +110,7 @@ def shared_slot(fit: Fit) -> list[int]:
 
 def _shared(windows: Windows, fit: Fit, base: Floats) -> Floats:
     """Return the derivative of the positions by what all drivers share, shape ``(windows, moments, 0 or 1)``."""
-    which = shared_slot(fit)
+    which = _shared_slot(fit)
     if not which:
         return np.empty((*base.shape, 0))
     moved = fit.by_lane.copy()
@@ -175,12 +175,12 @@ def _sums(windows: Windows, fit: Fit, line: Linear) -> Sums:
 
 def _common(fit: Fit) -> Floats:
     """Return what is common to all drivers: their population's mean, and what their law's drivers share."""
-    return np.concatenate([fit.mean, fit.by_lane[0, shared_slot(fit)]])
+    return np.concatenate([fit.mean, fit.by_lane[0, _shared_slot(fit)]])
 
 
 def _with_common(fit: Fit, common: Floats) -> Fit:
     by_lane = fit.by_lane.copy()
-    by_lane[:, shared_slot(fit)] = np.clip(common[PARAMETERS:], *SHARED_BOUNDS)
+    by_lane[:, _shared_slot(fit)] = np.clip(common[PARAMETERS:], *SHARED_BOUNDS)
     mean = np.clip(common[:PARAMETERS], LOWER, UPPER)  # as each driver's own
     return replace(fit, mean=mean, by_lane=by_lane)
 

@@ -172,14 +172,19 @@ def _likeliest_size(windows: Windows, fit: Fit, names: Sequence[str], form: Floa
     return max(tried, key=lambda one: float(one.mean()))
 
 
+def _standard_error(gain: Floats) -> float:
+    """Return that of the mean over drivers."""
+    return float(gain.std() / np.sqrt(len(gain)))
+
+
 def _is_likelier(gain: Floats) -> bool:
     """Return whether drivers are likelier by so much on their mean, by more than a standard error."""
-    return bool(gain.mean() > gain.std() / np.sqrt(len(gain)))
+    return bool(gain.mean() > _standard_error(gain))
 
 
 def _may_be_likelier(gain: Floats) -> bool:
     """Return whether all drivers may be likelier, by so much on the mean of some of them."""
-    return bool(gain.mean() + SURE * gain.std() / np.sqrt(len(gain)) >= 0.0)
+    return bool(gain.mean() + SURE * _standard_error(gain) >= 0.0)
 
 
 def _fitted(windows: Windows, law: int, base: Fit) -> Fit:
