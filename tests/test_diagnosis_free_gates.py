@@ -52,11 +52,13 @@ def test_what_is_looked_at_more_must_stand_out_more(covariate, z, stands_out):
         ("leader_length", 4.5, False),  # of the one who is followed
         ("own oscillation in time, period 9.14 s", 4.2, True),
         ("own oscillation in time, each driver's own period", 3.5, False),
+        ("variance over position", 4.9, True),  # three in five look aside for 3 s
+        ("variance over time", 3.6, False),
         ("headway over unrest", 5.7, True),
         ("unrest", 5.7, False),
     ],
 )
-def test_who_is_around_and_a_swing_of_its_own_stand_out_from_less(covariate, z, stands_out):
+def test_who_is_around_a_swing_and_unsteadiness_stand_out_from_less(covariate, z, stands_out):
     assert bool(free_gates.standing_out(evidence(0.0, free(covariate, z)))) is stands_out
     assert bool(free_gates.untold(evidence(0.0, free(covariate, z)))) is stands_out
 

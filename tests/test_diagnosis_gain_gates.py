@@ -82,20 +82,44 @@ def test_a_relaxation_far_surer_than_all_else_need_not_gain_clearly(name, z, str
     assert gain_gates.is_worth_it(gain(0.008, 0.02), tried(z, name), None, strongest) is worth_it
 
 
+def beyond(law, z, name):
+    """Return a candidate beyond a law."""
+    one = tried(z, name)
+    return replace(one, fit=replace(one.fit, by_lane=beneath(one.fit.by_lane, of(law))))
+
+
 @pytest.mark.parametrize(
     ("name", "law", "difference", "worth_it"),
     [
-        ("hysteresis", laws.IDM, -0.002, True),
-        ("hysteresis", laws.SMOOTH_VELOCITY_DIFFERENCE, -0.002, False),
-        ("hysteresis", laws.SMOOTH_VELOCITY_DIFFERENCE, 0.002, True),
+        ("adjacent_lane_friction", laws.IDM, -0.002, True),
+        ("adjacent_lane_friction", laws.SMOOTH_VELOCITY_DIFFERENCE, -0.002, False),
+        ("adjacent_lane_friction", laws.SMOOTH_VELOCITY_DIFFERENCE, 0.002, True),
         ("location", laws.SMOOTH_VELOCITY_DIFFERENCE, -0.002, True),
     ],
 )
 def test_beyond_another_law_than_the_idm_what_motion_makes_up_must_gain_something(name, law, difference, worth_it):
     """Full velocity difference of another form than ours, nothing hidden, left 7 standard errors of a hysteresis that gained nothing."""
-    beyond = tried(7.1, name)
-    beyond = replace(beyond, fit=replace(beyond.fit, by_lane=beneath(beyond.fit.by_lane, of(law))))
-    assert gain_gates.is_worth_it(gain(difference, 0.007), beyond, None, 2.7) is worth_it
+    assert gain_gates.is_worth_it(gain(difference, 0.007), beyond(law, 7.1, name), None, 2.7) is worth_it
+
+
+@pytest.mark.parametrize(
+    ("name", "law", "z", "surest", "share", "worth_it"),
+    [
+        ("hysteresis", laws.GIPPS, 7.3, 5.1, 0.017, False),
+        ("hysteresis", laws.GIPPS, 7.3, 5.1, 0.021, True),
+        ("hysteresis", laws.GIPPS, 9.1, 5.1, 0.017, True),
+        ("hysteresis", laws.IDM, 7.3, 5.1, 0.017, True),
+        ("speed_dependent_headway", laws.KRAUSS, 6.0, 4.2, 0.006, False),
+        ("perception_threshold", laws.IDM, 5.2, 7.0, 0.012, False),
+        ("perception_threshold", laws.IDM, 5.2, 5.1, 0.012, True),
+        ("speed_dependent_headway", laws.IDM, 5.2, 7.0, 0.012, True),
+    ],
+)
+def test_how_drivers_answer_beyond_a_law_that_may_not_be_theirs_must_gain_clearly(
+    name, law, z, surest, share, worth_it
+):
+    """In the second simulator a slow start, a friction worth nothing and an idle pedal had such names."""
+    assert gain_gates.is_worth_it(gain(share, 0.007), beyond(law, z, name), None, surest) is worth_it
 
 
 def test_a_relaxation_in_one_lane_must_gain_clearly_however_sure_it_is():

@@ -25,6 +25,7 @@ Integers = npt.NDArray[np.int64]
 Range = tuple[float, float]
 
 SWING = "own oscillation in time"
+UNSTEADY = "variance"
 NO_TWIN = "rear_gap"  # the follower answers the real driver, not the twin
 NARROWEST, WIDEST = 2, 0.7  # bins; share of the road, of the time, of both
 CLUMSIEST = 1.5  # times the variance of the model that the clustered one may count
@@ -269,7 +270,7 @@ def _unsteady(family: ff.Family, most: variance.Unsteady) -> LeftOver:
     place, time = (edges, None) if family.covariate == "position" else (None, edges)
     p = float(min(1.0, most.looks * norm.sf(most.z)))
     is_credible = most.ratio > variance.LEAST_RATIO
-    return LeftOver(f"variance over {family.covariate}", edges, place, time, most.ratio, most.z, p, is_credible)
+    return LeftOver(f"{UNSTEADY} over {family.covariate}", edges, place, time, most.ratio, most.z, p, is_credible)
 
 
 def _swinging(swing: oscillation.Line, period: str, grid: Grid) -> LeftOver:
