@@ -42,7 +42,7 @@ COVARIATES = (
     Covariate("approach_rate", "approach rate (m/s)", limits=(-10.0, 10.0)),
     Covariate("leader_acceleration", "leader's acceleration (m/s²)", limits=(-5.0, 5.0)),
     Covariate("since_change", "time since a leader change (s)", "even", (0.0, 30.0)),
-    Covariate("adjacent_difference", "own speed minus the slower next lane's (m/s)", limits=(-15.0, 15.0)),
+    Covariate("adjacent_difference", "own minus slower next lane's speed (m/s)", limits=(-15.0, 15.0)),
     Covariate("rear_gap", "gap to the follower (m)", limits=(0.0, 60.0)),
     Covariate("leader_class", "leader's class (1 motorcycle, 2 car, 3 truck)", "labels", (1.0, 3.0)),
     Covariate("lane", "lane (1 leftmost)", "labels"),
