@@ -27,7 +27,8 @@ STARTING, FREE_STARTING = "since_standing", 1.0
 ENTRY = "since_entry"
 # Times the best cause's squared z, and more, from which on the catalogue does not hold it. A response that changes from place to
 # place, or with time, is what goes beyond the same change everywhere, and has to be only half as sure as that.
-FREE_EXCESS, FREE_CHANGE, FREE_MORE = 1.5, 0.5, 25.0
+# No cause makes drivers less steady at its place or time: that has to be as sure.
+FREE_EXCESS, FREE_CHANGE, FREE_SPREAD, FREE_MORE = 1.5, 0.5, 1.0, 25.0
 # Of its squared z, that must be left with the best cause of the catalogue in the model. Less of a place and time: what a place does at
 # all times a location takes away, and what a location leaves there is not its form.
 LEFT, REGION_LEFT = 0.4, 0.3
@@ -106,12 +107,19 @@ def outside(evidence: ev.Evidence) -> tuple[LeftOver, ...]:
             return 0.0
         if one.subject == ENTRY:
             return _least_of_entry(evidence, significant)
-        return FREE_MORE + best * (FREE_CHANGE if one.covariate.startswith(CHANGES) else FREE_EXCESS)
+        return FREE_MORE + best * _excess(one)
 
     def is_new(one: LeftOver) -> bool:
         return _shown_by(one) not in seen and (best == 0.0 or one.covariate not in HELD)
 
     return tuple(one for one in standing_out(evidence) if is_new(one) and one.z**2 > needed(one))
+
+
+def _excess(one: LeftOver) -> float:
+    """Return the share of the best cause's squared z that something free must exceed."""
+    if one.covariate.startswith(UNSTEADY):
+        return FREE_SPREAD
+    return FREE_CHANGE if one.covariate.startswith(CHANGES) else FREE_EXCESS
 
 
 def _least_of_entry(evidence: ev.Evidence, significant: list[Candidate]) -> float:

@@ -21,8 +21,8 @@ SIGNIFICANT = 1e-3  # corrected p of a cause
 SURER = {"multi_leader_anticipation": 5.0, "lane_change_relaxation": 5.0, "desired_speed": 7.0}
 SUREST = hy.SUREST  # standard errors, from which on they are believed as others are
 # Where the climb ends at the bound, what the data want is another approach to the desired speed than the model's, not another speed
-# (nor a headway that falls with it).
-ENDLESS = ("desired_speed",)
+# (nor a headway that falls with it); nor does anybody follow at a fifth of the headway at a place or for a time.
+ENDLESS = ("desired_speed", "location", "time_of_day")
 # The score near zero underrates these, the more the farther the car-following is from the model's: at their size the likelihood
 # says more (twice its logarithm's gain).
 UNDERRATED = ("reaction_delay", "perception_threshold", "lane_change_relaxation")

@@ -36,7 +36,8 @@ OWN_WORDS = 0.5  # of the score, at least, that the recording itself must say of
 # Where next to nothing is answered, or by few, or in an emergency, a response seems many times stronger, or turned round; of a share,
 # and of s of delay.
 LARGEST = {ff.RESPONSE: (-1.0, 1.5), ff.DELAY: (-1.0, 3.0)}
-OF_ONE_LANE = 1.5  # times the least that may be told: few drivers, and as many looks in each lane as in all
+# Times the least that may be told: in one lane there are few drivers, and as many looks as in all; of place and time together most looks.
+OF_MANY_LOOKS = 1.5
 LEAST = {ff.ACCELERATION: 0.04, ff.HEADWAY: 0.04, ff.RESPONSE: 0.05, ff.DELAY: 0.1}  # m/s², of log T, share, s
 
 
@@ -257,7 +258,7 @@ def _named(said: Said, looks: int) -> LeftOver:
     p = corrected_p(z, looks)
     lane = int(family.covariate.partition(ff.IN_LANE)[2] or 0)
     low, high = LARGEST.get(family.content, (-np.inf, np.inf))
-    least = LEAST[family.content] * (OF_ONE_LANE if lane else 1.0)
+    least = LEAST[family.content] * (OF_MANY_LOOKS if lane or family.covariate.startswith(ff.REGION) else 1.0)
     is_credible = abs(value) >= least and low <= value <= high and not said.by_few and not said.by_twins
     return LeftOver(
         covariate, edges[0], place, time, value, z, p, is_credible, lane, stretch.score, said.bias, said.beyond
