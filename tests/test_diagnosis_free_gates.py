@@ -123,6 +123,8 @@ def test_a_response_must_be_surer_than_the_surest_of_which_that_cannot_be(covari
         (6.0, "unrest", 9.5, True),
         (6.0, "position", 9.5, False),  # location holds it
         (6.0, "delay over time", 7.0, True),  # what changes needs half of the delay's, and 25
+        (6.0, "variance over position", 7.5, False),  # no cause makes drivers less steady: as much as it, and 25
+        (6.0, "variance over position", 8.0, True),
     ],
 )
 def test_what_says_more_than_the_catalogue_is_outside_it(delay, covariate, z, is_outside):

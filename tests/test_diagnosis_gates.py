@@ -137,6 +137,8 @@ def test_who_where_and_when_are_tried_before_they_are_significant(name, z, p, as
         ("desired_speed", 8.0, 1.0, 600.0, True, False),  # no speed would be enough: another approach to it
         ("speed_dependent_headway", -10.0, -0.4, 600.0, True, True),
         ("speed_dependent_headway", -10.0, -1.0, 600.0, True, False),
+        ("location", -6.0, -1.4, 60.0, True, True),
+        ("location", -6.0, -1.5, 60.0, True, False),  # no place makes everybody drive so
     ],
 )
 def test_what_is_underrated_near_zero_is_judged_at_its_size(name, z, value, support, likely, there):
