@@ -91,6 +91,9 @@ def beyond(law, z, name):
 @pytest.mark.parametrize(
     ("name", "law", "difference", "worth_it"),
     [
+        ("hysteresis", laws.IDM, -0.002, True),
+        ("hysteresis", laws.SMOOTH_VELOCITY_DIFFERENCE, -0.002, False),
+        ("hysteresis", laws.SMOOTH_VELOCITY_DIFFERENCE, 0.002, False),  # is an answer: it must gain clearly
         ("adjacent_lane_friction", laws.IDM, -0.002, True),
         ("adjacent_lane_friction", laws.SMOOTH_VELOCITY_DIFFERENCE, -0.002, False),
         ("adjacent_lane_friction", laws.SMOOTH_VELOCITY_DIFFERENCE, 0.002, True),

@@ -76,9 +76,9 @@ def is_worth_it(gain: Gain, tried: Tried, first: Tried | None, strongest: float 
     beyond_doubt = surest and z > BEYOND_DOUBT and share > _least_beyond_doubt(tried)
     if candidate.name == LAWLIKE and z < gates.SUREST and share < LAWLIKE_GAIN:
         return False
-    if first is None and _may_be_a_law(tried, strongest):
-        return is_clear(gain)
     if first is None:
+        if _may_be_a_law(tried, strongest):
+            return is_clear(gain)
         return (
             (clearly and (z > SURE or unlike_laws or z >= strongest))
             or (surest and z > SURE and share > 0.0)
