@@ -44,6 +44,9 @@ def _pool(threads: int, process: int) -> ThreadPoolExecutor:
 
 
 def each_in_threads(work: Callable[[T], U], items: Iterable[T]) -> list[U]:
-    """Return ``work`` of each item, in their order, as many at once as numba has threads."""
+    """Return ``work`` of each item, in their order, as many at once as numba has threads; one alone has all of them."""
+    items = list(items)
+    if len(items) == 1:
+        return [work(items[0])]
     with ThreadPoolExecutor(numba.get_num_threads(), initializer=numba.set_num_threads, initargs=(1,)) as pool:
         return list(pool.map(work, items))

@@ -11,7 +11,7 @@ from idm_sumo.diagnosis import atoms as at
 from idm_sumo.diagnosis import choice
 from idm_sumo.diagnosis import rollout as ro
 from idm_sumo.diagnosis.atoms import Atom
-from idm_sumo.diagnosis.choice import Known, at_size, strongest
+from idm_sumo.diagnosis.choice import Known, at_sizes, strongest
 from idm_sumo.diagnosis.fit import fit_drivers
 from idm_sumo.diagnosis.hypotheses import Candidate
 from idm_sumo.diagnosis.look import Subject
@@ -105,9 +105,28 @@ def test_candidates_climb_to_their_sizes_once(monkeypatch):
         choice, "climbed", lambda _subject, _fit, one, _lucks: came.append(one) or Tried(one, None, 1.0)
     )
     delay, band = candidate(9.0, "reaction_delay"), candidate(9.0)
-    first = [at_size(None, None, one, [], known) for one in (delay, band)]
-    assert [at_size(None, None, one, [], known) for one in (delay, band)] == first
-    assert came == [delay, band]
+    first = at_sizes(None, None, [delay, band], [], known)
+    assert at_sizes(None, None, [band, delay], [], known) == first[::-1]
+    assert sorted(came, key=str) == sorted([delay, band], key=str)
+
+
+@pytest.mark.parametrize(
+    ("own_speed", "new_leader", "asked"), [(120.0, 130.0, True), (90.0, 130.0, False), (130.0, None, True)]
+)
+def test_who_is_late_and_knows_both_is_asked_for_where_each_alone_says_more(monkeypatch, own_speed, new_leader, asked):
+    known = ((slots.OWN_SPEED_KNOWN, 1.0), (slots.NEW_LEADER_KNOWN, 1.0))
+    supports = {(): 100.0, known[:1]: own_speed, known[1:]: new_leader, known: 140.0}
+    each = [
+        candidate(9.0, "reaction_delay", 0.4, ((slots.DELAY, 0.4), *form))
+        for form, support in supports.items()
+        if support is not None
+    ]
+    monkeypatch.setattr(
+        choice, "climbed", lambda _subject, _fit, one, _lucks: Tried(one, None, supports[one.atom.fixed[1:]])
+    )
+    tried = at_sizes(None, None, each, [], Known())
+    assert (140.0 in [one.support for one in tried]) is asked
+    assert len(tried) == len(each) - (not asked)
 
 
 @pytest.mark.parametrize(("support", "chosen"), [(90.0, "hysteresis"), (70.0, "perception_threshold")])

@@ -99,13 +99,14 @@ def test_another_law_with_its_causes_has_the_one_that_drove_for_a_rival_and_that
 @pytest.mark.parametrize(
     ("some", "everybody", "rival"),
     [
-        ((0.9, 1.1), None, laws.KRAUSS),  # those who were asked tell
-        ((-3.0, 3.5), (0.9, 1.1), laws.KRAUSS),  # they do not, all do
+        ((0.9, 1.1), (0.9, 1.1), laws.KRAUSS),
+        ((-3.0, 3.5), (0.9, 1.1), laws.KRAUSS),
         ((-3.0, 3.5), (-3.0, 3.5), None),
-        ((-1.1, -0.9), None, None),  # no law is likelier than their own
+        ((0.9, 1.1), (-1.1, -0.9), None),  # some were, all are not
+        ((-1.1, -0.9), None, None),  # no law is likelier than their own: nobody else is asked
     ],
 )
-def test_all_drivers_are_asked_where_some_do_not_tell(monkeypatch, some, everybody, rival):
+def test_all_drivers_are_asked_of_a_law_that_is_likelier_for_some(monkeypatch, some, everybody, rival):
     monkeypatch.setattr(law, "SOME", 10)
     windows, _ = followers(ro.PLAIN, np.random.default_rng(4))
     fit = fit_drivers(windows, ro.PLAIN.copy(), START, rounds=0)

@@ -104,7 +104,7 @@ def test_a_few_drivers_at_the_edge_of_stability_do_not_decide_on_a_size(monkeypa
     assert each["after"].mean() > 1.01 * each["before"].mean()
     monkeypatch.setattr(sizes, "driven", lambda _windows, fit, **_: SimpleNamespace(ade_m=each[fit]))
     subject = SimpleNamespace(windows=SimpleNamespace(drivers=100, platoon=np.arange(100) // 2))
-    assert sizes.typical_ade(subject, "after") < 0.95 * sizes.typical_ade(subject, "before")
+    assert sizes.typical_ade(subject.windows, "after") < 0.95 * sizes.typical_ade(subject.windows, "before")
     gain = sizes.gain_of(subject, "before", "after", np.random.default_rng(0))
     assert gain.difference / gain.base == pytest.approx(-(0.98 * np.log(0.9) + 0.02 * np.log(4.0)))
     assert gain.ci95[0] > 0.0

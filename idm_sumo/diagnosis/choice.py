@@ -17,6 +17,7 @@ from idm_sumo.diagnosis.luck import Luck
 from idm_sumo.diagnosis.result import Gain
 from idm_sumo.diagnosis.sizes import DELAY, Tried, anew, climbed, gain_of, typical_ade
 from idm_sumo.progress import silent
+from idm_sumo.threads import each_in_threads
 
 TRIED = 3  # effects at most, that are brought to their sizes and compared
 HEARD = 1  # of the twins, on the way to the size of a delay
@@ -79,24 +80,41 @@ def strongest(
     Which of two places (or times) is meant, support alone decides: what one has too much the other has too little. So it does
     between what has far less and what has more, and between a delay and the hysteresis that it looks like.
     """
-    each = [at_size(subject, fit, c, lucks, {} if known is None else known) for c in close]
+    each = at_sizes(subject, fit, close, lucks, {} if known is None else known)
     there = {tried.candidate.name for tried in each if gates.is_there(tried)}
     believed = [tried for tried in each if gates.is_there(tried) or tried.candidate.name not in there]
     most, *others = sorted(believed, key=lambda t: -t.support)
     alike = [t for t in others if t.support > RIVAL * most.support and t.candidate.name != most.candidate.name]
     rivals = {t.candidate.name for t in [most, *alike]}
-    best = min([most, *alike], key=lambda t: typical_ade(subject, t.fit)) if alike else most
+    best = min([most, *alike], key=lambda t: typical_ade(subject.windows, t.fit)) if alike else most
     for other in [t for t in [most, *others] if t is not best]:
         if not _support_decides(other, best) and gain_of(subject, best.fit, other.fit, rng).ci95[0] > 0.0:
             best = other
     return best, tuple(sorted(rivals - {best.candidate.name}))
 
 
-def at_size(subject: Subject, fit: Fit, candidate: Candidate, lucks: list[Luck], known: Known) -> Tried:
-    """Return a candidate at its size, from those that are there already if it is one of them."""
-    if candidate not in known:
-        known[candidate] = climbed(subject, fit, candidate, lucks[:HEARD])
-    return known[candidate]
+def at_sizes(subject: Subject, fit: Fit, each: list[Candidate], lucks: list[Luck], known: Known) -> list[Tried]:
+    """Return candidates at their sizes, from those that are there already where they are among them.
+
+    A climb to a delay is the dearest there is: that of drivers who know both their own speed at once and where a new leader was is
+    made only if each alone has more support than neither.
+    """
+
+    def climb(some: list[Candidate]) -> list[Tried]:
+        new = [c for c in some if c not in known]
+        known.update(zip(new, each_in_threads(lambda c: climbed(subject, fit, c, lucks[:HEARD]), new), strict=True))
+        return [known[c] for c in some]
+
+    tried = climb([c for c in each if not _knows_both(c)])
+    support = {one.candidate.atom.fixed[1:]: one.support for one in tried if one.candidate.name == DELAY}
+    least = support.get((), -np.inf)
+    wanted = [c for c in each if _knows_both(c) and all(support.get((k,), np.inf) > least for k in c.atom.fixed[1:])]
+    return tried + climb(wanted)
+
+
+def _knows_both(candidate: Candidate) -> bool:
+    """Return whether drivers who are late know both their own speed at once and where a new leader was."""
+    return candidate.name == DELAY and len(candidate.atom.fixed[1:]) > 1
 
 
 def _support_decides(other: Tried, best: Tried) -> bool:
@@ -117,7 +135,7 @@ def most_supported(
 ) -> Tried | None:
     """Return the likely effect, none of those named, with most support once at its size."""
     likely = [c for c in gates.believed(evidence) if gates.is_likely(c) and c.name not in but][:TRIED]
-    each = [at_size(subject, fit, form, lucks, known) for c in likely for form in hy.forms(evidence, c)]
+    each = at_sizes(subject, fit, [form for c in likely for form in hy.forms(evidence, c)], lucks, known)
     return max((one for one in each if gates.is_there(one)), key=lambda one: one.support, default=None)
 
 

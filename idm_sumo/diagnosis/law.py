@@ -18,9 +18,10 @@ from idm_sumo.diagnosis.gain import compare
 from idm_sumo.diagnosis.likelihood import log_likelihood
 from idm_sumo.diagnosis.result import Gain, LawCompared
 from idm_sumo.diagnosis.rollout import PLAIN
-from idm_sumo.diagnosis.sizes import ROUNDS, log_ade, magnitude_of
+from idm_sumo.diagnosis.sizes import ROUNDS, magnitude_of, typical_ade
 from idm_sumo.diagnosis.windows import Windows
 from idm_sumo.effects import slots
+from idm_sumo.threads import each_in_threads
 
 Floats = npt.NDArray[np.float64]
 OF_LAW = (slots.LAW, slots.REACTION_CHANGE)
@@ -90,12 +91,12 @@ def followed(windows: Windows, base: Fit, rng: np.random.Generator) -> Followed:
     """
     asked = np.sort(rng.permutation(windows.drivers)[:SOME])
     some = windows.of_drivers(asked)
-    fits = [_fitted(some, law, base) for law in range(len(laws.NAMES))]
+    fits = each_in_threads(lambda law: _fitted(some, law, base), range(len(laws.NAMES)))
     forms = tuple(fit.by_lane for fit in fits)
     each = np.stack([log_likelihood(some, fit) for fit in fits])
     likelier = each - each[laws.IDM]
     by_law = {
-        name: LawCompared(float(np.exp(log_ade(some, fit).mean())), float(gain.mean()))
+        name: LawCompared(typical_ade(some, fit), float(gain.mean()))
         for name, fit, gain in zip(laws.NAMES, fits, likelier, strict=True)
     }
     likeliest = sorted(range(1, len(laws.NAMES)), key=lambda law: -float(likelier[law].mean()))
@@ -133,13 +134,13 @@ def rival(
         Of the drivers that are asked first.
     """
     own, some = law_of(fit), windows.of_drivers(np.sort(rng.permutation(windows.drivers)[:SOME]))
-    each = [_likeliest_size(some, fit, names, form) for form in forms]
+    each = each_in_threads(lambda form: _likeliest_size(some, fit, names, form), forms)
     best = max(range(len(each)), key=lambda law: float(each[law].mean()))
     if best == own:
         return None
     gain = each[best] - each[own]
-    if not _is_likelier(gain) and some.drivers < windows.drivers:  # who were asked do not tell: all are asked
-        gain = np.subtract(*(_likeliest_size(windows, fit, names, forms[law]) for law in (best, own)))
+    if some.drivers < windows.drivers:  # a search beyond another law is dear: all are asked
+        gain = np.subtract(*each_in_threads(lambda law: _likeliest_size(windows, fit, names, forms[law]), (best, own)))
     return best if _is_likelier(gain) else None
 
 

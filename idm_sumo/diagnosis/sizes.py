@@ -21,6 +21,7 @@ from idm_sumo.diagnosis.recovery import recovered
 from idm_sumo.diagnosis.result import Gain
 from idm_sumo.diagnosis.windows import Windows
 from idm_sumo.effects import BY_NAME, Parameter
+from idm_sumo.threads import each_in_threads
 
 Floats = npt.NDArray[np.float64]
 
@@ -110,7 +111,8 @@ def climbed(subject: Subject, fit: Fit, candidate: Candidate, lucks: Sequence[Lu
             break
         now = refitted(subject, with_value(now, candidate.name, value), rounds=1)
     end = Tried(replace(candidate, value=value, error=error), now, support)
-    return end if typical_ade(subject, now) < (1.0 + LARGEST_LOSS) * typical_ade(subject, path[0].fit) else path[0]
+    before, after = (typical_ade(subject.windows, one.fit) for one in (path[0], end))
+    return end if after < (1.0 + LARGEST_LOSS) * before else path[0]
 
 
 def _between(heard: Mapping[float, float], value: float) -> float:
@@ -141,26 +143,30 @@ def _heard_on_the_way(
     return heard, scores
 
 
-def typical_ade(subject: Subject, fit: Fit) -> float:
+def ade_of(windows: Windows, fit: Fit) -> Floats:
+    """Return the average displacement error (m) of each driver that fits."""
+    return driven(windows, fit, known=True).ade_m
+
+
+def typical_ade(windows: Windows, fit: Fit) -> float:
     """Return the geometric mean, over the drivers that fit, of their average displacement errors (m)."""
-    return float(np.exp(log_ade(subject.windows, fit).mean()))
-
-
-def log_ade(windows: Windows, fit: Fit) -> Floats:
-    """Return the logarithm of the average displacement error (m) of each driver that fits."""
-    return typical(driven(windows, fit, known=True).ade_m)
+    return float(np.exp(typical(ade_of(windows, fit)).mean()))
 
 
 def _delayed(subject: Subject, fit: Fit, candidate: Candidate) -> list[Fit]:
-    """Return fits with ever longer delays, the last of them the one that leaves least.
+    """Return fits with ever longer delays, up to the one after which more is left.
 
     They are from scratch: drivers fitted without a delay are far from those with one.
     """
-    models = [
-        fit_drivers(subject.windows, with_cause(fit, candidate, size).by_lane, fit.start_variance, rounds=6)
-        for size in at.DELAYS
-    ]
-    return models[: 1 + int(np.argmin([typical_ade(subject, model) for model in models]))]
+    models, least = list[Fit](), np.inf
+    for size in at.DELAYS:
+        by_lane = with_cause(fit, candidate, size).by_lane
+        model = fit_drivers(subject.windows, by_lane, fit.start_variance, rounds=6)
+        left = typical_ade(subject.windows, model)
+        if left >= least:
+            break
+        models, least = [*models, model], left
+    return models
 
 
 def refined(subject: Subject, fit: Fit, names: list[str], lucks: list[Luck], rng: np.random.Generator) -> Fit:
@@ -229,7 +235,7 @@ class TwinScore:
 
 def gain_of(subject: Subject, before: Fit, after: Fit, rng: np.random.Generator) -> Gain:
     """Return the share of a driver's ADE that one model spares beside another, the typical one of the drivers that fit."""
-    base, extended = (driven(subject.windows, fit, known=True).ade_m for fit in (before, after))
+    base, extended = each_in_threads(lambda fit: ade_of(subject.windows, fit), (before, after))
     return typical_gain(base, extended, subject.windows.platoon, rng, held_out=False)
 
 
