@@ -116,6 +116,7 @@ def test_beyond_another_law_than_the_idm_what_motion_makes_up_must_gain_somethin
         ("perception_threshold", laws.IDM, 5.2, 7.0, 0.012, False),
         ("perception_threshold", laws.IDM, 5.2, 5.1, 0.012, True),
         ("speed_dependent_headway", laws.IDM, 5.2, 7.0, 0.012, True),
+        ("multi_leader_anticipation", laws.FULL_VELOCITY_DIFFERENCE, 6.0, 5.2, 0.012, True),
     ],
 )
 def test_how_drivers_answer_beyond_a_law_that_may_not_be_theirs_must_gain_clearly(
@@ -123,6 +124,21 @@ def test_how_drivers_answer_beyond_a_law_that_may_not_be_theirs_must_gain_clearl
 ):
     """In the second simulator a slow start, a friction worth nothing and an idle pedal had such names."""
     assert gain_gates.is_worth_it(gain(share, 0.007), beyond(law, z, name), None, surest) is worth_it
+
+
+@pytest.mark.parametrize(
+    ("name", "share", "support", "worth_it"),
+    [
+        ("lane_change_relaxation", 0.09, 400.0, True),
+        ("lane_change_relaxation", 0.04, 400.0, False),
+        ("lane_change_relaxation", 0.09, 100.0, False),
+        ("adjacent_lane_friction", 0.09, 400.0, False),
+    ],
+)
+def test_what_is_underrated_near_zero_and_worth_much_at_its_size_is_a_cause(name, share, support, worth_it):
+    """Beyond full velocity difference a relaxation of one half, hidden, had 3.4 standard errors, 5.2 of a location beside it."""
+    faint = replace(beyond(laws.FULL_VELOCITY_DIFFERENCE, 3.4, name), support=support)
+    assert gain_gates.is_worth_it(gain(share, 0.03), faint, None, 5.2) is worth_it
 
 
 def test_a_relaxation_in_one_lane_must_gain_clearly_however_sure_it_is():

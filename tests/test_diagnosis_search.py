@@ -99,6 +99,22 @@ def test_a_place_that_may_be_a_past_nobody_saw_is_tried_with_the_other_sign_else
     assert not _next(None, fit, evidence(0.0), [relaxation], [], [], np.random.default_rng(0))
 
 
+@pytest.mark.parametrize("asked", [(), ("lane_change_relaxation",)])
+def test_what_was_named_beyond_another_law_is_tried_however_sure_it_is(monkeypatch, asked):
+    faint, tries = candidate(3.3, "lane_change_relaxation"), []
+    monkeypatch.setattr(search.hy, "candidates", lambda _: [faint])
+    monkeypatch.setattr(search.hy, "forms", lambda *_: [faint])
+
+    def judged(_subject, _fit, forms, *_):
+        tries.append(forms)
+        return Tried(forms[0], None, 10.0), None
+
+    monkeypatch.setattr(search.choice, "judged", judged)
+    monkeypatch.setattr(search, "two_together", lambda *_: ())
+    assert not _next(None, None, evidence(0.0), [], [], [], np.random.default_rng(0), asked=asked)
+    assert tries == [[faint]] * len(asked)
+
+
 @pytest.mark.parametrize(
     ("on_average", "support", "margin", "named"),
     [(0.1, -80.0, 0.01, True), (0.1, -80.0, 0.04, False), (0.1, 80.0, 0.04, True), (0.04, -80.0, 0.01, False), (0.04, 80.0, 0.04, True),

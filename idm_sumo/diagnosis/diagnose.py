@@ -121,7 +121,7 @@ def _by_the_law_with_causes(
     base = by_idm
     if rival != laws.IDM:
         base = fit_drivers(windows, followed.forms[rival], by_idm.start_variance, rounds=ROUNDS)
-    again = search(with_its_noise(subject, base, rng), base, rng, progress)
+    again = search(with_its_noise(subject, base, rng), base, rng, progress, names)
     gain = law.likelihood_gain(windows, found.fit, again.fit, rng)
     if names and not again.accepted and gain.difference > 0.0:
         return followed, _refused(found)  # what another law, likelier without any cause, does by itself

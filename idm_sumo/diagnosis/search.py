@@ -56,16 +56,18 @@ class NoInterval:
     without_gain: tuple[Candidate, ...]
 
 
-def search(subject: Subject, base: Fit, rng: np.random.Generator, progress: Progress) -> Found:
-    """Find the causes, strongest first."""
+def search(
+    subject: Subject, base: Fit, rng: np.random.Generator, progress: Progress, asked: Container[str] = ()
+) -> Found:
+    """Find the causes, strongest first; those that are ``asked`` for, as named beyond another law, are tried however sure they are."""
     lucks = draws(subject.windows, subject.noises, _twins_of(subject, FIRST_TWINS), rng)
     first = ev.examine(subject, base, lucks, progress=progress, stage="looking for causes", free=True)
     known = Known()
     strange = _outside(subject, base, first, lucks, known, progress)
-    found = _search(subject, base, first, strange, lucks, (), known, rng, progress)
+    found = _search(subject, base, first, strange, lucks, (), asked, known, rng, progress)
     # Less there may have been meant where more elsewhere had been put, or the reverse.
     if isinstance(found, NoInterval):
-        found = _search(subject, base, first, strange, lucks, (found.form,), known, rng, progress)
+        found = _search(subject, base, first, strange, lucks, (found.form,), asked, known, rng, progress)
     if isinstance(found, NoInterval):
         return Found(base, base, (), found.without_gain, first, first, left_without_causes(first))
     return found
@@ -73,7 +75,7 @@ def search(subject: Subject, base: Fit, rng: np.random.Generator, progress: Prog
 
 def _search(
     subject: Subject, base: Fit, first: ev.Evidence, strange: tuple[LeftOver, ...], lucks: list[Luck],
-    but: tuple[Atom, ...], known: Known, rng: np.random.Generator, progress: Progress,
+    but: tuple[Atom, ...], asked: Container[str], known: Known, rng: np.random.Generator, progress: Progress,
 ) -> Found | NoInterval:  # fmt: skip
     """Find the causes, none of them in the forms ``but``, after the first look, what was strange in it, and what climbed."""
     fit, last = base, first
@@ -83,7 +85,7 @@ def _search(
         chosen = (
             _in_one_lane(subject, fit, strange, rng)
             if strange
-            else _next(subject, fit, last, accepted, without, lucks, rng, but, known, progress)
+            else _next(subject, fit, last, accepted, without, lucks, rng, but, asked, known, progress)
         )
         if not chosen:
             break
@@ -184,8 +186,8 @@ def _in_one_lane(
 
 def _next(
     subject: Subject, fit: Fit, evidence: ev.Evidence, accepted: list[Accepted], without: list[Candidate],
-    lucks: list[Luck], rng: np.random.Generator, but: Container[Atom] = (), known: Known | None = None,
-    progress: Progress = silent,
+    lucks: list[Luck], rng: np.random.Generator, but: Container[Atom] = (), asked: Container[str] = (),
+    known: Known | None = None, progress: Progress = silent,
 ) -> tuple[Accepted, ...]:  # fmt: skip
     """Return the next cause that passes every gate and is no shadow of one that does not, with the refitted model; or none.
 
@@ -195,7 +197,7 @@ def _next(
     """
     used = {a.candidate.name for a in accepted} | {c.name for c in without}
     there = [c for c in gates.believed(evidence) if c.name not in used]
-    open_ = [c for c in there if gates.is_worth_trying(c, is_first=not accepted)]
+    open_ = [c for c in there if c.name in asked or gates.is_worth_trying(c, is_first=not accepted)]
     if accepted:
         open_ = [c for c in open_ if not gates.is_rest_of_delay(c, evidence)]
     refused: Tried | None = None  # of most support, that was there and no cause
