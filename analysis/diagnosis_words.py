@@ -83,10 +83,11 @@ def gain_sentence(gain: Gain | None) -> str:
     if gain.difference == 0.0:
         return f"The mean displacement error is {gain.base:.2f} m on {gain.vehicles} held-out drivers; the model is not extended."
     share = gain.difference / gain.base if gain.base else 0.0
-    sure = "" if gain.ci95[0] > 0 else " That interval holds zero: significance and gain are different things."
+    moves = "falls" if gain.difference > 0.0 else "rises"
+    sure = "" if gain.ci95[0] > 0.0 else " Significance and gain are different things: nothing is clearly gained."
     return (
-        f"On {gain.vehicles} held-out drivers the mean displacement error falls from {gain.base:.3f} to {gain.extended:.3f} m, by "
-        f"{gain.difference:.3f} m or {share:.1%} (95 %: {gain.ci95[0]:.3f} to {gain.ci95[1]:.3f} m).{sure}"
+        f"On {gain.vehicles} held-out drivers the mean displacement error {moves} from {gain.base:.3f} to {gain.extended:.3f} m, a gain "
+        f"of {gain.difference:.3f} m or {share:.1%} (95 %: {gain.ci95[0]:.3f} to {gain.ci95[1]:.3f} m).{sure}"
     )
 
 

@@ -142,6 +142,19 @@ def test_a_verdict_without_causes_says_what_would_have_been_seen() -> None:
     assert contract(silent())["causes"] == []
 
 
+@pytest.mark.parametrize(
+    ("difference", "margin", "moves", "clearly"),
+    [(0.1, 0.05, "falls from 1.000 to 0.900 m", True), (0.1, 0.2, "falls from 1.000 to 0.900 m", False),
+     (-0.1, 0.05, "rises from 1.000 to 1.100 m", False)],
+)  # fmt: skip
+def test_a_gain_is_said_as_what_it_is(difference: float, margin: float, moves: str, clearly: bool) -> None:
+    interval = (difference - margin, difference + margin)
+    gain = replace(silent().gain, base=1.0, extended=1.0 - difference, difference=difference, ci95=interval)
+    said = diagnosis_words.gain_sentence(gain)
+    assert moves in said
+    assert ("nothing is clearly gained" not in said) is clearly
+
+
 def test_the_law_that_drivers_follow_is_said_with_what_it_is_likelier_by() -> None:
     gain = replace(silent().gain, base=0.4, extended=0.3, difference=0.1, ci95=(0.05, 0.15), vehicles=20)
     likelier = replace(silent().gain, metric="unlikelihood", difference=2.0, ci95=(1.5, 2.5))
