@@ -9,6 +9,7 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
+import numpy.typing as npt
 import pandas as pd
 from joblib import Parallel, cpu_count, delayed
 
@@ -34,8 +35,10 @@ from .closed_loop_settings import EXTENDED, LOOPS, Case, Settings
 from .closed_loop_words import RECORDED
 from .comparison import read_all
 from .manifest import manifest, write_manifest
-from .populations import CALIBRATED, PARAMETERS, Drivers, drivers_of, mean_speed_of, parameters_for
+from .populations import CALIBRATED, PARAMETERS, Drivers, drivers_of, mean_speed_of, parameters_for, refitted_for
 from .replay_bias import replay_bias
+
+Floats = npt.NDArray[np.float64]
 
 
 def interactive(settings: Settings, out: Path, *, command: list[str], progress: Progress = silent) -> pd.DataFrame:
@@ -134,12 +137,7 @@ def _cases(
             types = calibrated_types(demand, theta, lane_change)
         ours = None
         if population in LOOPS and settings.model is not None:
-            model = ExtendedModel.read(settings.model)
-            if population != EXTENDED:
-                model = replace(model, causes=())
-            # Parameters of an IDM say nothing of another law: all are the model's median driver then.
-            own_theta = theta if model.is_idm else np.tile(model.parameters, (len(demand), 1))
-            ours = ModelDrivers(model, demand, own_theta, model.desired_speed)
+            ours = _ours(settings.model, population, demand, recorded.periods[0], theta)
         options = SUBLANE.get(settings.lane_change_model, ())
         files = write_run(
             part / "simulation", population, recorded, demand, types, downstream=downstream, options=options
@@ -147,6 +145,17 @@ def _cases(
         seeds = [0] if settings.seeds == 1 else range(settings.seed, settings.seed + settings.seeds)
         cases += [Case(population, seed, files, pooled, deepcopy(ours)) for seed in seeds]
     return cases
+
+
+def _ours(file: Path, population: str, demand: pd.DataFrame, period: str, calibrated: Floats) -> ModelDrivers:
+    """Return the drivers of a population that our own loop drives: with a model's causes, or by its law without them."""
+    model = ExtendedModel.read(file)
+    if population == EXTENDED:
+        return ModelDrivers(model, demand, *refitted_for(model, file, demand, period, calibrated))
+    model = replace(model, causes=())
+    if model.is_idm:
+        return ModelDrivers(model, demand, calibrated, model.desired_speed)
+    return ModelDrivers(model, demand, *refitted_for(model, file, demand, period, calibrated))
 
 
 def _run_all(

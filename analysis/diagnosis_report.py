@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import shlex
 import time
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -11,11 +12,13 @@ import numpy as np
 import pandas as pd
 
 from idm_sumo.cleaning import clean
+from idm_sumo.departures import departures
 from idm_sumo.diagnosis import CauseFound, Diagnosis, Gain
 from idm_sumo.diagnosis.diagnose import diagnose
 from idm_sumo.outputs import MANIFEST, new_folder
 from idm_sumo.progress import Progress, silent
 from idm_sumo.reading import read_recording
+from idm_sumo.recording import Recording
 
 from . import diagnosis_figures as figures
 from . import diagnosis_words as words
@@ -25,7 +28,7 @@ from .manifest import manifest, write_manifest
 from .report import render
 from .style import save
 
-MODEL, DIAGNOSIS = "model.json", "diagnosis.json"
+MODEL, DRIVERS, DIAGNOSIS = "model.json", "drivers.parquet", "diagnosis.json"
 MODELS = (figures.BASE, figures.EXTENDED)
 PLACES, TIMES = 24, 40  # cells of the map
 LONGEST_LAG = 3.0  # s
@@ -56,7 +59,8 @@ def diagnose_file(
         found = diagnose(cleaned.recording, seed=seed, jobs=jobs, progress=progress)
         notes = list(dict.fromkeys((*found.notes, *cleaned.recording.notes, *cleaned.accounting.notes)))
         write_diagnosis(part / DIAGNOSIS, contract(found))
-        found.model.write(part / MODEL)
+        replace(found.model, drivers=DRIVERS).write(part / MODEL)
+        own_drivers(found, cleaned.recording).to_parquet(part / DRIVERS, index=False)
         _write_tables(found, part / "tables")
         pictures = _draw(found, part / "figures", progress)
         settings = {"recording": str(file), "location": location, "seed": seed, "jobs": jobs}
@@ -68,6 +72,11 @@ def diagnose_file(
         )  # fmt: skip
         write_manifest(part / MANIFEST, record)
     return found
+
+
+def own_drivers(found: Diagnosis, recording: Recording) -> pd.DataFrame:
+    """Return each driver's own parameters with the extended model, and where it departs: a table as that of ``calibrate``."""
+    return found.drivers.astype({"period": str}).merge(departures(recording), on=["period", "vehicle"], how="left")
 
 
 def contract(found: Diagnosis) -> dict[str, Any]:

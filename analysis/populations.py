@@ -13,8 +13,9 @@ from idm_sumo import columns as c
 from idm_sumo import road
 from idm_sumo.calibration import calibrate, pooled
 from idm_sumo.cleaning import clean
-from idm_sumo.driver_table import read_drivers
+from idm_sumo.driver_table import DESIRED_SPEED, read_drivers
 from idm_sumo.driving_code import FEATURES, driving_code
+from idm_sumo.effects import ExtendedModel
 from idm_sumo.errors import InputError
 from idm_sumo.idm import IDMParameters
 from idm_sumo.jam_distance import MEAN_SPEED, REFIT, mean_speeds, refit_table
@@ -154,6 +155,30 @@ def parameters_for(population: str, drivers: Drivers, demand: pd.DataFrame, spee
     row = pd.Index(table[c.VEHICLE]).get_indexer(pd.Index(vehicle))
     theta[row >= 0] = own[row[row >= 0]]
     return theta, int((row < 0).sum())
+
+
+def refitted_for(
+    model: ExtendedModel, file: Path, demand: pd.DataFrame, period: str, calibrated: Floats
+) -> tuple[Floats, Floats]:
+    """Return ``a, b, T, d0, d1`` of every vehicle of the demand by an extended model, shape ``(vehicles, 5)``, and desired speeds (m/s).
+
+    Those are each driver's own, refitted with the causes, where the table beside the model's ``file`` has it. The others drive as
+    ``calibrated`` without; by another law, of which that says nothing, as the model's median driver.
+
+    Raises
+    ------
+    InputError
+        If the table that the model names is missing or is none.
+    """
+    theta = calibrated.copy() if model.is_idm else np.tile(model.parameters, (len(demand), 1))
+    limits = np.full(len(demand), model.desired_speed)
+    if model.drivers:
+        table = read_drivers(file.parent / model.drivers)
+        table = table[table[c.PERIOD] == period]
+        row = pd.Index(table[c.VEHICLE]).get_indexer(pd.Index(demand[c.VEHICLE]))
+        theta[row >= 0] = table[PARAMETERS].to_numpy()[row[row >= 0]]
+        limits[row >= 0] = table[DESIRED_SPEED].to_numpy()[row[row >= 0]]
+    return theta, limits
 
 
 def mean_speed_of(recording: Recording) -> pd.Series:

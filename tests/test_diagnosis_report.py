@@ -16,6 +16,7 @@ from analysis.diagnosis_report import contract, groups
 from idm_sumo.cli import main
 from idm_sumo.diagnosis import CauseFound, Diagnosis, Estimate, Gain, Power, Region, RuledOut, Scan, Unexplained
 from idm_sumo.diagnosis.result import Law, LawCompared, OtherLaw
+from idm_sumo.driver_table import check_departures, read_drivers
 from idm_sumo.effects import Cause, ExtendedModel
 from idm_sumo.idm import TEXTBOOK
 from tests.planting import plan, simulate
@@ -335,3 +336,8 @@ def test_a_planted_place_is_named_and_its_model_drives(tmp_path, capsys) -> None
         ]
     )
     assert set(pd.read_csv(tmp_path / "replay" / "scores.csv")["model"]) == {"idm_oracle", "extended"}
+    assert ExtendedModel.read(model).drivers == "drivers.parquet"
+    own = read_drivers(tmp_path / "out" / "drivers.parquet")
+    assert len(own) == len(drivers)
+    assert own["desired_speed_m_s"].between(12.0, 50.0).all()
+    check_departures(own)

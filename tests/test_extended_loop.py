@@ -91,24 +91,42 @@ def test_a_delay_shows_and_the_same_run_twice_is_the_same(tmp_path, recorded, pl
     assert 0.1 < (both[c.X] - both["x_late"]).abs().mean() != apart
 
 
+def four_cars(folder) -> list[str]:
+    """Write four cars in a row, and return how to let them drive."""
+    cars = [Car(n, x, 3, 9.0, frames=300) for n, x in enumerate((280.0, 250.0, 222.0, 190.0), 1)]
+    write_parquet(recording(*cars, period="0750-0752"), folder / "cars.parquet")
+    return ["interactive", str(folder / "cars.parquet"), "--types", "drivers", "--model", str(folder / "model.json")]
+
+
+def speeds(command, out) -> pd.Series:
+    """Return the mean speed (m/s) of each population of a run."""
+    main([*command, "--replay-bias", "0", "--jobs", "1", "-o", str(out)])
+    table = pd.read_csv(next((out / "tables").glob("closed_loop*.csv")))
+    return table.set_index("population")["mean_speed_m_s"]
+
+
 @pytest.mark.parametrize("law", ["idm", "full_velocity_difference"])
 def test_interactive_adds_the_extended_population(law, tmp_path, capsys) -> None:
-    cars = [Car(n, x, 3, 9.0, frames=300) for n, x in enumerate((280.0, 250.0, 222.0, 190.0), 1)]
-    write_parquet(recording(*cars, period="0750-0752"), tmp_path / "cars.parquet")
+    command = four_cars(tmp_path)
     model = ExtendedModel(TEXTBOOK, causes=(Cause("location", {"alpha": -0.5, "x_1": 200.0, "x_2": 500.0}),), law=law)
     model.write(tmp_path / "model.json")
-    command = [
-        "interactive",
-        str(tmp_path / "cars.parquet"),
-        "--types",
-        "drivers",
-        "--model",
-        str(tmp_path / "model.json"),
-    ]
-    main([*command, "--replay-bias", "0", "--jobs", "1", "-o", str(tmp_path / "out")])
-    table = pd.read_csv(next((tmp_path / "out" / "tables").glob("closed_loop*.csv"))).set_index("population")
-    assert table.loc["extended", "mean_speed_m_s"] < table.loc["own-loop", "mean_speed_m_s"] - 0.3
+    speed = speeds(command, tmp_path / "out")
+    assert speed["extended"] < speed["own-loop"] - 0.3
     # Parameters of IDM drivers are an IDM's: by another law all are the model's median driver.
-    apart = abs(table.loc["own-loop", "mean_speed_m_s"] - table.loc["drivers", "mean_speed_m_s"])
-    assert (apart < 0.05) == (law == "idm")
+    assert (abs(speed["own-loop"] - speed["drivers"]) < 0.05) == (law == "idm")
     assert "extended" in capsys.readouterr().out
+
+
+def test_drivers_that_were_refitted_with_a_model_drive_by_it(tmp_path, capsys) -> None:
+    command = four_cars(tmp_path)
+    model = ExtendedModel(TEXTBOOK, drivers="drivers.parquet")
+    model.write(tmp_path / "model.json")
+    with pytest.raises(SystemExit):
+        main([*command, "--replay-bias", "0", "--jobs", "1", "-o", str(tmp_path / "none")])
+    assert "drivers.parquet: no such file" in capsys.readouterr().err
+    own = pd.DataFrame({
+        "period": "0750-0752", "vehicle": [1, 2, 3], "a": 1.0, "b": 1.5, "T": 1.2, "d0": 2.0, "d1": 0.0, "desired_speed_m_s": 6.0,
+    })  # fmt: skip
+    own.to_parquet(tmp_path / "drivers.parquet")
+    speed = speeds(command, tmp_path / "out")
+    assert speed["extended"] < speed["own-loop"] - 3.0

@@ -91,8 +91,8 @@ def _add_interactive(commands: Any) -> None:
     parser.add_argument("--replay-bias", type=int, default=150, metavar="N",
                         help="vehicles driven with replayed and with reacting followers (default 150, 0: none)")  # fmt: skip
     parser.add_argument("--model", type=Path, metavar="FILE",
-                        help="extended model of `diagnose`: adds populations that our own loop drives, `own-loop` without its causes and `extended`;"
-                             " of a law other than the IDM, all vehicles are its median driver")  # fmt: skip
+                        help="extended model of `diagnose`: adds populations that our own loop drives, `own-loop` without its causes and `extended`"
+                             " with them, by the drivers that were refitted with them (drivers.parquet beside it)")  # fmt: skip
     parser.set_defaults(jobs=None)
     shared.output_argument(parser, "DIR", "tables/, figures/, fcd/, simulation/, report.html, manifest.json go there")
 

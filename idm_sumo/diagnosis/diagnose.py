@@ -16,7 +16,7 @@ from idm_sumo.diagnosis import atoms as at
 from idm_sumo.diagnosis import law, luck, statements, tables
 from idm_sumo.diagnosis import noise as no
 from idm_sumo.diagnosis.artefact import find_seam, repaired
-from idm_sumo.diagnosis.fit import Fit, first_guess, fit_drivers
+from idm_sumo.diagnosis.fit import Fit, first_guess, fit_drivers, for_rollouts
 from idm_sumo.diagnosis.gain import Errors, all_gains, compare, driven, typical_gain
 from idm_sumo.diagnosis.gain_gates import is_confirmed
 from idm_sumo.diagnosis.law import Followed
@@ -185,7 +185,7 @@ def _seconds(clock: list[tuple[str, float]]) -> dict[str, float]:
 
 def _too_little(windows: Windows, train: Windows, clock: list[tuple[str, float]]) -> Diagnosis:
     """Return the verdict none for a recording that cannot say anything."""
-    fit = first_guess(train, PLAIN.copy(), np.array([0.01, 0.04]))
+    fit = first_guess(windows, PLAIN.copy(), np.array([0.01, 0.04]))
     note = (
         f"too little to say anything: {windows.drivers} drivers with {len(windows.seen)} windows of car-following "
         f"(at least {LEAST_DRIVERS} and {LEAST_WINDOWS} are needed to name and fit); an effect of any size may be there"
@@ -193,7 +193,7 @@ def _too_little(windows: Windows, train: Windows, clock: list[tuple[str, float]]
     model = statements.model_of(fit, (), "")
     return Diagnosis(
         NONE, (), (), (), None, (), (), dict.fromkeys(statements.NAMES, "too few drivers"), (), model, model,
-        tables.residuals(windows, None, None), tables.drivers(windows, {}), (), dict(windows.excluded), (note,),
+        tables.residuals(windows, None, None), tables.drivers(windows, fit, {}), (), dict(windows.excluded), (note,),
         _seconds(clock),
     )  # fmt: skip
 
@@ -223,7 +223,7 @@ def _told(
         model=statements.model_of(found.fit, found.accepted, recording.source),
         base_model=statements.model_of(found.base, (), recording.source),
         residuals=tables.residuals(held, base.residual, extended.residual),
-        drivers=tables.drivers(windows, known),
+        drivers=tables.drivers(windows, for_rollouts(windows, found.fit), known),
         scans=statements.scans(found.first),
         excluded=dict(windows.excluded),
         notes=statements.notes(recording, windows, measurement, found),

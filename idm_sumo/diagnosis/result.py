@@ -208,7 +208,8 @@ class Diagnosis:
         approach_rate, leader_acceleration, since_change, lane, leader_class, adjacent_difference, rear_gap`` and
         ``base, extended`` (m, recorded minus simulated position).
     drivers : pandas.DataFrame
-        One row a driver: ``period, vehicle, held_out, windows, base_ade, extended_ade`` (m).
+        One row a driver: ``period, vehicle, held_out, windows, base_ade, extended_ade`` (m), and its parameters with the extended model,
+        ``a, b, T, d0, d1, desired_speed_m_s`` (SI).
     scans : tuple of Scan
         Free acceleration along position and time (m/s²), base model.
     excluded : mapping of str to int

@@ -9,11 +9,15 @@ import numpy as np
 import numpy.typing as npt
 import pandas as pd
 
+from idm_sumo import idm
 from idm_sumo.diagnosis import windows as w
+from idm_sumo.diagnosis.fit import Fit
+from idm_sumo.driver_table import DESIRED_SPEED
 from idm_sumo.road import FRAME_STEP
 
 Floats = npt.NDArray[np.float64]
 
+FITTED = ("a", "b", "T", "d0", DESIRED_SPEED)
 COVARIATES = (
     "vehicle", "window", "lag", "position", "time", "speed", "gap", "approach_rate", "leader_acceleration",
     "since_change", "lane", "leader_class", "adjacent_difference", "rear_gap", "base", "extended",
@@ -43,11 +47,15 @@ def residuals(windows: w.Windows, base: Floats | None, extended: Floats | None) 
     return table
 
 
-def drivers(windows: w.Windows, held: Mapping[str, Any]) -> pd.DataFrame:
-    """Return one row a driver; ADE (m) of those held out."""
+def drivers(windows: w.Windows, own: Fit, held: Mapping[str, Any]) -> pd.DataFrame:
+    """Return one row a driver: its parameters at a fit, for rollouts; ADE (m) of those held out."""
+    theta = np.clip(
+        own.theta, (*idm.LOWER[:4], 0.0), (*idm.UPPER[:4], np.inf)
+    )  # `b` may be larger, where it no longer matters
     table = pd.DataFrame({
         "period": windows.period, "vehicle": windows.vehicle,
         "windows": np.bincount(windows.driver, minlength=windows.drivers),
+        **dict(zip(FITTED, theta.T, strict=True)), "d1": 0.0,
     })  # fmt: skip
     if not held:
         return table.assign(held_out=False, base_ade=np.nan, extended_ade=np.nan)

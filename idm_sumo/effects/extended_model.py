@@ -61,6 +61,8 @@ class ExtendedModel:
         The car-following that the causes are beyond: of :data:`idm_sumo.laws.NAMES`, to which the parameters belong.
     reaction : float
         s, in which drivers of Krauss's law reach their safe speed.
+    drivers : str
+        Name of the table of each driver's own parameters, refitted with the causes, beside the model's file; empty if there is none.
     """
 
     parameters: IDMParameters
@@ -69,6 +71,7 @@ class ExtendedModel:
     source: str = ""
     law: str = laws.NAMES[laws.IDM]
     reaction: float = laws.REACTION
+    drivers: str = ""
 
     @property
     def is_idm(self) -> bool:
@@ -104,6 +107,7 @@ class ExtendedModel:
         base = {**self.parameters._asdict(), "desired_speed": self.desired_speed}
         whole = {
             "format": FORMAT, "source": self.source, "law": self.law, "reaction": self.reaction, "base": base, "causes": causes,
+            "drivers": self.drivers,
         }  # fmt: skip
         return json.dumps(whole, indent=2) + "\n"
 
@@ -132,7 +136,8 @@ class ExtendedModel:
             if not reaction > 0.0:
                 raise InputError(f"{name}: reaction = {reaction:g} s; give a time above zero")
             own = IDMParameters(**{k: float(v) for k, v in base.items()})
-            return cls(own, limit, causes, str(whole.get("source", "")), law, reaction)
+            drivers = str(whole.get("drivers", ""))
+            return cls(own, limit, causes, str(whole.get("source", "")), law, reaction, drivers)
         except InputError:
             raise
         except (KeyError, TypeError, ValueError) as error:

@@ -68,7 +68,7 @@ class ModelDrivers:
         Of :func:`idm_sumo.sumo.demand.demand_of`.
     theta : array, shape (vehicles, 5)
         ``a, b, T, d0, d1`` of each vehicle of the demand.
-    desired_speed : float
+    desired_speed : float or array, shape (vehicles,)
         m/s.
 
     Notes
@@ -80,12 +80,17 @@ class ModelDrivers:
     """
 
     def __init__(
-        self, model: ExtendedModel, demand: pd.DataFrame, theta: Floats, desired_speed: float = road.SPEED_LIMIT
+        self,
+        model: ExtendedModel,
+        demand: pd.DataFrame,
+        theta: Floats,
+        desired_speed: float | Floats = road.SPEED_LIMIT,
     ) -> None:
         n = len(demand)
         self._place = {str(vehicle): i for i, vehicle in enumerate(demand[c.VEHICLE])}
         self._magnitudes = np.ascontiguousarray(model.magnitudes_by_lane())
-        self._theta, self._limit = np.ascontiguousarray(theta, dtype=np.float64), desired_speed
+        self._theta = np.ascontiguousarray(theta, dtype=np.float64)
+        self._limit = np.array(np.broadcast_to(desired_speed, n), dtype=np.float64)
         self._length = demand[d.LENGTH].fillna(road.CAR_LENGTH).to_numpy(dtype=np.float64)
         kind = demand[d.CLASS].to_numpy(dtype=np.float64)
         self._class = np.where(kind > 0, kind, np.nan)
@@ -166,7 +171,7 @@ def _decide_all(place, x, speed, length, lane, offsets, others, memory, magnitud
         )  # fmt: skip
         then_gap, then_speed, then_rate = acted_on(past, PAST - 1, m[slots.DELAY], own_delay(m), road.FRAME_STEP)
         acceleration[i] = extended_acceleration(
-            then_speed, then_rate, then_gap, see, own[0], own[1], own[2], own[3], own[4], limit, m
+            then_speed, then_rate, then_gap, see, own[0], own[1], own[2], own[3], own[4], limit[vehicle], m
         )
     return acceleration
 
