@@ -102,3 +102,24 @@ def test_where_nothing_is_named_beyond_the_idm_causes_beyond_a_likelier_law_may_
     subject, nothing, again = beyond
     after = asked_again(monkeypatch, subject, nothing, again, likelier, rival, runner_up)
     assert after is (again if taken else nothing)
+
+
+@pytest.mark.parametrize(
+    ("name", "likelier", "searched"),
+    [
+        ("acceleration_asymmetry", None, laws.FULL_VELOCITY_DIFFERENCE),  # the form of any law
+        ("perception_threshold", None, None),
+        ("acceleration_asymmetry", laws.GIPPS, laws.GIPPS),
+    ],
+)
+def test_where_the_form_of_any_law_is_named_first_the_likeliest_other_law_is_searched_beyond(
+    monkeypatch, beyond, name, likelier, searched
+):
+    """Full velocity difference and headways that grow with speed came as a smooth one and an asymmetry of 0.28."""
+    subject, _, found = beyond
+    (cause,) = found.accepted
+    named = replace(cause, tried=replace(cause.tried, candidate=replace(cause.candidate, name=name)))
+    monkeypatch.setattr(diagnosing.law, "rival", lambda *_: likelier)
+    followed = Followed(found.base, None, {}, FORMS, laws.FULL_VELOCITY_DIFFERENCE)
+    chosen = diagnosing._rival(subject.windows, followed, replace(found, accepted=(named,)), np.random.default_rng(0))
+    assert chosen == searched

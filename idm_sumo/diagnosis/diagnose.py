@@ -18,7 +18,7 @@ from idm_sumo.diagnosis import noise as no
 from idm_sumo.diagnosis.artefact import find_seam, repaired
 from idm_sumo.diagnosis.fit import Fit, first_guess, fit_drivers, for_rollouts
 from idm_sumo.diagnosis.gain import Errors, all_gains, compare, driven, typical_gain
-from idm_sumo.diagnosis.gain_gates import is_confirmed
+from idm_sumo.diagnosis.gain_gates import LAWLIKE, is_confirmed
 from idm_sumo.diagnosis.law import Followed
 from idm_sumo.diagnosis.look import Subject
 from idm_sumo.diagnosis.result import NAMED, NONE, UNKNOWN, Diagnosis, Gain, Law
@@ -111,11 +111,11 @@ def _by_the_law_with_causes(
 
     The law came first, without any cause, and may have taken up a part of one, or all of it: where nothing is named beyond another law
     than the IDM, causes are looked for beyond the IDM; and where nothing is beyond the IDM, beyond another one that is likelier, but not
-    surely. What is named beyond one law, and beyond another nothing that would make up for it, is no cause.
+    surely. What is named beyond one law, and beyond another nothing that would make up for it, is no cause. Nor need the first one be if it
+    is the form of any law: then causes are looked for beyond the likeliest other law.
     """
     windows, names = subject.windows, _names(found)
-    other = followed.runner_up if law.law_of(found.fit) == laws.IDM else laws.IDM
-    rival = law.rival(windows, found.fit, names, followed.forms, rng) if names else other
+    rival = _rival(windows, followed, found, rng)
     if rival in (None, law.law_of(found.fit)):
         return followed, found
     base = by_idm
@@ -136,6 +136,15 @@ def _by_the_law_with_causes(
         if not law.is_sure(likelier):
             return followed, found  # an IDM with the same causes is about as likely
     return followed._replace(fit=base, likelier=likelier, runner_up=None), again
+
+
+def _rival(windows: Windows, followed: Followed, found: Found, rng: np.random.Generator) -> int | None:
+    """Return the law beyond which causes are looked for once more, if any."""
+    names = _names(found)
+    if not names:
+        return followed.runner_up if law.law_of(found.fit) == laws.IDM else laws.IDM
+    likelier = law.rival(windows, found.fit, names, followed.forms, rng)
+    return followed.runner_up if likelier is None and names[0] == LAWLIKE else likelier
 
 
 def _names(found: Found) -> list[str]:

@@ -65,7 +65,7 @@ class Followed(NamedTuple):
     forms : tuple of float64, shape (9, slots.COUNT)
         Magnitudes of each law, as it is likeliest.
     runner_up : int or None
-        Where they follow the IDM, the likeliest other law, if it is likelier by more than a standard error.
+        The likeliest other law; where they follow the IDM, only if it is likelier by more than a standard error.
     """
 
     fit: Fit
@@ -109,8 +109,11 @@ def followed(windows: Windows, base: Fit, rng: np.random.Generator) -> Followed:
         more = likelihood_gain(windows, base, other, rng)
         if gain is None or more.difference > gain.difference:
             best, gain = other, more
-    if gain is None or is_sure(gain):
-        return Followed(best, gain, by_law, forms)
+    if gain is None:
+        return Followed(base, None, by_law, forms)
+    if is_sure(gain):
+        others = (law for law in range(len(each)) if law != law_of(best))
+        return Followed(best, gain, by_law, forms, max(others, key=lambda law: float(each[law].mean())))
     return Followed(base, None, by_law, forms, law_of(best) if gain.difference > gain.standard_error else None)
 
 
