@@ -194,6 +194,22 @@ def test_a_further_cause_as_sure_as_the_first_need_not_gain(z, support, differen
     assert gain_gates.is_worth_it(gain(difference, 0.01), tried(z, support=support), first) is worth_it
 
 
+@pytest.mark.parametrize(
+    ("name", "z", "support", "difference", "worth_it"),
+    [
+        ("courtesy_yielding", 5.8, 163.0, -0.003, True),
+        ("courtesy_yielding", 5.8, 80.0, -0.003, False),
+        ("courtesy_yielding", 4.8, 163.0, -0.003, False),
+        ("courtesy_yielding", 5.8, 163.0, -0.02, False),  # clearly worse
+        ("adjacent_lane_friction", 5.8, 163.0, -0.003, False),
+        ("location", 5.8, 163.0, -0.003, False),  # as what the first one's shape leaves over may have one
+    ],
+)
+def test_a_further_cause_that_no_motion_makes_up_need_not_gain(name, z, support, difference, worth_it):
+    first = tried(12.7, "multi_leader_anticipation", support=324.0)
+    assert gain_gates.is_worth_it(gain(difference, 0.01), tried(z, name, support=support), first, 4.1) is worth_it
+
+
 @pytest.mark.parametrize(("difference", "worth_it"), [(0.015, False), (0.03, True)])
 def test_what_the_first_causes_shape_may_leave_over_must_gain_more(difference, worth_it):
     overwhelming = tried(40.0, support=5000.0)
