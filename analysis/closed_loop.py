@@ -150,11 +150,10 @@ def _cases(
 def _ours(file: Path, population: str, demand: pd.DataFrame, period: str, calibrated: Floats) -> ModelDrivers:
     """Return the drivers of a population that our own loop drives: with a model's causes, or by its law without them."""
     model = ExtendedModel.read(file)
-    if population == EXTENDED:
-        return ModelDrivers(model, demand, *refitted_for(model, file, demand, period, calibrated))
-    model = replace(model, causes=())
-    if model.is_idm:
-        return ModelDrivers(model, demand, calibrated, model.desired_speed)
+    if population != EXTENDED:
+        model = replace(model, causes=())
+        if model.is_idm:
+            return ModelDrivers(model, demand, calibrated, model.desired_speed)
     return ModelDrivers(model, demand, *refitted_for(model, file, demand, period, calibrated))
 
 

@@ -172,12 +172,18 @@ def refitted_for(
     """
     theta = calibrated.copy() if model.is_idm else np.tile(model.parameters, (len(demand), 1))
     limits = np.full(len(demand), model.desired_speed)
-    if model.drivers:
-        table = read_drivers(file.parent / model.drivers)
-        table = table[table[c.PERIOD] == period]
-        row = pd.Index(table[c.VEHICLE]).get_indexer(pd.Index(demand[c.VEHICLE]))
-        theta[row >= 0] = table[PARAMETERS].to_numpy()[row[row >= 0]]
-        limits[row >= 0] = table[DESIRED_SPEED].to_numpy()[row[row >= 0]]
+    if not model.drivers:
+        return theta, limits
+    beside = file.parent / model.drivers
+    if not beside.is_file():
+        raise InputError(f"{beside}: no such file, and {file} names it; keep what `idm-sumo diagnose` wrote together")
+    table = read_drivers(beside)
+    if DESIRED_SPEED not in table:
+        raise InputError(f"{beside}: column {DESIRED_SPEED} is missing; write the table with `idm-sumo diagnose`")
+    table = table[table[c.PERIOD] == period].drop_duplicates(c.VEHICLE)
+    row = pd.Index(table[c.VEHICLE]).get_indexer(pd.Index(demand[c.VEHICLE]))
+    theta[row >= 0] = table[PARAMETERS].to_numpy()[row[row >= 0]]
+    limits[row >= 0] = table[DESIRED_SPEED].to_numpy()[row[row >= 0]]
     return theta, limits
 
 

@@ -124,6 +124,7 @@ def test_drivers_that_were_refitted_with_a_model_drive_by_it(tmp_path, capsys) -
     with pytest.raises(SystemExit):
         main([*command, "--replay-bias", "0", "--jobs", "1", "-o", str(tmp_path / "none")])
     assert "drivers.parquet: no such file" in capsys.readouterr().err
+    assert not (tmp_path / "none").exists()
     own = pd.DataFrame({
         "period": "0750-0752", "vehicle": [1, 2, 3], "a": 1.0, "b": 1.5, "T": 1.2, "d0": 2.0, "d1": 0.0, "desired_speed_m_s": 6.0,
     })  # fmt: skip

@@ -28,7 +28,8 @@ verdicts (exit code 0 for each):
   unknown   something is there that no cause of the catalogue explains; where, when and along what is said
 
 DIR/diagnosis.json is for programs, DIR/report.html for people, DIR/model.json for
-`idm-sumo replay|export|interactive --model`."""
+`idm-sumo replay|export|interactive --model`, DIR/drivers.parquet beside it for `interactive`: each driver's
+parameters, refitted with the causes."""
 
 
 def add(commands: Any) -> None:
@@ -39,7 +40,9 @@ def add(commands: Any) -> None:
     shared.recording_argument(parser)
     parser.set_defaults(jobs=None)
     shared.output_argument(
-        parser, "DIR", "diagnosis.json, report.html, model.json, tables/, figures/, manifest.json go there"
+        parser,
+        "DIR",
+        "diagnosis.json, report.html, model.json, drivers.parquet, tables/, figures/, manifest.json go there",
     )
 
 

@@ -49,9 +49,8 @@ def residuals(windows: w.Windows, base: Floats | None, extended: Floats | None) 
 
 def drivers(windows: w.Windows, own: Fit, held: Mapping[str, Any]) -> pd.DataFrame:
     """Return one row a driver: its parameters at a fit, for rollouts; ADE (m) of those held out."""
-    theta = np.clip(
-        own.theta, (*idm.LOWER[:4], 0.0), (*idm.UPPER[:4], np.inf)
-    )  # `b` may be larger, where it no longer matters
+    # `b` may be larger than a driver table's, where it no longer matters.
+    theta = np.clip(own.theta, (*idm.LOWER[:4], 0.0), (*idm.UPPER[:4], np.inf))
     table = pd.DataFrame({
         "period": windows.period, "vehicle": windows.vehicle,
         "windows": np.bincount(windows.driver, minlength=windows.drivers),
