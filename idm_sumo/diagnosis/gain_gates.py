@@ -29,7 +29,7 @@ FAINT_GAIN = 0.02  # of the ADE, for a further cause that may be what the first 
 # And for a first one that is how drivers answer the one ahead, not as sure as can be, and beyond a law other than the IDM or less sure
 # than something else: drivers need not follow that law in the form in which it is here. (In four seeds of two simulators, at first sight:
 # those that were there beyond another law gained 0.03 to 0.5 or had 10 standard errors, those that were not 0.005 to 0.017 with 5.1 to 7.3.
-# The second leader is no part of how the one ahead is answered: of 21 recordings in which it was named it was watched in all.)
+# The second leader is no part of how the one ahead is answered: of 18 recordings in which it was named it was watched in all.)
 ANSWERS = ("reaction_delay", "hysteresis", "perception_threshold", "speed_dependent_headway")
 LARGE_GAIN = 0.05  # of the ADE, from which on how sure a cause is near zero does not count where that underrates it
 SURE, BEYOND_DOUBT = 4.8, 7.0  # standard errors, from which on any gain will do, and no loss beyond chance
