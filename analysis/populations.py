@@ -24,7 +24,7 @@ from idm_sumo.progress import Progress, silent
 from idm_sumo.recording import Recording
 from idm_sumo.scenes import Scenes, Window, build_scenes
 from idm_sumo.smoothing import smooth
-from idm_sumo.sumo.translation import sumo_parameters, with_parameters
+from idm_sumo.sumo.translation import desired_speeds, sumo_parameters, with_parameters
 
 Floats = npt.NDArray[np.float64]
 
@@ -152,9 +152,15 @@ def parameters_for(population: str, drivers: Drivers, demand: pd.DataFrame, spee
         table = table.assign(**{MEAN_SPEED: speeds.reindex(table[c.VEHICLE]).fillna(speeds.mean()).to_numpy()})
     way = "refit" if set(REFIT) <= set(table) else "linearised"
     own, _ = sumo_parameters(table, way, road.SPEED_LIMIT, "euler", population)
-    row = pd.Index(table[c.VEHICLE]).get_indexer(pd.Index(vehicle))
-    theta[row >= 0] = own[row[row >= 0]]
-    return theta, int((row < 0).sum())
+    known, row = _known_to(table, demand)
+    theta[known] = own[row]
+    return theta, int((~known).sum())
+
+
+def _known_to(table: pd.DataFrame, demand: pd.DataFrame) -> tuple[npt.NDArray[np.bool_], npt.NDArray[np.intp]]:
+    """Return which vehicles of the demand a table has, and in which rows."""
+    row = pd.Index(table[c.VEHICLE]).get_indexer(pd.Index(demand[c.VEHICLE]))
+    return row >= 0, row[row >= 0]
 
 
 def refitted_for(
@@ -180,10 +186,11 @@ def refitted_for(
     table = read_drivers(beside)
     if DESIRED_SPEED not in table:
         raise InputError(f"{beside}: column {DESIRED_SPEED} is missing; write the table with `idm-sumo diagnose`")
+    table = table.assign(**{DESIRED_SPEED: desired_speeds(table, None, str(beside))})
     table = table[table[c.PERIOD] == period].drop_duplicates(c.VEHICLE)
-    row = pd.Index(table[c.VEHICLE]).get_indexer(pd.Index(demand[c.VEHICLE]))
-    theta[row >= 0] = table[PARAMETERS].to_numpy()[row[row >= 0]]
-    limits[row >= 0] = table[DESIRED_SPEED].to_numpy()[row[row >= 0]]
+    known, row = _known_to(table, demand)
+    theta[known] = table[PARAMETERS].to_numpy()[row]
+    limits[known] = table[DESIRED_SPEED].to_numpy()[row]
     return theta, limits
 
 

@@ -90,7 +90,7 @@ class ModelDrivers:
         self._place = {str(vehicle): i for i, vehicle in enumerate(demand[c.VEHICLE])}
         self._magnitudes = np.ascontiguousarray(model.magnitudes_by_lane())
         self._theta = np.ascontiguousarray(theta, dtype=np.float64)
-        self._limit = np.array(np.broadcast_to(desired_speed, n), dtype=np.float64)
+        self._limit = np.full(n, desired_speed, dtype=np.float64)
         self._length = demand[d.LENGTH].fillna(road.CAR_LENGTH).to_numpy(dtype=np.float64)
         kind = demand[d.CLASS].to_numpy(dtype=np.float64)
         self._class = np.where(kind > 0, kind, np.nan)
