@@ -124,10 +124,16 @@ def test_a_new_leaders_past_counts_where_it_is_known(plain, frame, soon):
     assert (beside[:, soon, 1] < beside[:, soon, 0]).all()  # who knows of it brakes sooner
 
 
-@pytest.mark.parametrize(("delay", "known"), [(0.0, 0.0), (0.37, 0.0), (0.37, 0.6)])
-def test_rollouts_side_by_side_are_those_of_replay(delay, known):
+@pytest.mark.parametrize(("delay", "known", "loop"), [(0.0, 0.0, 0.2), (0.37, 0.0, 0.0), (0.37, 0.6, 0.2)])
+def test_rollouts_side_by_side_are_those_of_replay(delay, known, loop):
     m = np.zeros(slots.COUNT)
-    m[[slots.DELAY, slots.OWN_SPEED_KNOWN, slots.BAND, slots.HYSTERESIS, slots.ASYMMETRY]] = delay, known, 0.3, 0.2, 0.1
+    m[[slots.DELAY, slots.OWN_SPEED_KNOWN, slots.BAND, slots.HYSTERESIS, slots.ASYMMETRY]] = (
+        delay,
+        known,
+        0.3,
+        loop,
+        0.1,
+    )
     m[[slots.PLACE, slots.PLACE_BEGIN, slots.PLACE_END, slots.SPEED_HEADWAY, slots.PIVOT_SPEED]] = -0.2, 50, 90, 0.1, 9
     windows, theta = followers(ro.PLAIN, np.random.default_rng(9))
     windows = windows.of_drivers(np.arange(4))
@@ -139,6 +145,28 @@ def test_rollouts_side_by_side_are_those_of_replay(delay, known):
     np.testing.assert_allclose(found[:, :, 1], by_hand(windows, 1.1 * theta, m), atol=1e-9)
     assert (np.abs(found[:, :, 2] - found[:, :, 0])[:, 0] > 0.05).all()
     np.testing.assert_array_equal(ro.positions(windows, theta, np.tile(m, (9, 1))), found[:, :, 0])
+
+
+@pytest.mark.parametrize("beside", [1, 2, 3, 8, 9, 12])
+def test_any_number_of_rollouts_are_each_alone(plain, beside):
+    windows, theta = plain
+    windows, theta = windows.of_drivers(np.arange(3)), theta[:3]
+    of_each = theta[:, :, None] * np.linspace(0.9, 1.1, beside)
+    start = np.linspace(0.0, 0.5, 2 * beside).reshape(2, beside)
+    together = ro.positions_beside(windows, of_each, ro.PLAIN, start)
+    for n in range(beside):
+        alone = ro.positions_beside(windows, of_each[:, :, n : n + 1], ro.PLAIN, start[:, n : n + 1])
+        np.testing.assert_allclose(together[:, :, n], alone[:, :, 0], atol=1e-9)
+
+
+def test_a_model_of_one_lane_acts_there_alone(plain):
+    windows, theta = plain
+    seen = windows.seen.copy()
+    seen[windows.driver == 2, :, w.LANE] = 3.0
+    only = ro.PLAIN.copy()
+    only[3, slots.PLACE], only[3, slots.PLACE_END] = -0.3, 1e3
+    moved = ro.positions(replace(windows, seen=seen), theta, only) - windows.target
+    np.testing.assert_array_equal((np.abs(moved) > 0.1).any(axis=1), windows.driver == 2)
 
 
 def change_by_a_pulse(windows: w.Windows, theta: np.ndarray, m: np.ndarray, small: float) -> np.ndarray:

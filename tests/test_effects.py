@@ -212,6 +212,28 @@ def test_every_magnitude_has_a_slot_of_its_own():
     assert all(p.lower <= p.typical <= p.upper for e in CATALOGUE for p in e.every)
 
 
+@given(speeds, rates, gaps, st.lists(st.floats(-1.0, 1.0), min_size=slots.COUNT, max_size=slots.COUNT))
+def test_what_surroundings_do_is_by_their_magnitudes_alone(speed, rate, gap, sizes):
+    m = np.array(sizes)
+    m[[slots.LAW, *slots.OF_SURROUNDINGS]] = 0.0
+    others = SEEN._replace(**{name: 1.0 for name in Sight._fields if name not in ("x", "rear_gap", "second_gap")})
+    assert drive(m, speed=speed, rate=rate, gap=gap, see=others) == drive(m, speed=speed, rate=rate, gap=gap)
+
+
+@pytest.mark.parametrize("slot", slots.OF_SURROUNDINGS)
+def test_each_magnitude_of_surroundings_depends_on_them(slot):
+    m = none()
+    m[[slots.RELAXATION_TIME, slots.DESIRED_SPEED_LANE, slots.PERIOD_BEGIN, slots.PERIOD_END]] = (
+        5.0,
+        SEEN.lane,
+        40.0,
+        70.0,
+    )
+    m[slot] = 0.4
+    elsewhere = Sight(*(-100.0 for _ in Sight._fields))._replace(second_gap=90.0)
+    assert drive(m, see=elsewhere) - drive(none(), see=elsewhere) != pytest.approx(drive(m) - drive(none()))
+
+
 @given(st.floats(0.0, 100.0), st.floats(-0.5, 1.0))
 def test_a_place_where_the_headway_is_another(x, share):
     m, see = none(), SEEN._replace(x=x)

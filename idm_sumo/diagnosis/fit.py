@@ -38,7 +38,7 @@ LOWER, UPPER = np.log([0.15, 0.15, 0.2, 0.3, 12.0]), np.log([6.0, 8.0, 4.5, 9.0,
 # (A tenth of a second off in Krauss's reaction time leaves what no driver can do at nine standard errors.)
 SHARED = {laws.KRAUSS: slots.REACTION_CHANGE}
 SHARED_BELIEF, SHARED_BOUNDS, SHARED_STEP = 0.5, (0.3 - laws.REACTION, 2.0 - laws.REACTION), 0.02
-SHARES = (0.0, 0.1, 0.35, 1.0)  # of a Gauss-Newton step, that are tried where all of it makes a driver fit worse
+SHARES = (0.0, 0.1, 0.35)  # of a Gauss-Newton step, that are tried where all of it makes a driver fit worse
 # Standard deviations from the population's mean, of places where drivers may start anew.
 STARTS = norm.ppf(np.clip(Sobol(PARAMETERS, scramble=False).random(32)[1:], 0.06, 0.94))
 ASKED = 0.67  # quantile of what is left of drivers, from which on they may
@@ -200,12 +200,20 @@ def _common_step(fit: Fit, sums: Sums) -> Floats:
 
 def _no_worse(windows: Windows, fit: Fit, line: Linear, proposed: Floats) -> Floats:
     """Return the proposed parameters; of drivers who would fit worse by them, a part of the step, or none."""
-    tried = np.stack([fit.own + share * (proposed - fit.own) for share in SHARES], axis=2)
     here = line.simulated if not line.shared.shape[2] else positions(windows, fit.theta, fit.by_lane)
-    simulated = _beside(here[:, :, None], windows, fit, tried[:, :, 1:])
-    left = misfits(windows, fit, line.whitener, tried, simulated)
-    whole = left[:, -1] < left[:, 0]
-    return _of_each(tried, np.where(whole, len(SHARES) - 1, left[:, :-1].argmin(axis=1)))
+    before = misfits(windows, fit, line.whitener, fit.own[:, :, None], here[:, :, None])[:, 0]
+    there = positions(windows, np.exp(proposed), fit.by_lane)
+    after = misfits(windows, fit, line.whitener, proposed[:, :, None], there[:, :, None])[:, 0]
+    worse = np.flatnonzero(~(after < before))
+    if not len(worse):
+        return proposed
+    some, rows = windows.of_drivers(worse), np.isin(windows.driver, worse)
+    step = (proposed - fit.own)[worse]
+    tried = np.stack([fit.own[worse] + share * step for share in SHARES], axis=2)
+    left = misfits(some, fit, line.whitener[rows], tried, _beside(here[rows][:, :, None], some, fit, tried[:, :, 1:]))
+    kept = proposed.copy()
+    kept[worse] = _of_each(tried, left.argmin(axis=1))
+    return kept
 
 
 def _beside(here: Floats, windows: Windows, fit: Fit, tried: Floats) -> Floats:

@@ -29,6 +29,12 @@ PARAMETERS = 5  # a, b, T, d0 and the desired speed; d1 stays zero
 NUDGE = 0.1  # m, m/s: of the numerical derivatives by the state; less, and the edge of a dead band looks like a wall
 LITTLE = 1e-3  # of a log-parameter
 BIN = 5  # frames of one pulse, 0.5 s
+WIDE, WORTH_FILLING = (
+    8,
+    3,
+)  # numbers that a processor takes at once; left over, one after the other takes longer than as many more
+# What the compiler is told of the models: moments are all alike, or not; or there are several models.
+STEADY, VARYING, SEVERAL_MODELS = (), (0,), (0, 0)
 
 
 @njit(cache=True, error_model="numpy", forceinline=True)
@@ -84,16 +90,18 @@ def _meet(row, gap, speed, rate, models, now):  # type: ignore[no-untyped-def]
 
 
 @njit(cache=True, nogil=True, error_model="numpy")
-def _drive(first, last, seen, driver, theta, models, start, pushed, begin, every, of_law, x, v):  # type: ignore[no-untyped-def]
+def _drive(first, last, seen, driver, theta, models, varies, start, pushed, begin, every, of_law, of_kind, x, v):  # type: ignore[no-untyped-def]
     """Fill ``x`` and ``v``; the last axis of ``theta``, ``start``, ``x`` and ``v`` is of rollouts side by side.
 
     An array for each quantity, so that the compiler sees loops over rollouts that it can turn into vector instructions;
-    ``of_law`` of :func:`idm_sumo.laws.in_the_type` for the same reason.
+    ``of_law`` of :func:`idm_sumo.laws.in_the_type` for the same reason, and ``of_kind``, as long as ``STEADY`` or one of the others.
     """
     frames, beside = seen.shape[1], x.shape[2]
+    if first == last or beside == 0:
+        return
     remembers = models[:, :, slots.NEW_LEADER_KNOWN].sum() > 0.0  # zero models may stand side by side
-    same_driver, same_model = theta.shape[2] == 1, len(models) == 1
-    law = len(of_law)
+    same_driver, law = theta.shape[2] == 1, len(of_law)
+    steady, same_model = len(of_kind) == len(STEADY), len(of_kind) < len(SEVERAL_MODELS)
     gap, speed, rate = np.empty((frames, beside)), np.empty((frames, beside)), np.empty((frames, beside))
     a, weight, headway, jam, limit = (
         np.empty(beside), np.empty(beside), np.empty(beside), np.empty(beside), np.empty(beside),
@@ -101,6 +109,9 @@ def _drive(first, last, seen, driver, theta, models, start, pushed, begin, every
     here, fast, more = np.empty(beside), np.empty(beside), np.empty(beside)
     then_gap, then_speed, then_rate = np.empty(beside), np.empty(beside), np.empty(beside)
     of = np.empty((len(BLANK), beside))
+    moment = _moment(seen[first, 0], models[0, 0])  # where none is unlike another, this one is enough
+    for n in range(len(models)):
+        _note(_moment(seen[first, 0], models[n, 0]), of, n)
     for i in range(first, last):
         one, own = seen[i], theta[driver[i]]
         _remember(one, gap, speed, rate, models, begin)
@@ -122,7 +133,8 @@ def _drive(first, last, seen, driver, theta, models, start, pushed, begin, every
             if remembers and row[w.SINCE] == 0.0:
                 _meet(row, gap, speed, rate, models, now)
             if same_model:
-                moment = _moment(row, models[0, lane])
+                if not steady:
+                    moment = _moment(row, models[0, lane])
                 ago, after, share = moment_ago(now, models[0, lane, slots.DELAY], FRAME_STEP)
                 own_ago, own_after, own_share = moment_ago(now, own_delay(models[0, lane]), FRAME_STEP)
                 for n in range(beside):
@@ -133,7 +145,8 @@ def _drive(first, last, seen, driver, theta, models, start, pushed, begin, every
                     )  # fmt: skip
             else:
                 for n in range(beside):
-                    _note(_moment(row, models[n, lane]), of, n)
+                    if varies[n]:
+                        _note(_moment(row, models[n, lane]), of, n)
                     ago, after, share = moment_ago(now, models[n, lane, slots.DELAY], FRAME_STEP)
                     then_gap[n] = gap_between(gap[ago, n], gap[after, n], share)
                     then_rate[n] = between(rate[ago, n], rate[after, n], share)
@@ -174,13 +187,30 @@ def side_by_side(
     -------
     float64, shapes (windows, 1 + horizon // every, rollouts)
     """
-    shape = (len(seen), 1 + (seen.shape[1] - begin - 1) // every, start.shape[1])
+    beside = start.shape[1]
+    filled = _filled(beside)
+    models = models[filled] if len(models) > 1 else models
+    theta = np.ascontiguousarray(theta[:, :, filled] if theta.shape[2] > 1 else theta)
+    start = np.ascontiguousarray(start[:, filled])
+    shape = (len(seen), 1 + (seen.shape[1] - begin - 1) // every, len(filled))
     x, v = np.empty(shape), np.empty(shape)
     law = laws.in_the_type(models[:1, 0, slots.LAW].sum())  # of all of them; there may be none
-    in_threads(
-        _drive, len(seen), seen, driver, np.ascontiguousarray(theta), models, start, pushed, begin, every, law, x, v
-    )
-    return x, v
+    varies = _vary(models)
+    kind = SEVERAL_MODELS if len(models) != 1 else VARYING if varies[0] else STEADY
+    in_threads(_drive, len(seen), seen, driver, theta, models, varies, start, pushed, begin, every, law, kind, x, v)
+    return x[:, :, :beside], v[:, :, :beside]
+
+
+def _vary(models: Floats) -> npt.NDArray[np.bool_]:
+    """Return for each model whether one moment is unlike another by it: by who is around, the time or the lane."""
+    by_lane = (models != models[:, :1]).any(axis=(1, 2))
+    return np.asarray(by_lane | models[:, 0, slots.OF_SURROUNDINGS].any(axis=1))
+
+
+def _filled(beside: int) -> Integers:
+    """Return the numbers of so many rollouts, the last one again as often as fills up what a processor takes at once."""
+    wide = beside if beside % WIDE < WORTH_FILLING else -(-beside // WIDE) * WIDE
+    return np.asarray(np.minimum(np.arange(wide), beside - 1))
 
 
 def drive(

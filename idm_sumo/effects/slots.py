@@ -40,3 +40,9 @@ REACTION_CHANGE = 36  # s, by which a safe speed is reached later than within `i
 LEADER_CLASS_DISTANCE = 37  # m
 
 COUNT = 38
+
+# What depends on who and what is around a driver, or when: with all of these zero one moment is like another.
+OF_SURROUNDINGS = (
+    SECOND_LEADER, RELAXATION, LEADER_CLASS, LEADER_CLASS_DISTANCE, HYSTERESIS, FRICTION, PERIOD, PERIOD_DRIFT, DESIRED_SPEED,
+    OWN_CLASS, MEMORY, COURTESY, COURTESY_BRAKING, PRE_INSERTION, PRE_INSERTION_BRAKING,
+)  # fmt: skip
