@@ -16,7 +16,7 @@ from idm_sumo.diagnosis.fit import fit_drivers
 from idm_sumo.diagnosis.look import Subject
 from idm_sumo.diagnosis.luck import Noises
 from idm_sumo.diagnosis.result import Gain
-from idm_sumo.diagnosis.search import _next
+from idm_sumo.diagnosis.search import Brief, _next
 from idm_sumo.diagnosis.sizes import Tried, with_cause
 from idm_sumo.effects import slots
 from tests.test_diagnosis_choice import candidate
@@ -36,7 +36,7 @@ def test_the_shadow_of_what_was_refused_is_no_cause(monkeypatch, support, named)
     monkeypatch.setattr(search.hy, "forms", lambda _, one: [one])
     monkeypatch.setattr(search.choice, "judged", lambda *_: answers.pop(0))
     without = []
-    chosen = _next(None, fit, evidence(0.0), [], without, [], np.random.default_rng(0))
+    chosen = _next(None, fit, evidence(0.0), [], without, [], Brief(np.random.default_rng(0)))
     assert bool(chosen) is named
     assert [one.name for one in without] == ["hysteresis"]
 
@@ -66,7 +66,7 @@ def test_a_time_that_what_was_refused_leaves_is_no_shadow_and_that_is_asked_agai
     monkeypatch.setattr(search.choice, "judged", lambda *_: answers.pop(0))
     monkeypatch.setattr(search.ev, "examine", lambda *_, **__: evidence(0.0))
     without = []
-    chosen = _next(None, fit, evidence(0.0), [], without, [], np.random.default_rng(0))
+    chosen = _next(None, fit, evidence(0.0), [], without, [], Brief(np.random.default_rng(0)))
     assert bool(chosen) is named
     assert [one.name for one in without] == ([] if named else ["perception_threshold"])
 
@@ -92,11 +92,11 @@ def test_a_place_that_may_be_a_past_nobody_saw_is_tried_with_the_other_sign_else
         return tried, Accepted(tried, -0.1, 0.01, nothing, ())
 
     monkeypatch.setattr(search.choice, "judged", judged)
-    chosen = _next(None, fit, evidence(0.0), [relaxation], [], [], np.random.default_rng(0))
+    chosen = _next(None, fit, evidence(0.0), [relaxation], [], [], Brief(np.random.default_rng(0)))
     assert asked == [[after]]
     assert chosen
     monkeypatch.setattr(search.hy, "forms", lambda *_: [before])
-    assert not _next(None, fit, evidence(0.0), [relaxation], [], [], np.random.default_rng(0))
+    assert not _next(None, fit, evidence(0.0), [relaxation], [], [], Brief(np.random.default_rng(0)))
 
 
 @pytest.mark.parametrize("asked", [(), ("lane_change_relaxation",)])
@@ -111,7 +111,7 @@ def test_what_was_named_beyond_another_law_is_tried_however_sure_it_is(monkeypat
 
     monkeypatch.setattr(search.choice, "judged", judged)
     monkeypatch.setattr(search, "two_together", lambda *_: ())
-    assert not _next(None, None, evidence(0.0), [], [], [], np.random.default_rng(0), asked=asked)
+    assert not _next(None, None, evidence(0.0), [], [], [], Brief(np.random.default_rng(0), asked=asked))
     assert tries == [[faint]] * len(asked)
 
 
@@ -134,7 +134,7 @@ def test_what_some_drivers_have_the_likelihood_may_refuse_but_they_drive_clearly
     monkeypatch.setattr(search.choice, "anew", lambda _, fit: fit)
     monkeypatch.setattr(search.choice, "gain_of", lambda *_: gain)
     monkeypatch.setattr(search, "two_together", lambda *_: ())
-    chosen = _next(None, fit, evidence(0.0), [], [], [], np.random.default_rng(0))
+    chosen = _next(None, fit, evidence(0.0), [], [], [], Brief(np.random.default_rng(0)))
     assert bool(chosen) is named
 
 
@@ -150,7 +150,7 @@ def test_where_one_interval_does_not_hold_it_the_other_sign_in_another_is_tried(
     left_out = []
 
     def answer(*given):
-        left_out.append(given[5])
+        left_out.append(given[-1].but)
         fails = which_holds is None or len(left_out) - 1 < which_holds
         return search.NoInterval((less, more)[len(left_out) - 1], (candidate(5.0),)) if fails else found
 

@@ -82,8 +82,8 @@ def test_where_nothing_gains_alone_two_are_asked_for_and_neither_is_told_as_with
     monkeypatch.setattr(search.choice, "judged", lambda *_: (first, None))
     monkeypatch.setattr(search, "two_together", lambda *_: both)
     without = []
-    assert search._next(None, fit, evidence(0.0), [], without, [], np.random.default_rng(0)) == both
+    assert search._next(None, fit, evidence(0.0), [], without, [], search.Brief(np.random.default_rng(0))) == both
     assert not without
     beside = [both[1]]  # of a further cause nobody asks
-    assert not search._next(None, fit, evidence(0.0), beside, without, [], np.random.default_rng(0))
+    assert not search._next(None, fit, evidence(0.0), beside, without, [], search.Brief(np.random.default_rng(0)))
     assert [one.name for one in without] == ["hysteresis"]

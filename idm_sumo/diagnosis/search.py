@@ -56,6 +56,16 @@ class NoInterval:
     without_gain: tuple[Candidate, ...]
 
 
+@dataclass(frozen=True)
+class Brief:
+    """What a search goes by: names that are tried however sure they look, forms that are left out."""
+
+    rng: np.random.Generator
+    progress: Progress = silent
+    asked: Container[str] = ()
+    but: Container[Atom] = ()
+
+
 def search(
     subject: Subject, base: Fit, rng: np.random.Generator, progress: Progress, asked: Container[str] = ()
 ) -> Found:
@@ -64,28 +74,28 @@ def search(
     first = ev.examine(subject, base, lucks, progress=progress, stage="looking for causes", free=True)
     known = Known()
     strange = _outside(subject, base, first, lucks, known, progress)
-    found = _search(subject, base, first, strange, lucks, (), asked, known, rng, progress)
+    brief = Brief(rng, progress, asked)
+    found = _search(subject, base, first, strange, lucks, known, brief)
     # Less there may have been meant where more elsewhere had been put, or the reverse.
     if isinstance(found, NoInterval):
-        found = _search(subject, base, first, strange, lucks, (found.form,), asked, known, rng, progress)
+        found = _search(subject, base, first, strange, lucks, known, replace(brief, but=(found.form,)))
     if isinstance(found, NoInterval):
         return Found(base, base, (), found.without_gain, first, first, left_without_causes(first))
     return found
 
 
 def _search(
-    subject: Subject, base: Fit, first: ev.Evidence, strange: tuple[LeftOver, ...], lucks: list[Luck],
-    but: tuple[Atom, ...], asked: Container[str], known: Known, rng: np.random.Generator, progress: Progress,
+    subject: Subject, base: Fit, first: ev.Evidence, strange: tuple[LeftOver, ...], lucks: list[Luck], known: Known, brief: Brief,
 ) -> Found | NoInterval:  # fmt: skip
-    """Find the causes, none of them in the forms ``but``, after the first look, what was strange in it, and what climbed."""
-    fit, last = base, first
+    """Find the causes after the first look, what was strange in it, and what climbed."""
+    fit, last, rng, progress = base, first, brief.rng, brief.progress
     accepted: list[Accepted] = []
     without: list[Candidate] = []
     while len(accepted) < MOST_CAUSES:
         chosen = (
             _in_one_lane(subject, fit, strange, rng)
             if strange
-            else _next(subject, fit, last, accepted, without, lucks, rng, but, asked, known, progress)
+            else _next(subject, fit, last, accepted, without, lucks, brief, known)
         )
         if not chosen:
             break
@@ -186,18 +196,17 @@ def _in_one_lane(
 
 def _next(
     subject: Subject, fit: Fit, evidence: ev.Evidence, accepted: list[Accepted], without: list[Candidate],
-    lucks: list[Luck], rng: np.random.Generator, but: Container[Atom] = (), asked: Container[str] = (),
-    known: Known | None = None, progress: Progress = silent,
+    lucks: list[Luck], brief: Brief, known: Known | None = None,
 ) -> tuple[Accepted, ...]:  # fmt: skip
     """Return the next cause that passes every gate and is no shadow of one that does not, with the refitted model; or none.
 
-    What is there without gain is added to ``without``; the forms ``but`` are left out. Who, where, when or a lane change to come is no shadow
+    What is there without gain is added to ``without``. Who, where, when or a lane change to come is no shadow
     of what was refused if it is still there with that in the model; beside it the refused may gain, and is asked again. Where nothing gains alone,
     two may together.
     """
     used = {a.candidate.name for a in accepted} | {c.name for c in without}
     there = [c for c in gates.believed(evidence) if c.name not in used]
-    open_ = [c for c in there if c.name in asked or gates.is_worth_trying(c, is_first=not accepted)]
+    open_ = [c for c in there if c.name in brief.asked or gates.is_worth_trying(c, is_first=not accepted)]
     if accepted:
         open_ = [c for c in open_ if not gates.is_rest_of_delay(c, evidence)]
     refused: Tried | None = None  # of most support, that was there and no cause
@@ -207,14 +216,13 @@ def _next(
         )
         forms = [
             form for c in close for form in hy.forms(evidence, c)
-            if form.atom not in but and not gates.is_past_unseen(form, evidence, used)
+            if form.atom not in brief.but and not gates.is_past_unseen(form, evidence, used)
         ]  # fmt: skip
         if not forms:
             open_ = [c for c in open_ if c not in close]
             continue
-        best, chosen = choice.judged(
-            subject, fit, forms, accepted[0].tried if accepted else None, there, lucks, rng, known
-        )
+        first = accepted[0].tried if accepted else None
+        best, chosen = choice.judged(subject, fit, forms, first, there, lucks, brief.rng, known)
         if chosen is not None:
             if refused is None or chosen.tried.support > SHADOW * refused.support:
                 return (chosen,)
@@ -228,6 +236,6 @@ def _next(
         open_ = [c for c in open_ if c.name != best.candidate.name]
     if refused is None or accepted:
         return ()
-    both = two_together(subject, fit, refused, lucks, rng, progress)
+    both = two_together(subject, fit, refused, lucks, brief.rng, brief.progress)
     without[:] = [c for c in without if c.name not in {cause.candidate.name for cause in both}]
     return both
