@@ -32,8 +32,10 @@ def test_what_is_there_and_then_only_is_no_place_and_no_time(z, beyond, neither)
         ("lane", 6.0, False),  # which to take drivers choose themselves
         ("delay over position in lane 2", 6.0, False),  # a response that changes: most looks
         ("delay over time", 7.0, True),
-        ("headway over leader_gap", 7.0, False),  # another car-following model looks like it
-        ("headway over leader_gap", 9.5, True),
+        ("headway over leader_gap", 6.0, False),  # another car-following model looks like it
+        ("headway over leader_gap", 7.0, True),
+        ("faster_difference", 6.0, False),
+        ("faster_difference", 7.4, True),  # drawn along beside a faster lane
         ("headway over since_braking", 7.0, False),  # so it does: of its own motion a driver's noise tells
         ("headway over since_braking", 9.5, True),
     ],
@@ -231,20 +233,26 @@ def test_a_pedal_left_alone_is_asked_for_where_small_approach_rates_seem_unnotic
 @pytest.mark.parametrize(
     ("place", "z", "road", "entry", "is_it"),
     [
-        (300.0, 14.9, 13.9, 16.8, True),
-        (300.0, 8.4, 11.5, 11.2, False),  # along the road it is surer
-        (300.0, 15.0, 14.0, 15.5, False),  # the place says as much
-        (0.0, 15.0, 14.0, 15.5, True),  # one that begins where the recording does
-        (0.0, 15.0, 14.0, 14.9, False),
-        (None, 0.0, 0.0, 5.6, True),
+        (300.0, 14.9, (200.0, 13.9), (12.0, 16.8), True),
+        (300.0, 8.4, (200.0, 11.5), (12.0, 11.2), False),  # along the road it is surer
+        (300.0, 15.0, (200.0, 14.0), (12.0, 15.5), False),  # the place says as much
+        (0.0, 15.0, (200.0, 14.0), (12.0, 15.5), True),  # one that begins where the recording does
+        (0.0, 15.0, (200.0, 14.0), (12.0, 14.9), False),
+        (0.0, 15.0, (0.0, 15.0), (12.0, 13.0), False),  # who has just come into sight does nothing
+        (0.0, 15.0, (0.0, 15.0), (2.0, 13.0), True),  # whose entry is not known was there, too
+        (0.0, 15.0, (0.0, 15.0), (2.0, 12.0), False),
+        (0.0, 15.0, (200.0, 15.0), (2.0, 13.0), False),
+        (None, 0.0, (200.0, 0.0), (12.0, 5.6), True),
     ],
 )
 def test_what_changes_with_the_time_since_the_entry_is_told_from_a_place(monkeypatch, place, z, road, entry, is_it):
     bins = [Atom("location", low=low, high=low + 20.0) for low in (0.0, 300.0)]
     seen = [Candidate("location", -0.2, 0.01, z, 1e-6, Atom("location", -0.2, low=place), 1.0, 0.0)] if z else []
     monkeypatch.setattr(gates, "believed", lambda _: seen)
-    one = free("headway over since_entry", -entry)
-    shown = replace(evidence(0.0, one, free("position", road)), atoms=bins)
+    one, along = (
+        replace(free(covariate, z), range=(begin, begin + 30.0))
+        for covariate, (begin, z) in (("headway over since_entry", entry), ("position", road))
+    )
     monkeypatch.setattr(free_gates, "standing_out", lambda _: (one,))
     assert free_gates.is_stood_in_for(one)
-    assert bool(free_gates.outside(shown)) is is_it
+    assert bool(free_gates.outside(replace(evidence(0.0, one, along), atoms=bins))) is is_it

@@ -5,6 +5,8 @@ from __future__ import annotations
 from collections.abc import Container, Iterable
 from dataclasses import replace
 
+import numpy as np
+
 from idm_sumo.diagnosis import evidence as ev
 from idm_sumo.diagnosis import hypotheses as hy
 from idm_sumo.diagnosis.free_fields import HELD
@@ -183,7 +185,10 @@ def is_past_unseen(candidate: Candidate, evidence: ev.Evidence, accepted: Contai
 
 def begins_with_the_road(candidate: Candidate, evidence: ev.Evidence) -> bool:
     """Return whether a candidate is a location that begins where the recorded road does."""
-    if candidate.name != "location":
-        return False
-    begin = min(one.low for one in evidence.atoms if one.name == candidate.name)
-    return candidate.atom.low <= begin + hy.NARROWEST[candidate.name]
+    return candidate.name == "location" and is_at_the_beginning(candidate.atom.low, evidence)
+
+
+def is_at_the_beginning(place: float, evidence: ev.Evidence) -> bool:
+    """Return whether a place (m) is where the recorded road begins."""
+    begin = min((one.low for one in evidence.atoms if one.name == "location"), default=-np.inf)
+    return bool(place <= begin + hy.NARROWEST["location"])
