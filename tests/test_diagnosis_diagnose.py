@@ -20,7 +20,7 @@ from idm_sumo.diagnosis.result import Gain
 from idm_sumo.diagnosis.search import Found
 from idm_sumo.diagnosis.sizes import Tried, with_cause
 from tests.test_diagnosis_choice import candidate
-from tests.test_diagnosis_gates import evidence
+from tests.test_diagnosis_gates import evidence, free
 from tests.test_diagnosis_rollout import QUIET, followers
 
 diagnosing = sys.modules["idm_sumo.diagnosis.diagnose"]  # the package's name is that of the function
@@ -102,6 +102,24 @@ def test_where_nothing_is_named_beyond_the_idm_causes_beyond_a_likelier_law_may_
     subject, nothing, again = beyond
     after = asked_again(monkeypatch, subject, nothing, again, likelier, rival, runner_up)
     assert after is (again if taken else nothing)
+
+
+@pytest.mark.parametrize(
+    ("beyond_one", "beyond_other", "taken"),
+    [
+        ("since_standing", "headway over since_standing", False),  # who starts slowly does not do so by either law
+        ("since_standing", "rear_gap", True),
+        ("rear_gap", "rear_gap", True),  # of which a cause may be in the other law
+    ],
+)
+def test_what_is_strange_beyond_either_law_is_told_whatever_is_named_beyond_the_other(
+    monkeypatch, beyond, beyond_one, beyond_other, taken
+):
+    subject, nothing, again = beyond
+    found = replace(nothing, unexplained=(free(beyond_one, -9.5),))
+    again = replace(again, first=evidence(0.0, free(beyond_other, 8.0)))
+    after = asked_again(monkeypatch, subject, found, again, 5.0, None, laws.KRAUSS)
+    assert after is (again if taken else found)
 
 
 @pytest.mark.parametrize(

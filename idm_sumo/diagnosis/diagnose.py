@@ -13,7 +13,7 @@ from threadpoolctl import threadpool_limits
 
 from idm_sumo import laws
 from idm_sumo.diagnosis import atoms as at
-from idm_sumo.diagnosis import law, luck, statements, tables
+from idm_sumo.diagnosis import free_gates, law, luck, statements, tables
 from idm_sumo.diagnosis import noise as no
 from idm_sumo.diagnosis.artefact import find_seam, repaired
 from idm_sumo.diagnosis.fit import Fit, first_guess, fit_drivers, for_rollouts
@@ -111,8 +111,9 @@ def _by_the_law_with_causes(
 
     The law came first, without any cause, and may have taken up a part of one, or all of it: where nothing is named beyond another law
     than the IDM, causes are looked for beyond the IDM; and where nothing is beyond the IDM, beyond another one that is likelier, but not
-    surely. What is named beyond one law, and beyond another nothing that would make up for it, is no cause. Nor need the first one be if it
-    is the form of any law: then causes are looked for beyond the likeliest other law.
+    surely. (Not if what is strange beyond the first, and made up by no law, is strange beyond the other, too.) What is named beyond one
+    law, and beyond another nothing that would make up for it, is no cause. Nor need the first one be if it is the form of any law: then
+    causes are looked for beyond the likeliest other law.
     """
     windows, names = subject.windows, _names(found)
     rival = _rival(windows, followed, found, rng)
@@ -122,6 +123,8 @@ def _by_the_law_with_causes(
     if rival != laws.IDM:
         base = fit_drivers(windows, followed.forms[rival], by_idm.start_variance, rounds=ROUNDS)
     again = search(with_its_noise(subject, base, rng), base, rng, progress, names)
+    if not names and free_gates.is_still_strange(found.unexplained, again.first):
+        return followed, found
     gain = law.likelihood_gain(windows, found.fit, again.fit, rng)
     if names and not again.accepted and gain.difference > 0.0:
         return followed, _refused(found)  # what another law, likelier without any cause, does by itself

@@ -42,6 +42,8 @@ BEYOND_MARGINS, BEYOND_SHARE = 5.0, 0.2
 # answers little. So that is asked only where a dead band says most, of whose squared z and more it must then say this share: of drivers
 # with a dead band it said 0.07 to 0.58 in fourteen recordings of five laws, of drivers with an idle pedal, an IDM underneath, 0.83 to 5.
 UNNOTICED, PEDAL_SHARE, PEDAL_CLEAR = "perception_threshold", 0.7, 5.0
+# What neither an effect of the catalogue nor another law makes up.
+UNLIKE_ANY = (STARTING, ENTRY, ff.AFTER_BRAKING, "unrest", *ff.AROUND)
 # What is free and yet only shows what a likely effect of the catalogue does, by its sign times that of the covariate.
 SHOWS = {
     ("since_change", 1.0): "lane_change_relaxation", ("headway over since_change", -1.0): "lane_change_relaxation",
@@ -171,3 +173,12 @@ def is_left(strange: LeftOver, evidence: ev.Evidence) -> bool:
     """Return whether, with the best cause in the model, what the catalogue does not hold is still about as strange."""
     enough = REGION_LEFT if strange.covariate.startswith(ff.REGION) else LEFT
     return any(one.z**2 > enough * strange.z**2 for one in outside(evidence))
+
+
+def is_still_strange(told: tuple[LeftOver, ...], evidence: ev.Evidence) -> bool:
+    """Return whether something of what was told, that neither a cause nor another law makes up, stands out beyond another law, too.
+
+    However that one has drivers start after standing, say: those who start slowly do not start by it, whatever else is named there.
+    """
+    strange = {one.subject for one in told if one.subject in UNLIKE_ANY}
+    return any(one.subject in strange for one in standing_out(evidence))
