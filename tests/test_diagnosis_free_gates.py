@@ -240,7 +240,7 @@ def test_a_pedal_left_alone_is_asked_for_where_small_approach_rates_seem_unnotic
         (0.0, 15.0, (200.0, 14.0), (12.0, 14.9), False),
         (0.0, 15.0, (0.0, 15.0), (12.0, 13.0), False),  # who has just come into sight does nothing
         (0.0, 15.0, (0.0, 15.0), (2.0, 13.0), True),  # whose entry is not known was there, too
-        (0.0, 15.0, (0.0, 15.0), (2.0, 12.0), False),
+        (0.0, 15.0, (0.0, 15.0), (2.0, 11.0), False),
         (0.0, 15.0, (200.0, 15.0), (2.0, 13.0), False),
         (None, 0.0, (200.0, 0.0), (12.0, 5.6), True),
     ],

@@ -25,9 +25,9 @@ FREE_ELSEWHERE = 1.2  # of the same, for a response that changes along the road:
 STARTING, FREE_STARTING = "since_standing", 1.0
 # What changes with the time since the entry a location at the beginning comes near to, and the reverse: of them that is believed which
 # says more than the other, and than what is free along the road. Where both begin at the beginning, the entry may say less: it is not
-# known of those who were there when the recording began. (A place in the middle left the entry at most 0.63 of its squared z; what
-# changes with the time since the entry had 0.69 to 2.4 of that of the road's beginning.)
-ENTRY, ENTRY_SHARE = "since_entry", 0.66
+# known of those who were there when the recording began. (Places at the beginning left the entry 0.15 to 0.34 of their squared z; what
+# changes with the time since the entry had 0.64 to 2.4 of that of the road's beginning.)
+ENTRY, ENTRY_SHARE = "since_entry", 0.55
 # Times the best cause's squared z, and more, from which on the catalogue does not hold it. A response that changes from place to
 # place, or with time, is what goes beyond the same change everywhere, and has to be only half as sure as that.
 # No cause makes drivers less steady at its place or time: that has to be as sure.
