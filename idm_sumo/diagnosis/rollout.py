@@ -29,10 +29,8 @@ PARAMETERS = 5  # a, b, T, d0 and the desired speed; d1 stays zero
 NUDGE = 0.1  # m, m/s: of the numerical derivatives by the state; less, and the edge of a dead band looks like a wall
 LITTLE = 1e-3  # of a log-parameter
 BIN = 5  # frames of one pulse, 0.5 s
-WIDE, WORTH_FILLING = (
-    8,
-    3,
-)  # numbers that a processor takes at once; left over, one after the other takes longer than as many more
+# Numbers that a processor takes at once, and from how many left over on they take longer one after the other than filled up to as many.
+WIDE, WORTH_FILLING = 8, 3
 # What the compiler is told of the models: moments are all alike, or not; or there are several models.
 STEADY, VARYING, SEVERAL_MODELS = (), (0,), (0, 0)
 
