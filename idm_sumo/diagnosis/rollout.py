@@ -31,8 +31,10 @@ LITTLE = 1e-3  # of a log-parameter
 BIN = 5  # frames of one pulse, 0.5 s
 # Numbers that a processor takes at once, and from how many left over on they take longer one after the other than filled up to as many.
 WIDE, WORTH_FILLING = 8, 3
-# What the compiler is told of the models: moments are all alike, or not; or there are several models.
-STEADY, VARYING, SEVERAL_MODELS = (), (0,), (0, 0)
+STEADY, VARYING = (
+    (),
+    (0,),
+)  # what the compiler is told of the models: there is one and its moments are all alike, or not
 
 
 @njit(cache=True, error_model="numpy", forceinline=True)
@@ -92,14 +94,14 @@ def _drive(first, last, seen, driver, theta, models, varies, start, pushed, begi
     """Fill ``x`` and ``v``; the last axis of ``theta``, ``start``, ``x`` and ``v`` is of rollouts side by side.
 
     An array for each quantity, so that the compiler sees loops over rollouts that it can turn into vector instructions;
-    ``of_law`` of :func:`idm_sumo.laws.in_the_type` for the same reason, and ``of_kind``, as long as ``STEADY`` or one of the others.
+    ``of_law`` of :func:`idm_sumo.laws.in_the_type` for the same reason, and ``of_kind``, ``STEADY`` or ``VARYING``.
     """
     frames, beside = seen.shape[1], x.shape[2]
     if first == last or beside == 0:
         return
     remembers = models[:, :, slots.NEW_LEADER_KNOWN].sum() > 0.0  # zero models may stand side by side
-    same_driver, law = theta.shape[2] == 1, len(of_law)
-    steady, same_model = len(of_kind) == len(STEADY), len(of_kind) < len(SEVERAL_MODELS)
+    law, steady = len(of_law), len(of_kind) == len(STEADY)
+    same_driver, same_model = theta.shape[2] == 1, steady or len(models) == 1
     gap, speed, rate = np.empty((frames, beside)), np.empty((frames, beside)), np.empty((frames, beside))
     a, weight, headway, jam, limit = (
         np.empty(beside), np.empty(beside), np.empty(beside), np.empty(beside), np.empty(beside),
@@ -194,7 +196,7 @@ def side_by_side(
     x, v = np.empty(shape), np.empty(shape)
     law = laws.in_the_type(models[:1, 0, slots.LAW].sum())  # of all of them; there may be none
     varies = _vary(models)
-    kind = SEVERAL_MODELS if len(models) != 1 else VARYING if varies[0] else STEADY
+    kind = STEADY if len(models) == 1 and not varies[0] else VARYING
     in_threads(_drive, len(seen), seen, driver, theta, models, varies, start, pushed, begin, every, law, kind, x, v)
     return x[:, :, :beside], v[:, :, :beside]
 
