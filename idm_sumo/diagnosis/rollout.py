@@ -31,10 +31,8 @@ LITTLE = 1e-3  # of a log-parameter
 BIN = 5  # frames of one pulse, 0.5 s
 # Numbers that a processor takes at once, and from how many left over on they take longer one after the other than filled up to as many.
 WIDE, WORTH_FILLING = 8, 3
-STEADY, VARYING = (
-    (),
-    (0,),
-)  # what the compiler is told of the models: there is one and its moments are all alike, or not
+# What the compiler is told of the models: there is one and its moments are all alike, or not.
+STEADY, VARYING = (), (0,)
 
 
 @njit(cache=True, error_model="numpy", forceinline=True)
