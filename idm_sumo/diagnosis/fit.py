@@ -201,25 +201,22 @@ def _common_step(fit: Fit, sums: Sums) -> Floats:
 def _no_worse(windows: Windows, fit: Fit, line: Linear, proposed: Floats) -> Floats:
     """Return the proposed parameters; of drivers who would fit worse by them, a part of the step, or none."""
     here = line.simulated if not line.shared.shape[2] else positions(windows, fit.theta, fit.by_lane)
-    before = misfits(windows, fit, line.whitener, fit.own[:, :, None], here[:, :, None])[:, 0]
-    there = positions(windows, np.exp(proposed), fit.by_lane)
-    after = misfits(windows, fit, line.whitener, proposed[:, :, None], there[:, :, None])[:, 0]
-    worse = np.flatnonzero(~(after < before))
+    whole = np.stack([fit.own, proposed], axis=2)
+    left = _left_by(windows, fit, line.whitener, here, whole)
+    worse = np.flatnonzero(~(left[:, 1] < left[:, 0]))
     if not len(worse):
         return proposed
     some, rows = windows.of_drivers(worse), np.isin(windows.driver, worse)
-    step = (proposed - fit.own)[worse]
-    tried = np.stack([fit.own[worse] + share * step for share in SHARES], axis=2)
-    left = misfits(some, fit, line.whitener[rows], tried, _beside(here[rows][:, :, None], some, fit, tried[:, :, 1:]))
+    parts = np.stack([fit.own[worse] + share * (proposed - fit.own)[worse] for share in SHARES], axis=2)
     kept = proposed.copy()
-    kept[worse] = _of_each(tried, left.argmin(axis=1))
+    kept[worse] = _of_each(parts, _left_by(some, fit, line.whitener[rows], here[rows], parts).argmin(axis=1))
     return kept
 
 
-def _beside(here: Floats, windows: Windows, fit: Fit, tried: Floats) -> Floats:
-    """Return the positions where drivers are, and beside them those with several other parameters."""
-    moved = positions_beside(windows, np.exp(tried), fit.by_lane, np.zeros((2, tried.shape[2])))
-    return np.concatenate([here, moved], axis=2)
+def _left_by(windows: Windows, fit: Fit, whitener: Floats, here: Floats, tried: Floats) -> Floats:
+    """Return the :func:`misfits` of several parameters of each driver; with the first of them the positions are known."""
+    moved = positions_beside(windows, np.exp(tried[:, :, 1:]), fit.by_lane, np.zeros((2, tried.shape[2] - 1)))
+    return misfits(windows, fit, whitener, tried, np.concatenate([here[:, :, None], moved], axis=2))
 
 
 def misfits(windows: Windows, fit: Fit, whitener: Floats, tried: Floats, simulated: Floats) -> Floats:
@@ -258,15 +255,15 @@ def elsewhere(windows: Windows, fit: Fit) -> Fit:
     """
     own = fit.own[:, :, None]
     nudged = positions_beside(windows, np.exp(own), fit.by_lane, NUDGED)
-    here, whitener = nudged[:, :, :1], _whitener(fit, nudged[:, :, 0], nudged[:, :, 1:])
-    left = misfits(windows, fit, whitener, own, here)[:, 0]
+    here, whitener = nudged[:, :, 0], _whitener(fit, nudged[:, :, 0], nudged[:, :, 1:])
+    left = misfits(windows, fit, whitener, own, here[:, :, None])[:, 0]
     share = left / np.maximum(np.bincount(windows.driver, minlength=windows.drivers), 1)
     asked = np.flatnonzero(share >= np.quantile(share, ASKED))
     some, rows = windows.of_drivers(asked), np.isin(windows.driver, asked)
     places = np.clip(fit.mean + STARTS @ np.linalg.cholesky(fit.spread).T, LOWER, UPPER).T
     others = np.broadcast_to(places, (len(asked), *places.shape))
-    tried, simulated = np.concatenate([own[asked], others], axis=2), _beside(here[rows], some, fit, others)
-    best = misfits(some, fit, whitener[rows], tried, simulated).argmin(axis=1)
+    tried = np.concatenate([own[asked], others], axis=2)
+    best = _left_by(some, fit, whitener[rows], here[rows], tried).argmin(axis=1)
     moved = fit.own.copy()
     moved[asked] = _of_each(tried, best)
     return replace(fit, own=moved)

@@ -52,7 +52,6 @@ DOUBTFUL = (
     "leader_acceleration", "leader_gap", "adjacent_difference", "faster_difference", "rear_gap", "crowd_left", "crowd_right",
     "since_change",
 )  # fmt: skip
-AFTER_BRAKING = "since_braking"  # of which a driver's own noise tells
 # Who is where around a driver: no motion of its own makes these up, and they are few.
 AROUND = (
     "trucks_beside", "braking_beside", "motorcycles_beside", "truck_behind", "truck_second", "abreast", "beside_gap", "nearest_beside",
