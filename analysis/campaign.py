@@ -141,7 +141,7 @@ def run_trial(trial: dict[str, Any], folder: Path) -> dict[str, Any]:
 
 
 def find(file: Path, seed: int) -> dict[str, Any]:
-    """Diagnose a file; the content of ``diagnosis.json``, the law that drivers follow, and of causes in some lanes only which."""
+    """Diagnose a file; the content of ``diagnosis.json``."""
     from idm_sumo.cleaning import clean
     from idm_sumo.diagnosis.diagnose import diagnose
     from idm_sumo.reading import read_recording
@@ -149,12 +149,7 @@ def find(file: Path, seed: int) -> dict[str, Any]:
     from .diagnosis_report import contract
 
     recording = clean(read_recording(file).recording).recording
-    found = diagnose(recording, seed=seed)
-    content = dict(json.loads(json.dumps(contract(found), default=plain)))
-    for said, cause in zip(content["causes"], found.causes, strict=True):
-        if cause.where is not None and cause.where.lanes:
-            said["where"]["lanes"] = list(cause.where.lanes)
-    return {**content, "law": found.model.law}
+    return dict(json.loads(json.dumps(contract(diagnose(recording, seed=seed)), default=plain)))
 
 
 def main(arguments: list[str] | None = None) -> None:

@@ -95,7 +95,7 @@ def outcome(trial: Mapping[str, Any]) -> str:
 
 def _lanes(cause: Mapping[str, Any]) -> list[int]:
     """Return the lanes to which a cause is confined, from 1; empty for all."""
-    return list((cause.get("where") or {}).get("lanes", []))
+    return list((cause.get("where") or {}).get("lanes") or [])
 
 
 def shows(trial: Mapping[str, Any]) -> bool:

@@ -32,14 +32,15 @@ class Parameter(_Part):
 
 
 class Where(_Part):
-    """A part of the road and of the recording."""
+    """A part of the road and of the recording; lanes are numbered as in the recording, null for all."""
 
     position_m: Interval | None = None
     time_s: Interval | None = None
+    lanes: list[int] | None = None
 
 
 class Cause(_Part):
-    """A named cause: its size, its significance and its share of the gain."""
+    """A cause: its size, its significance and its share of the gain."""
 
     name: str
     parameters: dict[str, Parameter]
@@ -79,14 +80,28 @@ class RuledOut(_Part):
     confusable_with: list[str]
 
 
+class Power(_Part):
+    """The size of an effect that would have been seen with a probability."""
+
+    name: str
+    symbol: str
+    unit: str
+    size: Number
+    probability: Probability
+
+
 class Diagnosis(_Part):
-    """The whole of ``diagnosis.json``."""
+    """The whole of ``diagnosis.json``; ``law`` is the car-following that causes are beyond."""
 
     verdict: Literal["named", "none", "unknown"]
     causes: list[Cause]
     unexplained: list[Unexplained]
     gain: Gain
     ruled_out: list[RuledOut]
+    without_gain: list[Cause]
+    untestable: dict[str, str]
+    power: list[Power]
+    law: str
 
     @model_validator(mode="after")
     def _consistent(self) -> Self:

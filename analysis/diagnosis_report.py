@@ -99,6 +99,10 @@ def contract(found: Diagnosis) -> dict[str, Any]:
             {"name": one.name, "p_value": one.p_value, "confusable_with": list(one.confusable_with)}
             for one in found.ruled_out
         ],
+        "without_gain": [_cause(cause, whole) for cause in found.without_gain],
+        "untestable": dict(found.untestable),
+        "power": [vars(one) for one in found.power],
+        "law": found.model.law,
     }
 
 
@@ -108,6 +112,7 @@ def _cause(cause: CauseFound, whole: dict[str, Range]) -> dict[str, Any]:
         where = {
             "position_m": list(cause.where.position_m or whole["position"]),
             "time_s": list(cause.where.time_s or whole["time"]),
+            "lanes": None if cause.where.lanes is None else list(cause.where.lanes),
         }
     return {
         "name": cause.name,

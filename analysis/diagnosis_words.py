@@ -47,20 +47,35 @@ def headline(found: Diagnosis) -> str:
         return f"Unknown: something is wrong that no effect of the catalogue explains, at {places}."
     if found.gain is None and found.notes:
         return f"None: {sentence(found.notes[0])}"
+    if found.without_gain:
+        return "None: no effect of the catalogue makes the simulation better."
     if found.other_law is not None:
         return "None: no effect of the catalogue is shown by these data."
     return f"None: nothing beyond {law_of(found)} is shown by these data."
 
 
 def _sized(cause: CauseFound) -> str:
-    sizes = ", ".join(
-        f"{symbol} = {one.value:.3g}{_unit(one.unit)} (95 %: {one.ci95[0]:.3g} to {one.ci95[1]:.3g})"
-        for symbol, one in cause.parameters.items()
-    )
+    return f"{_what(cause)} ({_sizes(cause)}; {p_value(cause.p_value)}; {cause.share_of_gain:.0%} of the gain)"
+
+
+def _what(cause: CauseFound) -> str:
     region = cause.where
     place = "" if region is None else _where(region.position_m, region.time_s) + _lanes(region)
     drifts = cause.name == "time_of_day" and "delta" in cause.parameters
-    return f"{plain(cause.name)}{', drifting' if drifts else ''}{place} ({sizes}; {p_value(cause.p_value)}; {cause.share_of_gain:.0%} of the gain)"
+    return f"{plain(cause.name)}{', drifting' if drifts else ''}{place}"
+
+
+def _sizes(cause: CauseFound) -> str:
+    return ", ".join(
+        f"{symbol} = {one.value:.3g}{_unit(one.unit)} (95 %: {one.ci95[0]:.3g} to {one.ci95[1]:.3g})"
+        for symbol, one in cause.parameters.items()
+    )
+
+
+def without_gain_sentence(found: Diagnosis) -> str:
+    """Say what is there and makes no rollout better; else nothing."""
+    there = " and ".join(f"{_what(one)} ({_sizes(one)}; {p_value(one.p_value)})" for one in found.without_gain)
+    return f"Present, but rollouts are not better for it: {there}." if there else ""
 
 
 def _unit(unit: str) -> str:

@@ -97,7 +97,12 @@ def test_the_folder_holds_all_of_it(tmp_path, monkeypatch) -> None:
     assert content["causes"][0]["where"]["position_m"] == [200.0, 300.0]
     low, high = content["causes"][0]["where"]["time_s"]
     assert low < high  # where no bound is known, what was seen
-    assert set(content) == {"verdict", "causes", "unexplained", "gain", "ruled_out"}
+    assert content["causes"][0]["where"]["lanes"] is None
+    assert content["law"] == "idm"
+    assert content["power"] == [
+        {"name": "reaction_delay", "symbol": "tau", "unit": "s", "size": 0.2, "probability": 0.93}
+    ]
+    assert content["untestable"] == {"leader_class": "no classes were recorded"}
     assert ExtendedModel.read(tmp_path / "out" / "model.json").causes[0].values["x_2"] == 300.0
     page = (tmp_path / "out" / "report.html").read_text()
     assert page.count("<img ") == 7
@@ -201,7 +206,9 @@ def test_a_cause_of_one_lane_says_which(tmp_path, monkeypatch) -> None:
     assert "acceleration asymmetry in lane 2 (gamma = 0.4" in diagnosis_words.headline(found)
     write(found, tmp_path / "out", monkeypatch)
     where = json.loads((tmp_path / "out" / "diagnosis.json").read_text())["causes"][0]["where"]
-    assert set(where) == {"position_m", "time_s"}  # of all that was seen; the lane is in the evidence and in the model
+    assert where["lanes"] == [2]
+    assert where["position_m"][0] < where["position_m"][1]  # of all that was seen
+    assert where["time_s"][0] < where["time_s"][1]
 
 
 def test_unknown_says_where_when_and_along_what() -> None:
@@ -211,6 +218,24 @@ def test_unknown_says_where_when_and_along_what() -> None:
     content = contract(found)
     assert content["unexplained"][0]["position_m"] == [300.0, 360.0]
     Contract.model_validate(content)
+
+
+def test_what_is_there_without_gain_is_told_beside_causes_and_not_as_one() -> None:
+    late = CauseFound(
+        "reaction_delay", {"tau": Estimate(0.23, "s", (0.17, 0.29))}, None, 1e-11, 0.0, "present without gain"
+    )
+    kept = contract(replace(silent(), without_gain=(late,)))
+    assert kept["verdict"] == "none"
+    assert kept["causes"] == []
+    assert [(one["name"], one["parameters"]["tau"]["value"]) for one in kept["without_gain"]] == [
+        ("reaction_delay", 0.23)
+    ]
+    found = replace(silent(), without_gain=(late,))
+    assert diagnosis_words.headline(found) == "None: no effect of the catalogue makes the simulation better."
+    assert diagnosis_words.without_gain_sentence(found) == (
+        "Present, but rollouts are not better for it: reaction delay (tau = 0.23 s (95 %: 0.17 to 0.29); p < 0.0001)."
+    )
+    assert diagnosis_words.without_gain_sentence(silent()) == ""
 
 
 def test_nothing_is_left_when_the_contract_is_broken(tmp_path, monkeypatch) -> None:

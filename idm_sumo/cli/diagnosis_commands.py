@@ -56,7 +56,10 @@ def diagnose(options: argparse.Namespace) -> None:
             jobs=options.jobs or os.cpu_count() or 1,
             command=sys.argv, progress=report,
         )  # fmt: skip
-    say(*filter(None, (words.headline(found), words.gain_sentence(found.gain), words.law_sentence(found))))
+    sentences = (
+        words.headline(found), words.without_gain_sentence(found), words.gain_sentence(found.gain), words.law_sentence(found),
+    )  # fmt: skip
+    say(*filter(None, sentences))
     if found.verdict == "none" and found.power:
         say(*words.power_sentences(found))
     if options.verbose:
