@@ -40,6 +40,7 @@ def animate(
             progress("drawing", k, steps)
             _draw(ax, scenes, trajectories, k, by_frame.get(first + k))
             writer.grab_frame()
+            figure.set_layout_engine(None)  # the first picture's margins hold for all: anew, each is drawn twice
     progress("drawing", steps, steps)
 
 
