@@ -73,11 +73,12 @@ class Gain(_Part):
 
 
 class RuledOut(_Part):
-    """A hypothesis that was tested and not kept."""
+    """A hypothesis that was tested and not kept, and why not."""
 
     name: str
     p_value: Probability
     confusable_with: list[str]
+    why: str
 
 
 class Power(_Part):

@@ -12,6 +12,7 @@ from matplotlib.colors import TwoSlopeNorm
 from matplotlib.figure import Figure
 
 from idm_sumo.diagnosis import Scan
+from idm_sumo.diagnosis.gates import SIGNIFICANT
 
 from .diagnosis_curves import COVARIATES, clustered_mean
 from .style import new_figure
@@ -23,6 +24,7 @@ COLOURS = {BASE: "#D55E00", EXTENDED: "#0072B2"}
 NAMES = {BASE: "base model", EXTENDED: "extended model"}
 SCANNED = {"position_m": "position along the road (m)", "time_s": "time since the period began (s)"}
 UNSURE = 4.0  # times the median standard error
+KINDS = {"named": COLOURS[EXTENDED], "present without gain": "#56B4E9", "ruled out": "0.7"}
 MARKED = "#F0E442"  # where a named or unexplained place or time lies
 SIGN = "measured minus simulated (m)"
 
@@ -147,22 +149,25 @@ def lag_figure(lags: Floats, responses: dict[str, tuple[Floats, Floats]]) -> Fig
 
 
 def evidence(tests: pd.DataFrame) -> Figure:
-    """Draw every hypothesis by its p-value: named ones filled.
+    """Draw every hypothesis by its p-value and by what became of it.
 
     Parameters
     ----------
     tests : pandas.DataFrame
-        ``name, p_value, named``.
+        ``name, p_value, kind``, of :data:`KINDS`.
     """
     ordered = tests.sort_values("p_value", ascending=False)
     figure, (ax,) = new_figure(7.5, 0.28 * len(ordered) + 1.0)
     strength = -np.log10(np.maximum(ordered["p_value"].to_numpy(np.float64), 1e-16))
     y = np.arange(len(ordered))
-    colours = np.where(ordered["named"], COLOURS[EXTENDED], "0.7")
-    ax.barh(y, strength, color=colours.tolist())
-    ax.axvline(-np.log10(0.05), color="black", linestyle="--", linewidth=0.8)
+    for kind, colour in KINDS.items():
+        of_kind = (ordered["kind"] == kind).to_numpy()
+        if of_kind.any():
+            ax.barh(y[of_kind], strength[of_kind], color=colour, label=kind)
+    ax.axvline(-np.log10(SIGNIFICANT), color="black", linestyle="--", linewidth=0.8)
     ax.set_yticks(y, [str(name).replace("_", " ") for name in ordered["name"]], fontsize=8)
-    ax.set(xlabel="−log10 of p, corrected for the number of hypotheses (dashed: 0.05); blue: named")
+    ax.set(xlabel=f"−log10 of p, corrected for the number of hypotheses (dashed: {SIGNIFICANT:g}, least of a cause)")
+    ax.legend(loc="lower right", fontsize=8)
     return figure
 
 

@@ -96,7 +96,7 @@ def contract(found: Diagnosis) -> dict[str, Any]:
         "unexplained": unexplained,
         "gain": {name: getattr(gain, name) for name in GAIN},
         "ruled_out": [
-            {"name": one.name, "p_value": one.p_value, "confusable_with": list(one.confusable_with)}
+            {"name": one.name, "p_value": one.p_value, "confusable_with": list(one.confusable_with), "why": one.why}
             for one in found.ruled_out
         ],
         "without_gain": [_cause(cause, whole) for cause in found.without_gain],
@@ -189,12 +189,10 @@ def _draw(found: Diagnosis, folder: Path, progress: Progress) -> dict[str, Path]
         drawn["gain"] = figures.gain_per_driver(held_out)
     if found.scans:
         drawn["scans"] = figures.free_accelerations(found.scans)
-    named = [*found.causes, *found.without_gain]
-    tests = [(one.name, one.p_value, True) for one in named] + [
-        (one.name, one.p_value, False) for one in found.ruled_out
-    ]
+    kinds = dict(zip(figures.KINDS, (found.causes, found.without_gain, found.ruled_out), strict=True))
+    tests = [(one.name, one.p_value, kind) for kind, each in kinds.items() for one in each]
     if tests:
-        drawn["evidence"] = figures.evidence(pd.DataFrame(tests, columns=["name", "p_value", "named"]))
+        drawn["evidence"] = figures.evidence(pd.DataFrame(tests, columns=["name", "p_value", "kind"]))
     if found.power:
         shares = [{**vars(one), "share": one.size / words.magnitude(one).typical} for one in found.power]
         drawn["power"] = figures.power_sizes(pd.DataFrame(shares))

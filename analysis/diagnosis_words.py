@@ -209,7 +209,7 @@ def ruled_out_table(found: Diagnosis) -> pd.DataFrame:
                 "effect": plain(one.name), "p": f"{one.p_value:.2g}",
                 "estimated size": "–" if one.estimate is None else f"{one.estimate.value:.2g}{_unit(one.estimate.unit)}",
                 "95 %": "–" if one.estimate is None else f"{one.estimate.ci95[0]:.2g} to {one.estimate.ci95[1]:.2g}",
-                "confusable with": ", ".join(map(plain, one.confusable_with)) or "–",
+                "why not": plain(one.why), "confusable with": ", ".join(map(plain, one.confusable_with)) or "–",
             }
             for one in found.ruled_out
         ]

@@ -66,7 +66,7 @@ def named() -> Diagnosis:
         verdict="named", causes=(cause,), without_gain=(), unexplained=(),
         gain=Gain("ade_m", 1.0, 0.9, 0.1, (0.05, 0.15), 20),
         other_gains=(Gain("fde_m", 2.0, 1.8, 0.2, (0.1, 0.3), 20), Gain("collisions", 0.0, 0.0, 0.0, (0.0, 0.0), 20)),
-        ruled_out=(RuledOut("reaction_delay", 0.4, ("hysteresis",), Estimate(0.02, "s", (-0.05, 0.09))),
+        ruled_out=(RuledOut("reaction_delay", 0.4, ("hysteresis",), Estimate(0.02, "s", (-0.05, 0.09)), "chance makes as much"),
                    RuledOut("hysteresis", 0.9, ())),
         untestable={"leader_class": "no classes were recorded"}, power=(Power("reaction_delay", "tau", "s", 0.2, 0.93),),
         model=model, base_model=ExtendedModel(TEXTBOOK), residuals=table, drivers=drivers, scans=(scan,),
@@ -111,6 +111,7 @@ def test_the_folder_holds_all_of_it(tmp_path, monkeypatch) -> None:
         "All slow down there",
         "cannot tell it from measurement artefact",
         "no classes were recorded",
+        "chance makes as much",
         "probability 0.93",
     ):
         assert words in page

@@ -2,10 +2,15 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import pytest
 
-from idm_sumo.diagnosis.statements import FORM_DOUBT, LAW_DOUBT, form_doubt, other_law
-from tests.test_diagnosis_gates import evidence
+from idm_sumo.diagnosis.choice import Accepted
+from idm_sumo.diagnosis.result import Gain
+from idm_sumo.diagnosis.search import Found
+from idm_sumo.diagnosis.statements import FORM_DOUBT, LAW_DOUBT, form_doubt, other_law, ruled_out, why_not
+from tests.test_diagnosis_gates import FIT, evidence, free, tried
 
 
 @pytest.mark.parametrize(("delay", "doubt"), [(-6.0, LAW_DOUBT), (-2.0, FORM_DOUBT), (6.0, FORM_DOUBT)])
@@ -21,3 +26,36 @@ def test_who_surely_acts_before_the_leader_has_another_law(delay, said):
         assert (law.name, law.symbol, law.unit) == ("reaction_delay", "tau", "s")
         assert law.value < 0.0
         assert law.standard_errors == pytest.approx(6.0, rel=0.01)
+
+
+def found(*named, left=()):
+    gain = Gain("ade_m", 1.0, 0.9, 0.1, (0.05, 0.15), 10, False)
+    accepted = tuple(Accepted(one, one.candidate.value, 0.01, gain, ()) for one in named)
+    return Found(FIT, FIT, accepted, (), evidence(2.0), evidence(2.0), left)
+
+
+NOTHING, PLACE, STRANGE = found(), found(tried(20.0, "location")), found(left=(free("position", 8.0),))
+
+
+@pytest.mark.parametrize(
+    ("name", "value", "z", "p", "beside", "said"),
+    [
+        ("hysteresis", 0.1, 2.0, 0.2, NOTHING, "chance makes as much"),
+        ("hysteresis", -0.1, -8.0, 1e-9, NOTHING, "of a sign that it cannot have"),
+        ("hysteresis", 0.001, 8.0, 1e-9, NOTHING, "smaller than what is named (0.02 1)"),
+        ("lane_change_relaxation", 0.5, 4.9, 1e-5, NOTHING, "less than the 5 standard errors asked of what smoothing"),
+        ("hysteresis", 0.1, 4.9, 1e-5, PLACE, "less than the 5 standard errors asked of a further cause"),
+        ("hysteresis", 0.1, 8.0, 1e-9, PLACE, "may be what location leaves over"),
+        ("hysteresis", 0.1, 8.0, 1e-9, STRANGE, "what is unexplained says more"),
+        ("hysteresis", 0.1, 8.0, 1e-9, NOTHING, "did not make rollouts better"),
+    ],
+)
+def test_what_is_not_claimed_has_its_reason(name, value, z, p, beside, said):
+    candidate = replace(tried(z, name, value).candidate, p=p)
+    assert why_not(candidate, beside).startswith(said)
+
+
+def test_what_is_ruled_out_says_its_size_and_why():
+    (late,) = ruled_out(NOTHING)
+    assert (late.name, late.why) == ("reaction_delay", "chance makes as much")
+    assert late.estimate.ci95[0] < late.estimate.value < late.estimate.ci95[1]

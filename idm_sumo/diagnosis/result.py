@@ -151,12 +151,13 @@ class OtherLaw:
 
 @dataclass(frozen=True)
 class RuledOut:
-    """An effect that is not claimed, with its corrected p-value and its estimated size."""
+    """An effect that is not claimed, with its corrected p-value, its estimated size, and why not."""
 
     name: str
     p_value: float
     confusable_with: tuple[str, ...]
     estimate: Estimate | None = None
+    why: str = ""
 
 
 @dataclass(frozen=True)

@@ -163,7 +163,7 @@ def unexplained(found: Found) -> tuple[Unexplained, ...]:
 
 
 def ruled_out(found: Found) -> tuple[RuledOut, ...]:
-    """Return every tested effect that is not named, with the p-value at the final model."""
+    """Return every tested effect that is not named, with the p-value at the final model, and why not."""
     named = {a.candidate.name for a in found.accepted} | {c.name for c in found.without_gain}
     out = []
     for c in hy.candidates(found.last):
@@ -172,8 +172,32 @@ def ruled_out(found: Found) -> tuple[RuledOut, ...]:
         effect = BY_NAME[c.name]
         half = Z95 * c.error
         estimate = Estimate(c.value, hy.acting_of(c)[0].unit, (c.value - half, c.value + half))
-        out.append(RuledOut(c.name, c.p, effect.confusable_with, estimate))
+        out.append(RuledOut(c.name, c.p, effect.confusable_with, estimate, why_not(c, found)))
     return tuple(out)
+
+
+def why_not(candidate: Candidate, found: Found) -> str:
+    """Return in words why an effect that is neither named nor present without gain is not claimed."""
+    asked = gates.SURER.get(candidate.name, 0.0)
+    if candidate.p >= gates.SIGNIFICANT:
+        return "chance makes as much"
+    if not candidate.is_possible:
+        return "of a sign that it cannot have"
+    if not candidate.near_enough:
+        return f"smaller than what is named ({candidate.least:g} {hy.acting_of(candidate)[0].unit})"
+    if abs(candidate.z) <= asked:
+        return (
+            f"less than the {asked:g} standard errors asked of what smoothing or another car-following law looks like"
+        )
+    if found.accepted and abs(candidate.z) <= gates.CLEAR:
+        return f"less than the {gates.CLEAR:g} standard errors asked of a further cause"
+    if found.accepted:
+        return (
+            f"may be what {found.accepted[0].candidate.name} leaves over, which is not of quite the form in the model"
+        )
+    if found.unexplained:
+        return "what is unexplained says more"
+    return "looks like what is present without gain" if found.without_gain else "did not make rollouts better"
 
 
 def power(found: Found) -> tuple[Power, ...]:
