@@ -166,7 +166,7 @@ def evidence(tests: pd.DataFrame) -> Figure:
             ax.barh(y[of_kind], strength[of_kind], color=colour, label=kind)
     ax.axvline(-np.log10(SIGNIFICANT), color="black", linestyle="--", linewidth=0.8)
     ax.set_yticks(y, [str(name).replace("_", " ") for name in ordered["name"]], fontsize=8)
-    ax.set(xlabel=f"−log10 of p, corrected for the number of hypotheses (dashed: {SIGNIFICANT:g}, least of a cause)")
+    ax.set(xlabel=f"−log10 of p, corrected for the number of hypotheses (dashed: {SIGNIFICANT:g}, which a cause needs)")
     ax.legend(loc="lower right", fontsize=8)
     return figure
 

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import shlex
 import time
+from collections.abc import Sequence
 from dataclasses import replace
 from pathlib import Path
 from typing import Any
@@ -13,7 +14,7 @@ import pandas as pd
 
 from idm_sumo.cleaning import clean
 from idm_sumo.departures import departures
-from idm_sumo.diagnosis import CauseFound, Diagnosis, Gain
+from idm_sumo.diagnosis import CauseFound, Diagnosis, Gain, RuledOut
 from idm_sumo.diagnosis.diagnose import diagnose
 from idm_sumo.outputs import MANIFEST, new_folder
 from idm_sumo.progress import Progress, silent
@@ -189,8 +190,8 @@ def _draw(found: Diagnosis, folder: Path, progress: Progress) -> dict[str, Path]
         drawn["gain"] = figures.gain_per_driver(held_out)
     if found.scans:
         drawn["scans"] = figures.free_accelerations(found.scans)
-    kinds = dict(zip(figures.KINDS, (found.causes, found.without_gain, found.ruled_out), strict=True))
-    tests = [(one.name, one.p_value, kind) for kind, each in kinds.items() for one in each]
+    tried: tuple[Sequence[CauseFound | RuledOut], ...] = (found.causes, found.without_gain, found.ruled_out)
+    tests = [(one.name, one.p_value, kind) for kind, each in zip(figures.KINDS, tried, strict=True) for one in each]
     if tests:
         drawn["evidence"] = figures.evidence(pd.DataFrame(tests, columns=["name", "p_value", "kind"]))
     if found.power:
