@@ -56,13 +56,21 @@ def _row(trial: dict[str, Any]) -> dict[str, Any]:
     return {
         "group": trial["group"], "name": trial["name"], "size": trial["size"], "kind": trial.get("kind", ""),
         "outcome": outcome(trial), "verdict": found["verdict"], "named": ", ".join(names),
-        "first": names[0] if names else found["verdict"], "best_gain": _share(best),
+        "first": names[0] if names else found["verdict"], "best_gain": _share(best), **_present(trial),
         "gain_class": gain_class(_share(best)), "lesser_class": gain_class(_lesser_share(best)), "gain": gain["difference"] / gain["base"] if sure else math.nan,
         "realised": gain["difference"] / (best["base"] - best["extended"])
         if best and sure and names and best["base"] > 1.02 * best["extended"] else math.nan,
         "law": found.get("law"), **{key: plan[key] for key in ("underlying", "noise", "form", "density", "lanes")},
         "sigma": sigma_class(plan["sigma"]), "sigma_m": plan["sigma"], "seed": trial["seed"], "seconds": trial["seconds"],
     }  # fmt: skip
+
+
+def _present(trial: Mapping[str, Any]) -> dict[str, int]:
+    """Return how many hidden effects are not named, how many of these are said to be there without gain, and how many that are not hidden."""
+    hidden, found = set(trial["effects"]), trial["found"]
+    missed = hidden - {cause["name"] for cause in found["causes"]}
+    present = {cause["name"] for cause in found.get("without_gain", [])}  # of an older campaign not known
+    return {"missed": len(missed), "missed_present": len(missed & present), "present_not_hidden": len(present - hidden)}
 
 
 def outcome(trial: Mapping[str, Any]) -> str:

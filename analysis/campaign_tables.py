@@ -13,6 +13,7 @@ from .style import save
 
 CONDITIONS = ("underlying", "noise", "sigma", "form", "density", "lanes")
 GOOD = (RIGHT, RIGHT_AND_MORE)
+PRESENT = ("missed", "missed_present", "present_not_hidden")
 PICTURE = "Each single effect by what it is worth and whether it was named, and found against hidden sizes"
 EXPLAINED = {
     "Groups": "Right: the hidden cause is named first (none: nothing is said; outside: `unknown`, where the effect shows).",
@@ -25,6 +26,7 @@ EXPLAINED = {
     "In SUMO": "One effect on the headway, large, in traffic that SUMO's own car-following drives.",
     "Pairs by what the lesser is worth": "Two effects at once; what the true model is better by for the lesser, the other in it.",
     "Pairs": "Two effects at once.",
+    "Present without gain": "Effects: hidden and not named; of these said to be there without gain; said so and not hidden.",
     "Outside": "Effects that the catalogue does not hold.",
     "Conditions": "Single effects.",
     "Magnitudes": "Relative error of the sizes that were named, single or in a pair, and how often the 95 % interval holds the planted one.",
@@ -77,6 +79,7 @@ def tables(graded: pd.DataFrame, sizes: pd.DataFrame) -> dict[str, pd.DataFrame]
         "In SUMO": _by(graded[graded["group"] == "in SUMO"], ("name", "underlying")),
         "Pairs by what the lesser is worth": counts(pairs, ["lesser_class"], order=GAIN_CLASSES),
         "Pairs": pd.concat([counts(pairs, ["name"]), counts(pairs, ["underlying"]).rename(columns={"underlying": "name"})]),
+        "Present without gain": graded.groupby("group", sort=False)[list(PRESENT)].sum().reset_index(),
         "Outside": counts(graded[graded["group"] == "outside"], ["name"]),
         "Conditions": _by(single, CONDITIONS),
         "Magnitudes": pd.concat([

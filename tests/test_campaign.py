@@ -95,6 +95,15 @@ def test_pairs_are_counted_by_what_the_lesser_is_worth_beside_the_other(tmp_path
     assert pairs["good"].to_dict() == {"5 % or more": 1.0, "below 2 %": 0.5}
 
 
+def test_what_is_there_without_gain_is_counted_apart(tmp_path):
+    pair = trial("pair", {"location": 0.4, "hysteresis": 0.2}, [cause("location")])
+    pair["found"]["without_gain"] = [cause("hysteresis"), cause("reaction_delay")]
+    summarise(pd.DataFrame([pair, trial("single", {"location": 0.4})]), tmp_path)
+    table = pd.read_csv(tmp_path / "present_without_gain.csv", index_col="group")
+    assert table.loc["pair"].to_dict() == {"missed": 1, "missed_present": 1, "present_not_hidden": 1}
+    assert table.loc["single"].to_dict() == {"missed": 1, "missed_present": 0, "present_not_hidden": 0}
+
+
 def test_magnitudes_and_gains_add_up_by_form_and_car_following(tmp_path):
     trials = [trial("single", {"location": 0.5}, [cause("location", value)]) for value in (0.4, 0.5, 0.6)]
     trials[2]["plan"] = {**PLAN, "form": "other", "underlying": "fvd"}
