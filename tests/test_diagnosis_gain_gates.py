@@ -195,6 +195,34 @@ def test_a_further_cause_as_sure_as_the_first_need_not_gain(z, support, differen
 
 
 @pytest.mark.parametrize(
+    ("z", "support", "difference", "worth_it"),
+    [(8.8, 312.0, -0.002, True), (8.8, 197.0, -0.002, False), (6.8, 312.0, -0.002, False), (8.8, 312.0, -0.011, False)],
+)
+def test_a_further_cause_that_is_very_likely_at_its_size_need_not_gain(z, support, difference, worth_it):
+    """A headway that grows with speed was there beside a relaxation of 799, and gained nothing that drivers do not make up for."""
+    one = tried(z, "speed_dependent_headway", support=support)
+    first = tried(10.6, "lane_change_relaxation", support=799.0)
+    assert gain_gates.is_worth_it(gain(difference, 0.01), one, first, 5.0) is worth_it
+
+
+@pytest.mark.parametrize(
+    ("name", "support", "difference", "worth_it"),
+    [
+        ("leader_class", 185.0, 0.0105, True),
+        ("leader_class", 185.0, 0.007, False),  # less than nine to one
+        ("leader_class", 90.0, 0.0105, False),
+        ("time_of_day", 185.0, 0.0105, False),  # as what the first one's shape leaves over may have one
+    ],
+)
+def test_trucks_ahead_that_are_not_surely_there_must_gain_nine_to_one_beside_another_cause(
+    name, support, difference, worth_it
+):
+    one, first = tried(3.8, name, 0.45, support), tried(5.3, "lane_change_relaxation", support=766.0)
+    doubtful = replace(one, candidate=replace(one.candidate, p=0.005))
+    assert gain_gates.is_worth_it(gain(difference, 0.0115), doubtful, first, 4.4) is worth_it
+
+
+@pytest.mark.parametrize(
     ("name", "z", "support", "difference", "worth_it"),
     [
         ("courtesy_yielding", 5.8, 163.0, -0.003, True),
