@@ -85,7 +85,7 @@ def test_what_a_delay_leaves_that_is_too_short_is_no_hysteresis(name, in_model, 
 
 @pytest.mark.parametrize(
     ("falling", "delay", "is_believed"),
-    [(-12.0, 0.0, True), (-8.0, 0.0, False), (-12.0, -9.0, False), (8.0, -9.0, True)],
+    [(-12.0, 0.0, True), (-7.0, 0.0, False), (-12.0, -9.0, False), (8.0, -9.0, True)],
 )
 def test_a_headway_that_falls_with_speed_must_be_far_surer_than_what_cannot_be(falling, delay, is_believed):
     seen, name = evidence(delay), "speed_dependent_headway"

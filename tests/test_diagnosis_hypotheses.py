@@ -94,7 +94,7 @@ def test_a_drift_over_the_whole_recording_is_told_from_a_part_of_it():
 
 @pytest.mark.parametrize(
     ("falling", "others", "cannot_be"),
-    [(-12.0, [-5.0], False), (-12.0, [-9.0], True), (-8.0, [], True), (8.0, [-9.0], False)],
+    [(-12.0, [-5.0], False), (-12.0, [-9.0], True), (-7.0, [], True), (-8.6, [], False), (8.0, [-9.0], False)],
 )
 def test_a_headway_that_falls_with_speed_cannot_be_unless_it_is_far_surer(falling, others, cannot_be):
     def seen(name: str, z: float) -> hy.Candidate:

@@ -42,6 +42,8 @@ NOTHING, PLACE, STRANGE = found(), found(tried(20.0, "location")), found(left=(f
     [
         ("hysteresis", 0.1, 2.0, 0.2, NOTHING, "chance makes as much"),
         ("hysteresis", -0.1, -8.0, 1e-9, NOTHING, "of a sign that it cannot have"),
+        ("speed_dependent_headway", -0.3, -7.9, 1e-9, NOTHING, "other car-following laws have as much"),
+        ("speed_dependent_headway", -0.3, -8.1, 1e-9, NOTHING, "did not make rollouts better"),
         ("hysteresis", 0.001, 8.0, 1e-9, NOTHING, "smaller than what is named (0.02 1)"),
         ("lane_change_relaxation", 0.5, 4.9, 1e-5, NOTHING, "less than the 5 standard errors asked of what smoothing"),
         ("hysteresis", 0.1, 4.9, 1e-5, PLACE, "less than the 5 standard errors asked of a further cause"),

@@ -7,6 +7,7 @@ from math import inf
 from idm_sumo import laws
 from idm_sumo.diagnosis import evidence as ev
 from idm_sumo.diagnosis import gates
+from idm_sumo.diagnosis import hypotheses as hy
 from idm_sumo.diagnosis.hypotheses import Candidate
 from idm_sumo.diagnosis.law import law_of
 from idm_sumo.diagnosis.result import Gain
@@ -107,7 +108,7 @@ def is_worth_it(gain: Gain, tried: Tried, first: Tried | None, strongest: float 
 def _may_be_a_law(tried: Tried, strongest: float) -> bool:
     """Return whether a first cause may be what the law in the model, which is not quite the drivers', leaves of how they answer."""
     z = abs(tried.candidate.z)
-    if tried.candidate.name not in ANSWERS or z >= gates.SUREST:
+    if tried.candidate.name not in ANSWERS or z >= hy.BEYOND_LAWS:
         return False
     return law_of(tried.fit) != laws.IDM or (z < strongest and not _is_unlike_laws(tried.candidate))
 

@@ -183,6 +183,8 @@ def why_not(candidate: Candidate, found: Found) -> str:
         return "chance makes as much"
     if not candidate.is_possible:
         return "of a sign that it cannot have"
+    if candidate in hy.impossible([candidate, *hy.candidates(found.last)]):
+        return "other car-following laws have as much"
     if not candidate.near_enough:
         return f"smaller than what is named ({candidate.least:g} {hy.acting_of(candidate)[0].unit})"
     if abs(candidate.z) <= asked:
