@@ -6,10 +6,12 @@ from dataclasses import replace
 
 import pytest
 
+from idm_sumo import laws
 from idm_sumo.diagnosis.choice import Accepted
+from idm_sumo.diagnosis.law import beneath, of
 from idm_sumo.diagnosis.result import Gain
 from idm_sumo.diagnosis.search import Found
-from idm_sumo.diagnosis.statements import FORM_DOUBT, LAW_DOUBT, form_doubt, other_law, ruled_out, why_not
+from idm_sumo.diagnosis.statements import FORM_DOUBT, LAW_DOUBT, form_doubt, other_law, ruled_out, why_not, without_gain
 from tests.test_diagnosis_gates import FIT, evidence, free, tried
 
 
@@ -43,18 +45,36 @@ NOTHING, PLACE, STRANGE = found(), found(tried(20.0, "location")), found(left=(f
         ("hysteresis", 0.1, 2.0, 0.2, NOTHING, "chance makes as much"),
         ("hysteresis", -0.1, -8.0, 1e-9, NOTHING, "of a sign that it cannot have"),
         ("speed_dependent_headway", -0.3, -7.9, 1e-9, NOTHING, "other car-following laws have as much"),
-        ("speed_dependent_headway", -0.3, -8.1, 1e-9, NOTHING, "did not make rollouts better"),
+        ("speed_dependent_headway", -0.3, -8.1, 1e-9, NOTHING, "looks like what did not make rollouts better"),
         ("hysteresis", 0.001, 8.0, 1e-9, NOTHING, "smaller than what is named (0.02 1)"),
         ("lane_change_relaxation", 0.5, 4.9, 1e-5, NOTHING, "less than the 5 standard errors asked of what smoothing"),
         ("hysteresis", 0.1, 4.9, 1e-5, PLACE, "less than the 5 standard errors asked of a further cause"),
         ("hysteresis", 0.1, 8.0, 1e-9, PLACE, "may be what location leaves over"),
         ("hysteresis", 0.1, 8.0, 1e-9, STRANGE, "what is unexplained says more"),
-        ("hysteresis", 0.1, 8.0, 1e-9, NOTHING, "did not make rollouts better"),
+        ("hysteresis", 0.1, 8.0, 1e-9, NOTHING, "looks like what did not make rollouts better"),
     ],
 )
 def test_what_is_not_claimed_has_its_reason(name, value, z, p, beside, said):
     candidate = replace(tried(z, name, value).candidate, p=p)
     assert why_not(candidate, beside).startswith(said)
+
+
+@pytest.mark.parametrize(
+    ("name", "law", "is_told"),
+    [
+        ("hysteresis", laws.IDM, True),
+        ("hysteresis", laws.FULL_VELOCITY_DIFFERENCE, False),
+        ("location", laws.FULL_VELOCITY_DIFFERENCE, True),
+        ("follower_pressure", laws.IDM, False),
+    ],
+)
+def test_what_is_present_without_gain_is_nothing_that_another_law_leaves_over(name, law, is_told):
+    one = tried(7.0, name)
+    base = replace(FIT, by_lane=beneath(FIT.by_lane, of(law)))
+    refused = replace(NOTHING, base=base, fit=base, without_gain=(one.candidate,))
+    assert [c.name for c in without_gain(refused)] == [name] * is_told
+    if not is_told:
+        assert why_not(one.candidate, refused).startswith("did not make rollouts better, and may be what another")
 
 
 def test_what_is_ruled_out_says_its_size_and_why():

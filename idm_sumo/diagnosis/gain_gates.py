@@ -83,7 +83,7 @@ def is_worth_it(gain: Gain, tried: Tried, first: Tried | None, strongest: float 
     if clearly and share >= LARGE_GAIN and candidate.name in gates.UNDERRATED and tried.support > gates.LEAST_SUPPORT:
         return True
     like_no_other = candidate.name not in gates.SURER or z > gates.SUREST or z > _far_surer_than(strongest, candidate)
-    unlike_laws = _is_unlike_laws(candidate)
+    unlike_laws = is_unlike_laws(candidate)
     surest = like_no_other and (unlike_laws or z >= strongest)
     beyond_doubt = surest and z > BEYOND_DOUBT and share > _least_beyond_doubt(tried)
     if candidate.name == LAWLIKE and z < gates.SUREST and share < LAWLIKE_GAIN:
@@ -110,7 +110,7 @@ def _may_be_a_law(tried: Tried, strongest: float) -> bool:
     z = abs(tried.candidate.z)
     if tried.candidate.name not in ANSWERS or z >= hy.BEYOND_LAWS:
         return False
-    return law_of(tried.fit) != laws.IDM or (z < strongest and not _is_unlike_laws(tried.candidate))
+    return law_of(tried.fit) != laws.IDM or (z < strongest and not is_unlike_laws(tried.candidate))
 
 
 def is_clear(gain: Gain) -> bool:
@@ -135,7 +135,7 @@ def is_confirmed(held_out: Gain, typical: Gain, fitted: Gain, first: Candidate) 
     z = abs(first.z)
     if z > BEYOND_DOUBT and held_out.ci95[1] > 0.0:
         return True
-    surely_real = fitted.ci95[0] > 0.0 or _is_unlike_laws(first)
+    surely_real = fitted.ci95[0] > 0.0 or is_unlike_laws(first)
     reason_enough = typical.ci95[0] > 0.0 or (z > SURE_AGAIN and surely_real)
     return held_out.is_likely or (reason_enough and held_out.difference > 0.0)
 
@@ -151,7 +151,7 @@ def _least_beyond_doubt(tried: Tried) -> float:
 
     Drivers of another law than the IDM need not follow it in the form in which it is here, and what its form leaves over may be sure.
     """
-    is_like_laws = law_of(tried.fit) != laws.IDM and not _is_unlike_laws(tried.candidate)
+    is_like_laws = law_of(tried.fit) != laws.IDM and not is_unlike_laws(tried.candidate)
     return 0.0 if is_like_laws else -CHANCE
 
 
@@ -163,6 +163,6 @@ def _far_surer_than(strongest: float, candidate: Candidate) -> float:
     return inf if candidate.only_lanes else strongest * FAR_SURER.get(candidate.name, inf)
 
 
-def _is_unlike_laws(candidate: Candidate) -> bool:
+def is_unlike_laws(candidate: Candidate) -> bool:
     """Return whether no law of car-following makes an effect up."""
     return candidate.name in UNLIKE_LAWS and not candidate.is_falling

@@ -8,7 +8,7 @@ import numpy as np
 
 from idm_sumo import laws
 from idm_sumo.diagnosis import evidence as ev
-from idm_sumo.diagnosis import gates
+from idm_sumo.diagnosis import gain_gates, gates
 from idm_sumo.diagnosis import hypotheses as hy
 from idm_sumo.diagnosis.artefact import Seam
 from idm_sumo.diagnosis.choice import Accepted
@@ -144,10 +144,23 @@ def _sentence(accepted: Accepted) -> str:
     )
 
 
+def present(found: Found) -> list[Candidate]:
+    """Return what is there beyond doubt although no rollout is better for it.
+
+    Not what beyond another law than the IDM that law's form may leave over, nor what has no null twin: in 40 recordings of four laws
+    with nothing hidden there were ten of these, and none of the others.
+    """
+    is_idm = law_of(found.base) == laws.IDM
+    return [
+        c for c in found.without_gain
+        if c.name not in ev.ENDOGENOUS and (is_idm or gain_gates.is_unlike_laws(c))
+    ]  # fmt: skip
+
+
 def without_gain(found: Found) -> tuple[CauseFound, ...]:
     """Return what is there but makes no rollout better."""
     out = []
-    for c in found.without_gain:
+    for c in present(found):
         first = hy.acting_of(c)[0]
         estimate = Estimate(c.value, first.unit, (c.value - Z95 * c.error, c.value + Z95 * c.error))
         sentence = f"present ({abs(c.z):.1f} standard errors) without making rollouts better"
@@ -164,7 +177,7 @@ def unexplained(found: Found) -> tuple[Unexplained, ...]:
 
 def ruled_out(found: Found) -> tuple[RuledOut, ...]:
     """Return every tested effect that is not named, with the p-value at the final model, and why not."""
-    named = {a.candidate.name for a in found.accepted} | {c.name for c in found.without_gain}
+    named = {a.candidate.name for a in found.accepted} | {c.name for c in present(found)}
     out = []
     for c in hy.candidates(found.last):
         if c.name in named:
@@ -187,6 +200,8 @@ def why_not(candidate: Candidate, found: Found) -> str:
         return "other car-following laws have as much"
     if not candidate.near_enough:
         return f"smaller than what is named ({candidate.least:g} {hy.acting_of(candidate)[0].unit})"
+    if candidate.name in {c.name for c in found.without_gain}:
+        return "did not make rollouts better, and may be what another car-following law does"
     if abs(candidate.z) <= asked:
         return (
             f"less than the {asked:g} standard errors asked of what smoothing or another car-following law looks like"
@@ -199,7 +214,7 @@ def why_not(candidate: Candidate, found: Found) -> str:
         )
     if found.unexplained:
         return "what is unexplained says more"
-    return "looks like what is present without gain" if found.without_gain else "did not make rollouts better"
+    return "looks like what did not make rollouts better"
 
 
 def power(found: Found) -> tuple[Power, ...]:
