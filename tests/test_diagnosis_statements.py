@@ -74,7 +74,7 @@ def test_what_is_present_without_gain_is_nothing_that_another_law_leaves_over(na
     refused = replace(NOTHING, base=base, fit=base, without_gain=(one.candidate,))
     assert [c.name for c in without_gain(refused)] == [name] * is_told
     if not is_told:
-        assert why_not(one.candidate, refused).startswith("did not make rollouts better, and may be what another")
+        assert why_not(one.candidate, refused).startswith("did not make rollouts better, and something else")
 
 
 def test_what_is_ruled_out_says_its_size_and_why():

@@ -201,7 +201,7 @@ def why_not(candidate: Candidate, found: Found) -> str:
     if not candidate.near_enough:
         return f"smaller than what is named ({candidate.least:g} {hy.acting_of(candidate)[0].unit})"
     if candidate.name in {c.name for c in found.without_gain}:
-        return "did not make rollouts better, and may be what another car-following law does"
+        return "did not make rollouts better, and something else looks like it"
     if abs(candidate.z) <= asked:
         return (
             f"less than the {asked:g} standard errors asked of what smoothing or another car-following law looks like"
