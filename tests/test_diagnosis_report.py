@@ -97,6 +97,9 @@ def test_the_folder_holds_all_of_it(tmp_path, monkeypatch) -> None:
     assert content["causes"][0]["where"]["position_m"] == [200.0, 300.0]
     low, high = content["causes"][0]["where"]["time_s"]
     assert low < high  # where no bound is known, what was seen
+    assert set(content) == {
+        "verdict", "causes", "unexplained", "gain", "ruled_out", "without_gain", "untestable", "power", "law"
+    }  # fmt: skip
     assert content["causes"][0]["where"]["lanes"] is None
     assert content["law"] == "idm"
     assert content["power"] == [
@@ -207,6 +210,7 @@ def test_a_cause_of_one_lane_says_which(tmp_path, monkeypatch) -> None:
     assert "acceleration asymmetry in lane 2 (gamma = 0.4" in diagnosis_words.headline(found)
     write(found, tmp_path / "out", monkeypatch)
     where = json.loads((tmp_path / "out" / "diagnosis.json").read_text())["causes"][0]["where"]
+    assert set(where) == {"position_m", "time_s", "lanes"}
     assert where["lanes"] == [2]
     assert where["position_m"][0] < where["position_m"][1]  # of all that was seen
     assert where["time_s"][0] < where["time_s"][1]

@@ -56,7 +56,7 @@ NOTHING, PLACE, STRANGE = found(), found(tried(20.0, "location")), found(left=(f
 )
 def test_what_is_not_claimed_has_its_reason(name, value, z, p, beside, said):
     candidate = replace(tried(z, name, value).candidate, p=p)
-    assert why_not(candidate, beside).startswith(said)
+    assert why_not(candidate, beside, [candidate]).startswith(said)
 
 
 @pytest.mark.parametrize(
@@ -74,7 +74,9 @@ def test_what_is_present_without_gain_is_nothing_that_another_law_leaves_over(na
     refused = replace(NOTHING, base=base, fit=base, without_gain=(one.candidate,))
     assert [c.name for c in without_gain(refused)] == [name] * is_told
     if not is_told:
-        assert why_not(one.candidate, refused).startswith("did not make rollouts better, and something else")
+        assert why_not(one.candidate, refused, [one.candidate]).startswith(
+            "did not make rollouts better, and something else"
+        )
 
 
 def test_what_is_ruled_out_says_its_size_and_why():

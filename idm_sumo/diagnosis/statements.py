@@ -178,25 +178,25 @@ def unexplained(found: Found) -> tuple[Unexplained, ...]:
 def ruled_out(found: Found) -> tuple[RuledOut, ...]:
     """Return every tested effect that is not named, with the p-value at the final model, and why not."""
     named = {a.candidate.name for a in found.accepted} | {c.name for c in present(found)}
-    out = []
-    for c in hy.candidates(found.last):
+    every, out = hy.candidates(found.last), []
+    for c in every:
         if c.name in named:
             continue
         effect = BY_NAME[c.name]
         half = Z95 * c.error
         estimate = Estimate(c.value, hy.acting_of(c)[0].unit, (c.value - half, c.value + half))
-        out.append(RuledOut(c.name, c.p, effect.confusable_with, estimate, why_not(c, found)))
+        out.append(RuledOut(c.name, c.p, effect.confusable_with, estimate, why_not(c, found, every)))
     return tuple(out)
 
 
-def why_not(candidate: Candidate, found: Found) -> str:
-    """Return in words why an effect that is neither named nor present without gain is not claimed."""
+def why_not(candidate: Candidate, found: Found, every: list[Candidate]) -> str:
+    """Return in words why one of every effect, neither named nor present without gain, is not claimed."""
     asked = gates.SURER.get(candidate.name, 0.0)
     if candidate.p >= gates.SIGNIFICANT:
         return "chance makes as much"
     if not candidate.is_possible:
         return "of a sign that it cannot have"
-    if candidate in hy.impossible([candidate, *hy.candidates(found.last)]):
+    if candidate in hy.impossible(every):
         return "other car-following laws have as much"
     if not candidate.near_enough:
         return f"smaller than what is named ({candidate.least:g} {hy.acting_of(candidate)[0].unit})"
