@@ -8,7 +8,7 @@ import pandas as pd
 
 from idm_sumo import laws
 from idm_sumo.diagnosis import CauseFound, Diagnosis, Gain, Power, Region
-from idm_sumo.effects import BY_NAME, Parameter
+from idm_sumo.effects import BY_NAME, Parameter, in_words
 
 MEASURES = {
     "ade_m": "mean displacement error (m)", "fde_m": "displacement error at the end (m)", "gap_m": "gap error (m)",
@@ -67,7 +67,7 @@ def _what(cause: CauseFound) -> str:
 
 def _sizes(cause: CauseFound) -> str:
     return ", ".join(
-        f"{symbol} = {one.value:.3g}{_unit(one.unit)} (95 %: {one.ci95[0]:.3g} to {one.ci95[1]:.3g})"
+        f"{symbol} = {in_words(one.value, one.unit)} (95 %: {one.ci95[0]:.3g} to {one.ci95[1]:.3g})"
         for symbol, one in cause.parameters.items()
     )
 
@@ -76,10 +76,6 @@ def without_gain_sentence(found: Diagnosis) -> str:
     """Say what is there and makes no rollout better; else nothing."""
     there = " and ".join(f"{_what(one)} ({_sizes(one)}; {p_value(one.p_value)})" for one in found.without_gain)
     return f"Present, but rollouts are not better for it: {there}." if there else ""
-
-
-def _unit(unit: str) -> str:
-    return "" if unit in ("1", "", "number") else f" {unit}"
 
 
 def _where(position: tuple[float, float] | None, time: tuple[float, float] | None) -> str:
@@ -154,7 +150,7 @@ def _another(found: Diagnosis) -> str:
     law, whose = found.other_law, law_of(found)
     return (
         f"{sentence(whose).rstrip('.')} is not quite the law of these drivers, whatever its parameters: what is left looks like "
-        f"{plain(law.name)} with {law.symbol} = {law.value:.2g}{_unit(law.unit)} ({law.standard_errors:.1f} standard errors), a sign "
+        f"{plain(law.name)} with {law.symbol} = {in_words(law.value, law.unit, 2)} ({law.standard_errors:.1f} standard errors), a sign "
         "that it cannot have. Sizes are what that law would need, their intervals are wider for it, and small effects may stay unseen."
     )
 
@@ -189,7 +185,7 @@ def causes_table(causes: Sequence[CauseFound]) -> pd.DataFrame:
     return pd.DataFrame(
         [
             {
-                "cause": plain(cause.name), "symbol": symbol, "value": f"{one.value:.3g}{_unit(one.unit)}",
+                "cause": plain(cause.name), "symbol": symbol, "value": in_words(one.value, one.unit),
                 "95 %": f"{one.ci95[0]:.3g} to {one.ci95[1]:.3g}", "p": f"{cause.p_value:.2g}",
                 "share of the gain": f"{cause.share_of_gain:.0%}",
                 "where and when": "everywhere" if cause.where is None
@@ -207,7 +203,7 @@ def ruled_out_table(found: Diagnosis) -> pd.DataFrame:
         [
             {
                 "effect": plain(one.name), "p": f"{one.p_value:.2g}",
-                "estimated size": "–" if one.estimate is None else f"{one.estimate.value:.2g}{_unit(one.estimate.unit)}",
+                "estimated size": "–" if one.estimate is None else in_words(one.estimate.value, one.estimate.unit, 2),
                 "95 %": "–" if one.estimate is None else f"{one.estimate.ci95[0]:.2g} to {one.estimate.ci95[1]:.2g}",
                 "why not": plain(one.why), "confusable with": ", ".join(map(plain, one.confusable_with)) or "–",
             }
@@ -229,6 +225,6 @@ def magnitude(power: Power) -> Parameter:
 def _seen(one: Power) -> str:
     largest = magnitude(one).upper
     if one.size > largest:
-        return f"no {plain(one.name)} would surely have been seen, up to {one.symbol} = {largest:.3g}{_unit(one.unit)}"
-    size = f"{one.symbol} = {one.size:.3g}{_unit(one.unit)}"
+        return f"no {plain(one.name)} would surely have been seen, up to {one.symbol} = {in_words(largest, one.unit)}"
+    size = f"{one.symbol} = {in_words(one.size, one.unit)}"
     return f"{plain(one.name)} of {size} would have been seen with probability {one.probability:.2f}"

@@ -55,7 +55,7 @@ def test_nothing_hidden_nothing_named(tmp_path):
     }
 
 
-@pytest.mark.parametrize("law", ["idm", "fvd", "gipps"])
+@pytest.mark.parametrize("law", ["fvd", *(pytest.param(law, marks=pytest.mark.slow) for law in ("idm", "gipps"))])
 def test_drivers_of_another_law_are_told_from_those_of_an_idm(law, tmp_path):
     recording = hidden(tmp_path, 23, None, underlying=law, drivers=350, minutes=5.0, sigma=0.15)
     found = checked(diagnose(recording))
@@ -117,7 +117,7 @@ def test_a_headway_that_drifts_or_falls_with_speed_is_named(effect, symbol, size
     assert better(found)
 
 
-@pytest.mark.parametrize("model", ["IDM", "Krauss"])
+@pytest.mark.parametrize("model", [pytest.param("IDM", marks=pytest.mark.slow), "Krauss"])
 def test_nothing_is_named_in_traffic_that_sumo_drives(model, tmp_path):
     assert checked(diagnose(hidden(tmp_path, 21, None, underlying=f"SUMO {model}"))).verdict == "none"
 

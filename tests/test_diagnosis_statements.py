@@ -46,7 +46,7 @@ NOTHING, PLACE, STRANGE = found(), found(tried(20.0, "location")), found(left=(f
         ("hysteresis", -0.1, -8.0, 1e-9, NOTHING, "of a sign that it cannot have"),
         ("speed_dependent_headway", -0.3, -7.9, 1e-9, NOTHING, "other car-following laws have as much"),
         ("speed_dependent_headway", -0.3, -8.1, 1e-9, NOTHING, "looks like what did not make rollouts better"),
-        ("hysteresis", 0.001, 8.0, 1e-9, NOTHING, "smaller than what is named (0.02 1)"),
+        ("hysteresis", 0.001, 8.0, 1e-9, NOTHING, "smaller than what is named (0.02)"),
         ("lane_change_relaxation", 0.5, 4.9, 1e-5, NOTHING, "less than the 5 standard errors asked of what smoothing"),
         ("hysteresis", 0.1, 4.9, 1e-5, PLACE, "less than the 5 standard errors asked of a further cause"),
         ("hysteresis", 0.1, 8.0, 1e-9, PLACE, "may be what location leaves over"),

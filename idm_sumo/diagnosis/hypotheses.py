@@ -19,7 +19,7 @@ Floats = npt.NDArray[np.float64]
 LEAST = {
     "reaction_delay": 0.12, "multi_leader_anticipation": 0.05, "lane_change_relaxation": 0.15,
     "acceleration_asymmetry": 0.15, "leader_class": 0.09, "speed_dependent_headway": 0.075, "perception_threshold": 0.12,
-    "hysteresis": 0.02, "adjacent_lane_friction": 0.012, "location": 0.035, "time_of_day": 0.04,
+    "hysteresis": 0.02, "adjacent_lane_friction": 0.012, "location": 0.035, "time_of_day": 0.03,
     "desired_speed": 0.10, "follower_pressure": 0.25, "courtesy_yielding": 0.15, "pre_insertion": 0.10,
 }  # fmt: skip
 EITHER_SIGN = (
@@ -30,8 +30,7 @@ EITHER_SIGN = (
     "pre_insertion",
     "speed_dependent_headway",
 )
-# Of a headway that is shorter at speed, as for other laws in light traffic; of one that is another at a place, where they are anywhere.
-LEAST_FALLING, LEAST_PLACE_HEADWAY = 0.12, 0.06
+LEAST_PLACE_HEADWAY = 0.06  # of a headway that is another at a place, where they are anywhere
 LEAST_BRAKING, LEAST_DISTANCE = 0.15, 1.0  # m/s², before a lane change; m, behind a truck
 SURE_PLACE, SURE_PLACE_HEADWAY = (
     7.0,
@@ -108,8 +107,6 @@ class Candidate:
     @property
     def least(self) -> float:
         """The size from which on it may be named."""
-        if self.is_falling:
-            return LEAST_FALLING
         if self.name == "location" and acting_of(self)[0].is_share:
             return LEAST_PLACE_HEADWAY if abs(self.z) < SURE_PLACE else SURE_PLACE_HEADWAY
         if self.name in BEFORE_A_CHANGE and not acting_of(self)[0].is_share:

@@ -19,7 +19,7 @@ from idm_sumo.diagnosis.noise import Noise
 from idm_sumo.diagnosis.result import Z95, CauseFound, Estimate, OtherLaw, Power, Region, RuledOut, Scan, Unexplained
 from idm_sumo.diagnosis.search import Found
 from idm_sumo.diagnosis.windows import HORIZON, SECOND, UNTIL_CUT_IN, Windows
-from idm_sumo.effects import BY_NAME, Cause, ExtendedModel
+from idm_sumo.effects import BY_NAME, Cause, ExtendedModel, in_words
 from idm_sumo.idm import IDMParameters
 from idm_sumo.recording import Recording
 from idm_sumo.road import FRAME_STEP
@@ -139,7 +139,7 @@ def _sentence(accepted: Accepted) -> str:
     lane = f" in lane {c.atom.lane}" if c.only_lanes else ""
     rivals = f"; these data cannot tell it from {', '.join(accepted.rivals)}" if accepted.rivals else ""
     return (
-        f"drivers behave as if each {BY_NAME[c.name].summary}{lane}: {first.symbol} = {accepted.value:.3g} {first.unit}, "
+        f"drivers behave as if each {BY_NAME[c.name].summary}{lane}: {first.symbol} = {in_words(accepted.value, first.unit)}, "
         f"{abs(c.z):.1f} standard errors beyond what null twins of the same drivers, noise and smoothing show{late}{rivals}"
     )
 
@@ -199,7 +199,7 @@ def why_not(candidate: Candidate, found: Found, every: list[Candidate]) -> str:
     if candidate in hy.impossible(every):
         return "other car-following laws have as much"
     if not candidate.near_enough:
-        return f"smaller than what is named ({candidate.least:g} {hy.acting_of(candidate)[0].unit})"
+        return f"smaller than what is named ({in_words(candidate.least, hy.acting_of(candidate)[0].unit)})"
     if candidate.name in {c.name for c in found.without_gain}:
         return "did not make rollouts better, and something else looks like it"
     if abs(candidate.z) <= asked:

@@ -26,7 +26,7 @@ Events that lie ahead (``until_cut_in``, ``until_own_change``) are known in repl
 from idm_sumo.effects.acceleration import BLIND, Sight, extended_acceleration
 from idm_sumo.effects.catalogue import BY_NAME, CATALOGUE
 from idm_sumo.effects.extended_model import Cause, ExtendedModel
-from idm_sumo.effects.record import Effect, Parameter
+from idm_sumo.effects.record import Effect, Parameter, in_words
 
 __all__ = [
     "BLIND",
@@ -38,4 +38,5 @@ __all__ = [
     "Parameter",
     "Sight",
     "extended_acceleration",
+    "in_words",
 ]

@@ -13,6 +13,7 @@ import numpy.typing as npt
 from idm_sumo import laws, road
 from idm_sumo.effects import slots
 from idm_sumo.effects.catalogue import BY_NAME
+from idm_sumo.effects.record import in_words
 from idm_sumo.errors import InputError
 from idm_sumo.idm import IDMParameters
 
@@ -179,7 +180,7 @@ def _cause(entry: dict[str, object], name: str) -> Cause:
         p = known[symbol]
         if not p.lower <= value <= p.upper:
             raise InputError(
-                f"{name}: cause {label!r}: {symbol} = {value:g} {p.unit}; give it from {p.lower:g} to {p.upper:g}"
+                f"{name}: cause {label!r}: {symbol} = {in_words(value, p.unit, 6)}; give it from {p.lower:g} to {p.upper:g}"
             )
     lanes = entry.get("lanes") or ()
     return Cause(label, values, tuple(int(n) for n in lanes))  # type: ignore[attr-defined]

@@ -10,6 +10,11 @@ import numpy as np
 import numpy.typing as npt
 
 
+def in_words(value: float, unit: str, digits: int = 3) -> str:
+    """Return a number to some digits with its unit, none where the unit is 1."""
+    return f"{value:.{digits}g}" + ("" if unit in ("1", "", "number") else f" {unit}")
+
+
 class Parameter(NamedTuple):
     """One number of an effect.
 
