@@ -313,3 +313,17 @@ def test_what_no_law_makes_up_and_is_surely_there_need_not_gain(name, value, z, 
     candidate = tried(z, name, value).candidate
     unclear = gain(difference, 1.0)
     assert gain_gates.is_confirmed(gain(difference, 0.04), unclear, gain(0.003, 0.01), candidate) is confirmed
+
+
+@pytest.mark.parametrize(
+    ("name", "fitted", "difference", "confirmed"),
+    [
+        ("time_of_day", 0.02, -0.01, True),
+        ("time_of_day", 0.02, -0.05, False),  # clearly worse
+        ("time_of_day", 0.005, -0.01, False),
+        ("reaction_delay", 0.02, -0.01, False),
+    ],
+)
+def test_what_gains_clearly_and_no_law_makes_up_must_not_be_clearly_worse(name, fitted, difference, confirmed):
+    unclear, candidate = gain(0.0, 1.0), tried(6.0, name).candidate
+    assert gain_gates.is_confirmed(gain(difference, 0.04), unclear, gain(fitted, 0.01), candidate) is confirmed

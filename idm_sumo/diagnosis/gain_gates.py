@@ -122,7 +122,7 @@ def is_confirmed(held_out: Gain, typical: Gain, fitted: Gain, first: Candidate) 
     """Return whether drivers that were never touched bear out the causes: they drive better, nine to one, or the typical one clearly.
 
     They are a third as many as those that fit. So what is surely there and gains clearly on those, or is made up by no law of
-    car-following, must not be worse on these, and what is beyond doubt not clearly worse.
+    car-following, must not be worse on these, and what is both, or beyond doubt, not clearly worse.
 
     Parameters
     ----------
@@ -132,11 +132,11 @@ def is_confirmed(held_out: Gain, typical: Gain, fitted: Gain, first: Candidate) 
         Of the first cause, on the drivers that fit.
     first : Candidate
     """
-    z = abs(first.z)
-    if z > BEYOND_DOUBT and held_out.ci95[1] > 0.0:
-        return True
-    surely_real = fitted.ci95[0] > 0.0 or is_unlike_laws(first)
-    reason_enough = typical.ci95[0] > 0.0 or (z > SURE_AGAIN and surely_real)
+    clear, unlike_laws = fitted.ci95[0] > 0.0, is_unlike_laws(first)
+    is_sure = abs(first.z) > SURE_AGAIN
+    if abs(first.z) > BEYOND_DOUBT or (is_sure and clear and unlike_laws):
+        return held_out.ci95[1] > 0.0
+    reason_enough = typical.ci95[0] > 0.0 or (is_sure and (clear or unlike_laws))
     return held_out.is_likely or (reason_enough and held_out.difference > 0.0)
 
 
