@@ -140,6 +140,7 @@ def test_what_is_hidden_in_one_lane_only_is_named_there(tmp_path):
     assert "in lane 2" in found.causes[0].evidence
 
 
+@pytest.mark.slow
 def test_an_effect_that_only_the_drivers_of_one_lane_have_is_named_there_at_its_size(tmp_path):
     found = checked(diagnose(hidden(tmp_path, 33, "hysteresis", form="usual", only_lane=1)))
     assert [cause.name for cause in found.causes] == ["hysteresis"]
