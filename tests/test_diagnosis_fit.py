@@ -10,7 +10,7 @@ import pytest
 from idm_sumo import laws
 from idm_sumo.diagnosis import law
 from idm_sumo.diagnosis import rollout as ro
-from idm_sumo.diagnosis.fit import LOWER, UPPER, elsewhere, fit_drivers, improve, linearise, misfits
+from idm_sumo.diagnosis.fit import LOWER, UPPER, elsewhere, fit_drivers, for_rollouts, improve, linearise, misfits
 from idm_sumo.effects import slots
 from tests.test_diagnosis_rollout import DRIVERS, followers
 
@@ -85,3 +85,9 @@ def test_the_derivative_by_what_drivers_share_is_that_of_the_rollouts(krauss):
     more[:, slots.REACTION_CHANGE] += 1e-4
     moved = (ro.positions(krauss, fit.theta, more) - ro.positions(krauss, fit.theta, fit.by_lane)) / 1e-4
     np.testing.assert_allclose(linearise(krauss, fit).shared[:, :, 0], moved, atol=0.05 * np.abs(moved).max())
+
+
+def test_fitted_for_rollouts_no_driver_is_excused_by_where_it_may_have_started(fitted):
+    windows, fit = fitted
+    near, far = (for_rollouts(windows, replace(fit, start_variance=start)) for start in (0.0 * START, 1e4 * START))
+    assert np.array_equal(near.own, far.own)

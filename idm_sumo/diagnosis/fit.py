@@ -304,11 +304,14 @@ def for_rollouts(windows: Windows, fit: Fit, *, known: bool = False) -> Fit:
 
     Population and magnitudes stay as they are. Unless the drivers are ``known``, the windows may be of others than those of the
     fit. The likelihood's own fit weighs moments by how they vary together: it says what is there, but drives farther from the
-    recording than need be.
+    recording than need be. Nor may a start be off here, as rollouts begin where the recording does: where it may, a driver at the
+    edge of stability, whom a start a little off leads anywhere, is excused wherever he ends (one held-out driver of 107 ended 17 m off,
+    and a hysteresis that halves the error of the others gained nothing on average).
     """
     own = fit.own if known else np.tile(fit.mean, (windows.drivers, 1))
     alike = np.diag(np.full(len(fit.residual), np.diag(fit.residual).mean()))
-    fit = replace(fit, own=own, residual=alike, weight=np.ones(len(windows.seen)))
+    exact = np.zeros_like(fit.start_variance)
+    fit = replace(fit, own=own, residual=alike, weight=np.ones(len(windows.seen)), start_variance=exact)
     fit = elsewhere(windows, fit)
     for _ in range(3 if known else 6):
         fit = improve(windows, fit, hyper=False, new_mean=False)

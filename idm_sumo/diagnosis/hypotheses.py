@@ -18,7 +18,7 @@ Floats = npt.NDArray[np.float64]
 # Smaller than this an effect is neither worth a name nor safe from what the car-following underneath gets wrong.
 LEAST = {
     "reaction_delay": 0.12, "multi_leader_anticipation": 0.05, "lane_change_relaxation": 0.15,
-    "acceleration_asymmetry": 0.18, "leader_class": 0.09, "speed_dependent_headway": 0.075, "perception_threshold": 0.12,
+    "acceleration_asymmetry": 0.15, "leader_class": 0.09, "speed_dependent_headway": 0.075, "perception_threshold": 0.12,
     "hysteresis": 0.02, "adjacent_lane_friction": 0.012, "location": 0.035, "time_of_day": 0.03,
     "desired_speed": 0.10, "follower_pressure": 0.25, "courtesy_yielding": 0.15, "pre_insertion": 0.10,
 }  # fmt: skip
