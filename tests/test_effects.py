@@ -8,7 +8,17 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from idm_sumo import idm, laws
-from idm_sumo.effects import BLIND, BY_NAME, CATALOGUE, Cause, ExtendedModel, Sight, extended_acceleration, slots
+from idm_sumo.effects import (
+    BLIND,
+    BY_NAME,
+    CATALOGUE,
+    Cause,
+    ExtendedModel,
+    Sight,
+    extended_acceleration,
+    in_words,
+    slots,
+)
 from idm_sumo.effects.reaction_delay import REMEMBERED, acted_on, follow_another, recall
 from idm_sumo.errors import InputError
 from idm_sumo.idm import IDMParameters
@@ -328,3 +338,15 @@ def test_a_size_out_of_bounds_is_refused_with_its_bounds(tau, tmp_path):
     )
     with pytest.raises(InputError, match=r"m\.json: cause 'reaction_delay': tau = .* s; give it from 0 to 1\.5"):
         ExtendedModel.read(tmp_path / "m.json")
+
+
+@pytest.mark.parametrize(
+    ("name", "said"),
+    [
+        ("speed_dependent_headway", "0.329 per 10 m/s"),
+        ("adjacent_lane_friction", "0.329 1/s"),
+        ("leader_class", "0.329"),
+    ],
+)
+def test_numbers_are_said_with_their_unit(name: str, said: str) -> None:
+    assert in_words(0.3291, BY_NAME[name].parameters[0].unit) == said

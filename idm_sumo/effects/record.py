@@ -11,8 +11,9 @@ import numpy.typing as npt
 
 
 def in_words(value: float, unit: str, digits: int = 3) -> str:
-    """Return a number to some digits with its unit, none where the unit is 1."""
-    return f"{value:.{digits}g}" + ("" if unit in ("1", "", "number") else f" {unit}")
+    """Return a number to some digits with its unit, none where that is 1, and "per 10 m/s" where it is "1 per 10 m/s"."""
+    said = "" if unit in ("1", "number") else unit.removeprefix("1 ")
+    return f"{value:.{digits}g} {said}".rstrip()
 
 
 class Parameter(NamedTuple):
