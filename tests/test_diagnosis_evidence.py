@@ -65,6 +65,16 @@ def test_one_window_that_explodes_is_held_back_and_the_others_stay():
     np.testing.assert_allclose(tamed[7, :, 0] / tamed[7, 0, 0], columns[7, :, 0] / columns[7, 0, 0])
 
 
+def test_errors_of_a_window_count_less_in_proportion_to_what_it_answers_beyond_the_usual():
+    response = np.random.default_rng(3).uniform(0.9, 1.1, (60, 24, 24))
+    response[7] *= 10.0
+    response[8] *= 20.0
+    counts = at.calm(response)
+    usual = np.delete(np.arange(60), [7, 8])
+    np.testing.assert_array_equal(counts[usual], 1.0)
+    np.testing.assert_allclose(counts[7:9], [at.MOST_ANSWERED / 10.0, at.MOST_ANSWERED / 20.0], rtol=0.02)
+
+
 def test_a_rare_effect_is_not_its_own_noise():
     part = np.zeros((200, 1))
     part[:8] = 5.0

@@ -23,7 +23,8 @@ def test_what_is_there_and_then_only_is_no_place_and_no_time(z, beyond, neither)
 @pytest.mark.parametrize(
     ("covariate", "z", "stands_out"),
     [
-        ("position and time", 6.0, True),
+        ("position and time", 5.9, False),
+        ("position and time", 6.1, True),
         ("position and time", 5.0, False),
         ("position", 6.0, False),  # the catalogue's own place would have said it
         ("position", 7.0, True),

@@ -35,10 +35,30 @@ def test_the_shadow_of_what_was_refused_is_no_cause(monkeypatch, support, named)
     monkeypatch.setattr(search.hy, "candidates", lambda _: [refused.candidate, shadow.candidate])
     monkeypatch.setattr(search.hy, "forms", lambda _, one: [one])
     monkeypatch.setattr(search.choice, "judged", lambda *_: answers.pop(0))
+    monkeypatch.setattr(search, "two_together", lambda *_: ())
     without = []
     chosen = _next(None, fit, evidence(0.0), [], without, [], Brief(np.random.default_rng(0)))
     assert bool(chosen) is named
     assert [one.name for one in without] == ["hysteresis"]
+
+
+def test_a_shadow_may_be_a_cause_together_with_what_was_refused(monkeypatch):
+    """Drivers who relax drive no better by that alone, and an asymmetry without it takes up a fifth of what it says."""
+    fit = fit_drivers(
+        followers(ro.PLAIN, np.random.default_rng(5))[0], ro.PLAIN.copy(), np.array([1e-4, 1e-4]), rounds=1
+    )
+    refused = Tried(candidate(8.1, "lane_change_relaxation"), fit, 512.0)
+    shadow = Tried(candidate(5.6, "acceleration_asymmetry"), fit, 103.0)
+    nothing = Gain("ade_m", 1.0, 1.0, 0.0, (-0.1, 0.1), 10, False)
+    answers = [(refused, None), (shadow, Accepted(shadow, 0.2, 0.01, nothing, ()))]
+    both = tuple(Accepted(one, 0.5, 0.01, nothing, ()) for one in (refused, shadow))
+    monkeypatch.setattr(search.hy, "candidates", lambda _: [refused.candidate, shadow.candidate])
+    monkeypatch.setattr(search.hy, "forms", lambda _, one: [one])
+    monkeypatch.setattr(search.choice, "judged", lambda *_: answers.pop(0))
+    monkeypatch.setattr(search, "two_together", lambda _subject, _fit, first, *_: both if first is refused else ())
+    without = []
+    assert _next(None, fit, evidence(0.0), [], without, [], Brief(np.random.default_rng(0))) == both
+    assert not without
 
 
 @pytest.mark.parametrize(
@@ -65,6 +85,7 @@ def test_a_time_that_what_was_refused_leaves_is_no_shadow_and_that_is_asked_agai
     monkeypatch.setattr(search.hy, "forms", lambda _, one: [one])
     monkeypatch.setattr(search.choice, "judged", lambda *_: answers.pop(0))
     monkeypatch.setattr(search.ev, "examine", lambda *_, **__: evidence(0.0))
+    monkeypatch.setattr(search, "two_together", lambda *_: ())
     without = []
     chosen = _next(None, fit, evidence(0.0), [], without, [], Brief(np.random.default_rng(0)))
     assert bool(chosen) is named

@@ -68,6 +68,7 @@ class Atom:
 
 NOTHING = 1e-9  # m per unit of a magnitude
 LONGEST_COLUMN = 3.0  # times the ninetieth percentile over the windows
+MOST_ANSWERED = 1.5  # times the median window's answer to pulses, from which on a window's errors count less
 
 
 def tamed(columns: Floats) -> Floats:
@@ -133,7 +134,20 @@ class Answer(NamedTuple):
 def answer_of(windows: w.Windows, fit: Fit, pivot: float) -> Answer:
     """Return what the rollouts of windows do at a fit; ``pivot`` (m/s) of :class:`Grid`."""
     response, state = ro.respond(windows.seen, windows.driver, fit.theta, fit.by_lane)
-    return Answer(linearise(windows, fit), response, state, linear_pulses(windows.seen, state, pivot))
+    line = linearise(windows, fit)
+    line = replace(line, whitener=line.whitener * calm(response)[:, None, None])
+    return Answer(line, response, state, linear_pulses(windows.seen, state, pivot))
+
+
+def calm(response: Floats) -> Floats:
+    """Return factors ``(windows,)`` by which errors of windows that answer pulses much more than usual count less.
+
+    A driver's own noise is such pulses, and what it leaves in a window is in proportion to the answer, while the covariance of what
+    windows leave is pooled. Where drivers are at the edge of stability (late ones, say) a few windows would be most of the information
+    there is, with errors far beyond those that they are credited with.
+    """
+    size = np.sqrt((response**2).sum(axis=(1, 2)))
+    return np.asarray(np.minimum(1.0, MOST_ANSWERED * np.median(size) / np.maximum(size, NOTHING)))
 
 
 def build(windows: w.Windows, fit: Fit, answer: Answer, grid: Grid) -> tuple[list[Atom], Floats]:

@@ -29,10 +29,9 @@ ENDLESS = ("desired_speed", "location", "time_of_day")
 # says more (twice its logarithm's gain).
 UNDERRATED = ("reaction_delay", "perception_threshold", "lane_change_relaxation")
 LIKELY, LEAST_SUPPORT = 3.5, 150.0
-# Who, where and when: no motion makes these up, so that of what is not quite significant (p) a clear gain may decide.
-OUTER, DOUBTFUL = ("leader_class", "location", "time_of_day"), 0.02
-TO_COME = ("courtesy_yielding", "pre_insertion")  # nor a change of lane that nobody has made yet
-NO_MOTION = (*OUTER, *TO_COME)
+TO_COME = ("courtesy_yielding", "pre_insertion")  # a change of lane that nobody has made yet
+# Nor does any motion make up who is ahead, where and when: of what is not quite significant (p) a clear gain may decide.
+NO_MOTION, DOUBTFUL = ("leader_class", "location", "time_of_day", *TO_COME), 0.02
 CLEAR = 5.0  # standard errors that a further cause needs
 FREE_CLEAR = 5.5  # standard errors from which on something free stands out
 STILL = 0.5  # of a squared z, that is left with the best cause in the model: that cause does not hold it
@@ -86,7 +85,7 @@ def is_significant(candidate: Candidate) -> bool:
 def is_doubtful(candidate: Candidate) -> bool:
     """Return whether a candidate is not quite significant, and a clear gain may decide."""
     doubtful = SIGNIFICANT <= candidate.p < DOUBTFUL
-    return doubtful and candidate.name in OUTER and candidate.near_enough
+    return doubtful and candidate.name in NO_MOTION and candidate.near_enough
 
 
 def is_worth_trying(candidate: Candidate, *, is_first: bool) -> bool:
@@ -121,7 +120,7 @@ def _is_clear_beside(candidate: Candidate) -> bool:
 
 def needs_gain(candidate: Candidate, *, is_first: bool) -> bool:
     """Return whether a candidate, one that motion does not make up, is not sure enough for a cause unless it gains."""
-    unsure = is_significant(candidate) and not _is_clear_beside(candidate) and candidate.name in OUTER
+    unsure = is_significant(candidate) and not _is_clear_beside(candidate) and candidate.name in NO_MOTION
     return is_doubtful(candidate) or (unsure and not is_first)
 
 

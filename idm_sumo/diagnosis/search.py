@@ -202,7 +202,7 @@ def _next(
 
     What is there without gain is added to ``without``. Who, where, when or a lane change to come is no shadow
     of what was refused if it is still there with that in the model; beside it the refused may gain, and is asked again. Where nothing gains alone,
-    two may together.
+    or only a shadow, two may together.
     """
     used = {a.candidate.name for a in accepted} | {c.name for c in without}
     there = [c for c in gates.believed(evidence) if c.name not in used]
@@ -227,7 +227,7 @@ def _next(
             if refused is None or chosen.tried.support > SHADOW * refused.support:
                 return (chosen,)
             if not choice.stands_beside(subject, refused, chosen.candidate, lucks):
-                return ()
+                break
             without[:] = [c for c in without if c.name != refused.candidate.name]
             return (chosen,)
         refused = best if refused is None else max(refused, best, key=lambda one: one.support)
