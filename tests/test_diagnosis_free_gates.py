@@ -257,3 +257,17 @@ def test_what_changes_with_the_time_since_the_entry_is_told_from_a_place(monkeyp
     monkeypatch.setattr(free_gates, "standing_out", lambda _: (one,))
     assert free_gates.is_stood_in_for(one)
     assert bool(free_gates.outside(replace(evidence(0.0, one, along), atoms=bins))) is is_it
+
+
+@pytest.mark.parametrize(
+    ("name", "z", "drawn", "is_outside"),
+    [
+        ("adjacent_lane_friction", 8.0, 10.8, True),
+        ("adjacent_lane_friction", 15.9, 7.4, False),  # drivers who are slowed
+        ("hysteresis", 8.0, 10.8, False),  # another law may look like it
+    ],
+)
+def test_of_a_slower_lane_and_a_faster_one_that_is_believed_which_says_more(monkeypatch, name, z, drawn, is_outside):
+    seen = [Candidate(name, 0.05, 0.01, z, 1e-6, Atom(name, 0.05), 1.0, 0.0)]
+    monkeypatch.setattr(gates, "believed", lambda _: seen)
+    assert bool(free_gates.outside(evidence(0.0, free("faster_difference", drawn)))) is is_outside
