@@ -14,7 +14,7 @@ from idm_sumo.diagnosis import left_over as lo
 from idm_sumo.diagnosis import rollout as ro
 from idm_sumo.diagnosis import windows as w
 from idm_sumo.diagnosis.bins import pulse_means
-from idm_sumo.diagnosis.fit import Fit, fit_drivers
+from idm_sumo.diagnosis.fit import Fit, fit_drivers, linearise
 from idm_sumo.diagnosis.linear_pulses import GUARD, LINEAR
 from idm_sumo.diagnosis.pulses import Pulses, pulses_of
 from idm_sumo.diagnosis.scans import Stretch
@@ -28,6 +28,13 @@ def driven() -> tuple[w.Windows, Fit, at.Grid, at.Answer]:
     windows, _ = followers(ro.PLAIN, np.random.default_rng(4))
     fit = fit_drivers(windows, ro.PLAIN.copy(), START, rounds=6)
     return windows, fit, at.grid_of(windows), at.answer_of(windows, fit, at.grid_of(windows).pivot)
+
+
+def test_windows_are_weighed_by_how_calm_they_are(driven):
+    windows, fit, _, answer = driven
+    expected = linearise(windows, fit).whitener * at.calm(answer.response)[:, None, None]
+    np.testing.assert_allclose(answer.line.whitener, expected)
+    assert at.calm(answer.response).min() < 1.0
 
 
 def test_pulses_add_up_to_the_score_and_the_gram_matrix_of_a_field(driven):
