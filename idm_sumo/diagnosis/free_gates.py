@@ -89,7 +89,7 @@ def _usual(one: LeftOver) -> float:
     """Return the standard errors from which on something free stands out where drivers follow the model's law."""
     if one.covariate.startswith(SWING):
         return FREE_SWING
-    if one.covariate.startswith(UNSTEADY):
+    if is_unsteady(one):
         return FREE_UNSTEADY
     if one.subject in ff.AROUND:
         return FREE_AROUND
@@ -133,7 +133,7 @@ def outside(evidence: ev.Evidence) -> tuple[LeftOver, ...]:
 
 def _excess(one: LeftOver) -> float:
     """Return the share of the best cause's squared z that something free must exceed."""
-    if one.covariate.startswith(UNSTEADY):
+    if is_unsteady(one):
         return FREE_SPREAD
     return FREE_CHANGE if one.covariate.startswith(ff.CHANGES) else FREE_EXCESS
 
@@ -164,6 +164,11 @@ def _shown_by(one: LeftOver) -> str | None:
 def _sign_of(one: LeftOver) -> float:
     """Return the sign of what is free times that of the covariate where it is."""
     return float(np.sign(one.value) * (1.0 if one.range is None else np.sign(sum(one.range))))
+
+
+def is_unsteady(one: LeftOver) -> bool:
+    """Return whether it is where or when drivers are less steady."""
+    return one.covariate.startswith(UNSTEADY)
 
 
 def is_stood_in_for(strange: LeftOver) -> bool:

@@ -164,7 +164,8 @@ def _outside(
     Where the best effect, once at its size, says more than what is free, it is put into the model, its edges where they belong (a
     second beside, and drivers seem to answer otherwise there), and what is free is looked for again: then it counts only if it is
     still there, and if no second effect beside the first says more than that and takes it away. What is there and then only needs no
-    such look: no cause of the catalogue is.
+    such look: no cause of the catalogue is. Where drivers seem less steady it is looked for again whatever the best effect says: a time
+    or a place that is not in the model makes them seem so.
     """
     strange = free_gates.outside(first)
     if not strange or free_gates.is_neither(strange[0]) or free_gates.is_stood_in_for(strange[0]):
@@ -172,7 +173,7 @@ def _outside(
     left, names, evidence = strange, list[str](), first
     for beside in (known, Known()):
         best = choice.most_supported(subject, fit, evidence, lucks, names, beside)
-        if best is None or best.support < left[0].z ** 2:
+        if best is None or (best.support < left[0].z ** 2 and not free_gates.is_unsteady(strange[0])):
             return strange
         names.append(best.candidate.name)
         fit = anew(subject, sharpened(subject, best.fit, names))
