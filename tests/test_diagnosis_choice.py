@@ -88,6 +88,7 @@ def test_a_form_or_a_shadow_with_less_support_is_not_taken_however_it_drives(
 def test_of_an_effects_forms_only_those_count_that_are_there(monkeypatch):
     windows, _ = followers(ro.PLAIN, np.random.default_rng(5))
     base = fit_drivers(windows, ro.PLAIN.copy(), np.array([1e-4, 1e-4]), rounds=1)
+    monkeypatch.setattr(choice, "anew", lambda _subject, fit: fit)
     sure, faint = candidate(6.0, "location", -0.15), replace(candidate(4.0, "location", 0.05), p=0.1)
 
     def chosen(*each):
@@ -97,6 +98,22 @@ def test_of_an_effects_forms_only_those_count_that_are_there(monkeypatch):
 
     assert chosen((sure, 60.0), (faint, 63.0)) is sure
     assert chosen((faint, 63.0), (replace(faint, value=-0.05), 50.0)) is faint
+
+
+def test_forms_are_compared_at_rest(monkeypatch):
+    windows, _ = followers(ro.PLAIN, np.random.default_rng(5))
+    base = fit_drivers(windows, ro.PLAIN.copy(), np.array([1e-4, 1e-4]), rounds=6)
+    on_the_way = replace(base, spread=1e-4 * base.spread)  # drivers are thought to be all the same still
+    subject = Subject(windows, Noises(QUIET, QUIET), at.grid_of(windows), True)
+    each = [
+        Tried(candidate(9.0), on_the_way, 100.0),
+        Tried(candidate(9.0, value=0.3), with_cause(base, candidate(9.0, "acceleration_asymmetry", 0.2)), 60.0),
+    ]
+    assert gain_of(subject, each[0].fit, each[1].fit, np.random.default_rng(0)).ci95[0] > 0.0
+    monkeypatch.setattr(choice, "climbed", lambda *_: each.pop(0))
+    best, _ = strongest(subject, base, [one.candidate for one in each], [], np.random.default_rng(0))
+    assert best.candidate.value == 0.5
+    assert gain_of(subject, on_the_way, best.fit, np.random.default_rng(0)).ci95[0] > 0.0
 
 
 def test_candidates_climb_to_their_sizes_once(monkeypatch):

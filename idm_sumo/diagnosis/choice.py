@@ -53,7 +53,6 @@ def judged(
 ) -> tuple[Tried, Accepted | None]:  # fmt: skip
     """Return the best of several candidates, and it as a cause if it passes every gate beside all that is there."""
     best, rivals = strongest(subject, fit, forms, lucks, rng, known)
-    best = replace(best, fit=anew(subject, best.fit))
     gain = gain_of(subject, fit, best.fit, rng)
     candidate = best.candidate
     # A likelihood that gains next to nothing, or falls, although vehicles are driven clearly better: not all drivers have it. What
@@ -84,7 +83,9 @@ def strongest(
     there = {tried.candidate.name for tried in each if gates.is_there(tried)}
     believed = [tried for tried in each if gates.is_there(tried) or tried.candidate.name not in there]
     most, *others = sorted(believed, key=lambda t: -t.support)
-    alike = [t for t in others if t.support > RIVAL * most.support and t.candidate.name != most.candidate.name]
+    compared = [t for t in others if _is_rival(t, most) or not _support_decides(t, most)]
+    most, *others = _at_rest(subject, [most, *compared])
+    alike = [t for t in others if _is_rival(t, most)]
     rivals = {t.candidate.name for t in [most, *alike]}
     best = min([most, *alike], key=lambda t: typical_ade(subject.windows, t.fit)) if alike else most
     for other in [t for t in [most, *others] if t is not best]:
@@ -110,6 +111,20 @@ def at_sizes(subject: Subject, fit: Fit, each: list[Candidate], lucks: list[Luck
     least = support.get((), -np.inf)
     wanted = [c for c in each if _knows_both(c) and all(support.get((k,), np.inf) > least for k in c.atom.fixed[1:])]
     return tried + climb(wanted)
+
+
+def _at_rest(subject: Subject, each: list[Tried]) -> list[Tried]:
+    """Return what was tried with drivers fitted from scratch: after a climb some are farther from where they come to rest than others.
+
+    (A dead band of 1 m/s, hidden beyond another law, had come as a soft one of 0.75: its own form, once at rest, drives an eighth nearer.)
+    """
+    fits = each_in_threads(lambda tried: anew(subject, tried.fit), each)
+    return [replace(tried, fit=fit) for tried, fit in zip(each, fits, strict=True)]
+
+
+def _is_rival(other: Tried, most: Tried) -> bool:
+    """Return whether another cause has nearly as much support as the one that has most."""
+    return other.support > RIVAL * most.support and other.candidate.name != most.candidate.name
 
 
 def _knows_both(candidate: Candidate) -> bool:
