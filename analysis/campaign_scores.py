@@ -134,14 +134,15 @@ def sized(trials: pd.DataFrame) -> pd.DataFrame:
 def _sizes(trial: dict[str, Any]) -> Iterator[dict[str, Any]]:
     for cause in trial["found"]["causes"]:
         if cause["name"] in trial["effects"]:
-            truth = abs(trial["effects"][cause["name"]])
-            if "ell" in cause["parameters"]:
+            truth, form = abs(trial["effects"][cause["name"]]), trial["plan"]["form"]
+            if "ell" in cause["parameters"]:  # a share of the headway is more or less metres, by the speed
+                form = "other"
                 truth *= TRUCK_DISTANCE_ELSEWHERE if "truth" in trial else TRUCK_DISTANCE
             one = next(iter(cause["parameters"].values()))  # the size comes first
             low, high = sorted(abs(bound) for bound in one["ci95"])
             low = 0.0 if one["ci95"][0] < 0.0 < one["ci95"][1] else low
             yield {
-                "name": cause["name"], "form": trial["plan"]["form"], "underlying": trial["plan"]["underlying"],
+                "name": cause["name"], "form": form, "underlying": trial["plan"]["underlying"],
                 "planted": truth, "estimate": abs(one["value"]), "low": low, "high": high,
                 "error": abs(abs(one["value"]) / truth - 1), "covered": low <= truth <= high, "seed": trial["seed"],
             }  # fmt: skip

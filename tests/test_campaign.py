@@ -78,6 +78,7 @@ def test_metres_behind_trucks_are_held_against_metres():
     kept["parameters"] = {"ell": kept["parameters"].pop("size")}
     one = trial("single", {"leader_class": 0.3}, [kept])
     assert sized(pd.DataFrame([one]))["planted"].tolist() == pytest.approx([0.3 * 1.25 * 9.0])
+    assert sized(pd.DataFrame([one]))["form"].tolist() == ["other"]  # seconds are no metres
     assert sized(pd.DataFrame([{**one, "truth": {}}]))["planted"].tolist() == pytest.approx([4.5])
 
 
