@@ -20,7 +20,7 @@ from idm_sumo.progress import silent
 from idm_sumo.threads import each_in_threads
 
 TRIED = 3  # effects at most, that are brought to their sizes and compared
-HEARD = 1  # of the twins, on the way to the size of a delay
+HEARD = 2  # of the twins, on the way to the size of a candidate
 FORM = 0.5  # of the best form's support: one of the same effect with less is not taken for it, however it drives
 FAR_LESS = (
     0.35  # of the best cause's support: another with less is at most what the best one looks like, however it drives

@@ -87,17 +87,18 @@ def climbed(subject: Subject, fit: Fit, candidate: Candidate, lucks: Sequence[Lu
 
     The score near zero underrates what is not linear (a dead band, a long delay) or what the fitted drivers have absorbed. The
     integral of the score over the magnitude, freed from the twins' at every point, is the log-likelihood that it gains. Where that
-    leads away from the recorded vehicles (another form of the effect), the magnitude stays where the climb began. On the way to a
-    delay, a place or a time twins with ``lucks`` are heard, if there are any: what smoothing makes of a short delay is not what it
-    makes of the longer one with which the candidate was found, and drivers drawn anew, far from where those were whom they replace,
-    answer a place or a time from there.
+    leads away from the recorded vehicles (another form of the effect), the magnitude stays where the climb began. On the way twins
+    with ``lucks`` are heard, if there are any: what smoothing makes of a short delay is not what it makes of the longer one with which
+    the candidate was found; drivers drawn anew, far from where those were whom they replace, answer a place or a time from there; and
+    what the car-following's form takes off a magnitude changes with it. (Headways that are half as long again behind trucks had come to
+    0.29 for that, and as metres.) A delay's way is long, and the first luck alone is heard there.
     """
     delayed = candidate.name == DELAY
     begins = _delayed(subject, fit, candidate) if delayed else [refitted(subject, with_cause(fit, candidate), rounds=2)]
     now, heard, scores = begins[-1], {0.0: candidate.bias}, {0.0: candidate.score}
     if delayed and lucks:
-        heard, scores = _heard_on_the_way(subject, [with_cause(fit, candidate, hy.NEXT_TO_NOTHING), *begins], lucks)
-    elif candidate.name in hy.SCANNED and lucks:
+        heard, scores = _heard_on_the_way(subject, [with_cause(fit, candidate, hy.NEXT_TO_NOTHING), *begins], lucks[:1])
+    elif lucks:
         here = ev.look_here(subject, now)
         heard[_value(now, candidate.name)] = ev.local_biases(subject, now, here, lucks)[candidate.name].score
     value, support = _value(now, candidate.name), 0.0
