@@ -89,6 +89,17 @@ def test_a_delay_climbs_to_its_size_with_twins_heard_on_the_way(tau):
     assert tried.support > 0.0
 
 
+def test_what_twins_say_at_the_size_where_a_climb_begins_is_taken_off(monkeypatch):
+    subject, fit = with_planted(slots.BAND, 0.8)
+    one = Candidate(NAME, 0.4, 0.05, 8.0, 1e-9, Atom(NAME, 0.3, ((slots.BAND, 0.3),)), score=160.0)
+    luck = draws(subject.windows, subject.noises, 1, np.random.default_rng(0))
+    assert climbed(subject, fit, one, luck).candidate.value > 0.5  # twins without any noise say next to nothing
+    monkeypatch.setattr(ev, "local_biases", lambda _subject, _fit, here, _lucks: ev.local_scores(here))
+    assert climbed(subject, fit, one, luck).candidate.value == pytest.approx(
+        0.4
+    )  # these say all that the recording does
+
+
 def test_a_form_that_the_data_want_the_other_way_climbs_nowhere():
     windows, _ = followers(ro.PLAIN, np.random.default_rng(6))
     subject = Subject(windows, Noises(QUIET, QUIET), at.grid_of(windows), True)

@@ -96,15 +96,15 @@ def climbed(subject: Subject, fit: Fit, candidate: Candidate, lucks: Sequence[Lu
     delayed = candidate.name == DELAY
     begins = _delayed(subject, fit, candidate) if delayed else [refitted(subject, with_cause(fit, candidate), rounds=2)]
     now, heard, scores = begins[-1], {0.0: candidate.bias}, {0.0: candidate.score}
+    here = ev.look_here(subject, now)
     if delayed and lucks:
         heard, scores = _heard_on_the_way(subject, [with_cause(fit, candidate, hy.NEXT_TO_NOTHING), *begins], lucks[:1])
     elif lucks:
-        here = ev.look_here(subject, now)
         heard[_value(now, candidate.name)] = ev.local_biases(subject, now, here, lucks)[candidate.name].score
     value, support = _value(now, candidate.name), 0.0
     error, stride, path = candidate.error, Stride(), list[Tried]()
     for _ in range(CLIMBS):
-        step = ev.local_scores(ev.look_here(subject, now))[candidate.name]
+        step = ev.local_scores(ev.look_here(subject, now) if path else here)[candidate.name]
         free = scores[value] = step.score - _between(heard, value)
         support = 2.0 * _integral(scores, value)
         error = candidate.error * np.sqrt(candidate.information / max(step.information, 1e-9))
