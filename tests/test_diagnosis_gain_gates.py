@@ -133,6 +133,8 @@ def test_how_drivers_answer_beyond_a_law_that_may_not_be_theirs_must_gain_clearl
         ("lane_change_relaxation", 0.04, 400.0, False),
         ("lane_change_relaxation", 0.09, 100.0, False),
         ("adjacent_lane_friction", 0.09, 400.0, False),
+        ("desired_speed", 0.06, 155.0, True),
+        ("desired_speed", 0.04, 400.0, False),
     ],
 )
 def test_what_is_underrated_near_zero_and_worth_much_at_its_size_is_a_cause(name, share, support, worth_it):

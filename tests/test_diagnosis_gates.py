@@ -132,7 +132,8 @@ def test_who_where_and_when_are_tried_before_they_are_significant(name, z, p, as
         ("lane_change_relaxation", 3.0, 0.3, 300.0, False, True),
         ("hysteresis", 4.0, 0.01, 20.0, False, False),
         ("multi_leader_anticipation", 5.0, 0.2, 20.0, False, False),
-        ("desired_speed", 5.0, 0.2, 20.0, False, False),  # how drivers of another law come near to theirs
+        ("desired_speed", 5.0, 0.2, 20.0, True, False),  # how drivers of another law come near to theirs
+        ("desired_speed", -5.2, -0.2, 155.0, True, True),  # who keeps to a lane has fitted a speed to it
         ("desired_speed", 8.0, 0.2, 20.0, True, True),
         ("desired_speed", 8.0, 1.0, 600.0, True, False),  # no speed would be enough: another approach to it
         ("speed_dependent_headway", -10.0, -0.4, 600.0, True, True),

@@ -51,9 +51,9 @@ FAR_SURER = {"lane_change_relaxation": 1.4}
 def is_worth_it(gain: Gain, tried: Tried, first: Tried | None, strongest: float = 0.0) -> bool:
     """Return whether rollouts are better for a cause: clearly; at all, if it is surely there; not worse, if beyond doubt.
 
-    What is underrated near zero is a cause if it is worth much at its size. An asymmetry must be worth something, or be as sure as can
-    be: any law that is a little off looks like it. How drivers answer the one ahead must make them better clearly beyond another law
-    than the IDM, and where something else is surer.
+    What is underrated near zero is a cause if it is worth much at its size; another desired speed in a lane, unless it is very sure,
+    only then. An asymmetry must be worth something, or be as sure as can be: any law that is a little off looks like it. How drivers
+    answer the one ahead must make them better clearly beyond another law than the IDM, and where something else is surer.
 
     What something else looks like, too, must make them better clearly, unless it is far beyond doubt. What is not quite sure must be
     the surest of all that is looked at: of two that are as sure either may be the other. A further cause must clearly, or, beyond
@@ -82,6 +82,8 @@ def is_worth_it(gain: Gain, tried: Tried, first: Tried | None, strongest: float 
         return likely or (clearly and share >= DECIDING_GAIN)
     if clearly and share >= LARGE_GAIN and candidate.name in gates.UNDERRATED and tried.support > gates.LEAST_SUPPORT:
         return True
+    if candidate.name == gates.WANTED and z <= gates.SURER[gates.WANTED]:
+        return False
     like_no_other = candidate.name not in gates.SURER or z > gates.SUREST or z > _far_surer_than(strongest, candidate)
     unlike_laws = is_unlike_laws(candidate)
     surest = like_no_other and (unlike_laws or z >= strongest)

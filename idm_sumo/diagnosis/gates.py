@@ -26,8 +26,8 @@ SUREST = hy.SUREST  # standard errors, from which on they are believed as others
 # (nor a headway that falls with it); nor does anybody follow at a fifth of the headway at a place or for a time.
 ENDLESS = ("desired_speed", "location", "time_of_day")
 # The score near zero underrates these, the more the farther the car-following is from the model's: at their size the likelihood
-# says more (twice its logarithm's gain).
-UNDERRATED = ("reaction_delay", "perception_threshold", "lane_change_relaxation")
+# says more (twice its logarithm's gain). Who keeps to a lane has fitted a speed of his own to it.
+UNDERRATED = ("reaction_delay", "perception_threshold", "lane_change_relaxation", "desired_speed")
 LIKELY, LEAST_SUPPORT = 3.5, 150.0
 TO_COME = ("courtesy_yielding", "pre_insertion")  # a change of lane that nobody has made yet
 # Nor does any motion make up who is ahead, where and when: of what is not quite significant (p) a clear gain may decide.
@@ -101,7 +101,7 @@ def is_too_small(candidate: Candidate) -> bool:
 
 def is_underrated(candidate: Candidate) -> bool:
     """Return whether a candidate must be brought to its size before it can be judged."""
-    return candidate.name in UNDERRATED and candidate.value > 0.0 and abs(candidate.z) > LIKELY
+    return candidate.name in UNDERRATED and candidate.is_possible and abs(candidate.z) > LIKELY
 
 
 def is_there(tried: Tried) -> bool:
