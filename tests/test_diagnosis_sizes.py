@@ -95,9 +95,8 @@ def test_what_twins_say_at_the_size_where_a_climb_begins_is_taken_off(monkeypatc
     luck = draws(subject.windows, subject.noises, 1, np.random.default_rng(0))
     assert climbed(subject, fit, one, luck).candidate.value > 0.5  # twins without any noise say next to nothing
     monkeypatch.setattr(ev, "local_biases", lambda _subject, _fit, here, _lucks: ev.local_scores(here))
-    assert climbed(subject, fit, one, luck).candidate.value == pytest.approx(
-        0.4
-    )  # these say all that the recording does
+    # these say all that the recording does
+    assert climbed(subject, fit, one, luck).candidate.value == pytest.approx(0.4)
 
 
 def test_a_form_that_the_data_want_the_other_way_climbs_nowhere():

@@ -78,6 +78,7 @@ def strongest(
     together more than to where the vehicles are. Of causes with nearly as much support the one that drives them best is taken.
     Which of two places (or times) is meant, support alone decides: what one has too much the other has too little. So it does
     between what has far less and what has more, and between a delay and the hysteresis that it looks like.
+    Those that it does not decide between are compared at rest.
     """
     each = at_sizes(subject, fit, close, lucks, {} if known is None else known)
     there = {tried.candidate.name for tried in each if gates.is_there(tried)}
