@@ -20,7 +20,7 @@ from idm_sumo.progress import silent
 from idm_sumo.threads import each_in_threads
 
 TRIED = 3  # effects at most, that are brought to their sizes and compared
-HEARD = 2  # of the twins, on the way to the size of a candidate
+HEARD = 2  # of the twins, on the way to the size of a candidate; where there are two only, as of many drivers, one says as much
 FORM = 0.5  # of the best form's support: one of the same effect with less is not taken for it, however it drives
 FAR_LESS = (
     0.35  # of the best cause's support: another with less is at most what the best one looks like, however it drives
@@ -104,7 +104,8 @@ def at_sizes(subject: Subject, fit: Fit, each: list[Candidate], lucks: list[Luck
 
     def climb(some: list[Candidate]) -> list[Tried]:
         new = [c for c in some if c not in known]
-        known.update(zip(new, each_in_threads(lambda c: climbed(subject, fit, c, lucks[:HEARD]), new), strict=True))
+        heard = lucks[: HEARD if len(lucks) > HEARD else 1]
+        known.update(zip(new, each_in_threads(lambda c: climbed(subject, fit, c, heard), new), strict=True))
         return [known[c] for c in some]
 
     tried = climb([c for c in each if not _knows_both(c)])
