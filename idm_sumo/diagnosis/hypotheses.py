@@ -31,7 +31,7 @@ EITHER_SIGN = (
     "speed_dependent_headway",
 )
 LEAST_PLACE_HEADWAY = 0.06  # of a headway that is another at a place: other laws have other ones anywhere
-LEAST_BRAKING, LEAST_DISTANCE = 0.15, 1.0  # m/s², before a lane change; m, behind a truck
+LEAST_BRAKING, LEAST_DISTANCE = 0.08, 1.0  # m/s², before a lane change; m, behind a truck
 SURE_PLACE, SURE_PLACE_HEADWAY = (
     7.0,
     0.045,
