@@ -77,6 +77,15 @@ def test_a_lane_that_is_freely_later_than_others_has_a_delay_of_its_own_however_
     assert found[0].value == pytest.approx(1.2, abs=0.3)
 
 
+@pytest.mark.parametrize(("there", "value", "z", "has_one"), [
+    (0.6, -0.5, -9.0, True), (0.6, 0.5, 9.0, False), (0.6, -0.5, -5.0, False), (0.1, -0.5, -9.0, False),
+])  # fmt: skip
+def test_a_lane_that_freely_answers_less_has_a_delay_if_its_drivers_seem_late(there, value, z, has_one):
+    free = LeftOver("response over lane", (2.0, 2.0), None, None, value, z, 1e-9, True)
+    found = one_lane.confined(replace(in_lanes(0.2, there, 0.2, name="reaction_delay"), free=(free,)))
+    assert [(one.name, one.only_lanes, one.z) for one in found] == ([("reaction_delay", (2,), 9.0)] if has_one else [])
+
+
 @pytest.mark.parametrize(("name", "lane"), [("reaction_delay", 9.0), ("hysteresis", 2.0)])
 def test_a_later_lane_in_which_nobody_stays_or_of_which_no_delay_is_known_has_none(name, lane):
     free = LeftOver("delay over lane", (lane, lane), None, None, 0.5, 20.0, 1e-9, True)

@@ -21,7 +21,10 @@ NOT_BY_LANE = (*hy.SCANNED, "desired_speed", *ENDOGENOUS)
 # Standard errors by which a lane must differ from the others (of 24 recordings of six laws with nothing hidden the surest were 4.7
 # and 3.5), and of those of the effect in all lanes.
 SURE_IN_LANE, SURER_EVERYWHERE = 5.5, 0.7
-LATER, DELAY = "delay over lane", "reaction_delay"  # what is free where one lane's drivers are later than the others
+DELAY = "reaction_delay"
+# What is free where one lane's drivers may be later than the others: its sign, and the standard errors from which on a delay there is it.
+# A weaker response is one only of drivers who seem late as well.
+LATE = {"delay over lane": (1.0, 0.0), "response over lane": (-1.0, 3.5)}
 LEAST_IN_LANE, LEAST_KNOWN = 20, 0.05  # drivers in a lane, and outside; of the information
 
 
@@ -37,8 +40,8 @@ def confined(evidence: Evidence) -> list[Candidate]:
     """Return the effects that the drivers of one lane have and the others have not, each in its surest form and lane.
 
     Each is as sure as both that it is there and that it is less, or contrary, elsewhere. Where the same effect in all lanes is far
-    surer it is not asked which lane has more of it. But if one lane's drivers stand out freely as later than the others, a delay there
-    is as sure as that.
+    surer it is not asked which lane has more of it. But if one lane's drivers stand out freely as later than the others, or as late ones
+    who answer less, a delay there is as sure as that.
     """
     rows = {name: hy.informative(evidence, name) for name in BY_NAME if name in hy.LEAST and name not in NOT_BY_LANE}
     lanes = np.unique(evidence.lane[evidence.lane > 0])
@@ -56,15 +59,18 @@ def confined(evidence: Evidence) -> list[Candidate]:
 
 
 def _late(evidence: Evidence, rows: list[int]) -> dict[str, Candidate]:
-    """Return the delay of the lane that stands out freely as later than the others, if one does."""
+    """Return the delay of the lane that stands out freely as later than the others, or as one that answers less, if one does."""
     for free in evidence.free:
-        if free.covariate == LATER and free.is_credible and free.z > SURE_IN_LANE:
-            lane = int(free.range[0])
-            inside = evidence.lane == lane
-            if not rows or inside.sum() < LEAST_IN_LANE:
-                return {}
-            surest = max(hy.each_form(evidence.of(inside), DELAY, rows), key=lambda one: one.z)
-            return {DELAY: replace(surest, z=free.z, p=free.p, atom=replace(surest.atom, lane=lane))}
+        sign, least = LATE.get(free.covariate, (0.0, 0.0))
+        if not rows or not free.is_credible or sign * free.z <= SURE_IN_LANE:
+            continue
+        lane = int(free.range[0])
+        inside = evidence.lane == lane
+        if inside.sum() < LEAST_IN_LANE:
+            continue
+        surest = max(hy.each_form(evidence.of(inside), DELAY, rows), key=lambda one: one.z)
+        if surest.z > least:
+            return {DELAY: replace(surest, z=abs(free.z), p=free.p, atom=replace(surest.atom, lane=lane))}
     return {}
 
 
