@@ -271,3 +271,21 @@ def test_of_a_slower_lane_and_a_faster_one_that_is_believed_which_says_more(monk
     seen = [Candidate(name, 0.05, 0.01, z, 1e-6, Atom(name, 0.05), 1.0, 0.0)]
     monkeypatch.setattr(gates, "believed", lambda _: seen)
     assert bool(free_gates.outside(evidence(0.0, free("faster_difference", drawn)))) is is_outside
+
+
+@pytest.mark.parametrize(
+    ("kind", "entry", "covariate"),
+    [((), 3.9, "since_entry"), (((slots.PLACE_HEADWAY, 1.0),), 3.9, "headway over since_entry"), ((), 9.0, None)],
+)
+def test_what_grows_along_the_whole_road_changes_with_the_time_since_the_entry(monkeypatch, kind, entry, covariate):
+    """In light traffic: who entered where the road begins has been there the longer the farther he is."""
+    grown = Candidate("location", 0.12, 0.01, 8.5, 1e-9, Atom("location", low=40.0, high=480.0, fixed=kind))
+    monkeypatch.setattr(free_gates.hy, "along_the_road", lambda _: grown)
+    seen = evidence(0.0, free("trucks_beside", 5.0), free("since_entry", -entry))
+    told = free_gates.standing_out(seen)
+    assert len([one for one in told if one.subject == "since_entry"]) == 1
+    if covariate is None:  # that says more by itself
+        assert told == seen.free
+    else:
+        assert (told[0].covariate, told[0].z, told[0].p, told[0].position_m) == (covariate, 8.5, 1e-9, (40.0, 480.0))
+        assert told[1:] == seen.free[:1]

@@ -10,7 +10,7 @@ from idm_sumo.diagnosis import gates
 from idm_sumo.diagnosis import hypotheses as hy
 from idm_sumo.diagnosis.gates import FREE_CLEAR
 from idm_sumo.diagnosis.hypotheses import Candidate
-from idm_sumo.diagnosis.left_over import SWING, UNSTEADY, LeftOver
+from idm_sumo.diagnosis.left_over import SWING, UNSTEADY, LeftOver, rank
 
 # Standard errors, for more than stands out: a response that changes, of which there are most looks, what is suspect, and what another
 # car-following model looks like, too; and what follows hard braking, of which a driver's own noise tells. (Of 80 recordings with nothing
@@ -70,7 +70,8 @@ def standing_out(evidence: ev.Evidence) -> tuple[LeftOver, ...]:
     it share.
     """
     impossible = hy.most_impossible(evidence)
-    changes = [one for one in evidence.free if one.covariate.startswith(ff.CHANGES) and one.covariate != ff.PEDAL]
+    free = _with_the_way(evidence)
+    changes = [one for one in free if one.covariate.startswith(ff.CHANGES) and one.covariate != ff.PEDAL]
     incredible = max((abs(one.z) for one in changes if not one.is_credible), default=0.0)
 
     def least(one: LeftOver) -> float:
@@ -82,7 +83,21 @@ def standing_out(evidence: ev.Evidence) -> tuple[LeftOver, ...]:
         share = FREE_STARTING if one.subject == STARTING else FREE_IMPOSSIBLE
         return max(usual, share * impossible) if one.is_seen else usual
 
-    return tuple(one for one in evidence.free if one.is_credible and abs(one.z) > least(one))
+    return tuple(one for one in free if one.is_credible and abs(one.z) > least(one))
+
+
+def _with_the_way(evidence: ev.Evidence) -> tuple[LeftOver, ...]:
+    """Return what is free, what changes with the time since the entry as sure as what grows along the whole road, if something does.
+
+    Who came in where the road begins has been there the longer the farther he is: in light traffic nothing else tells of it.
+    """
+    grown, entry = hy.along_the_road(evidence), [one for one in evidence.free if one.subject == ENTRY]
+    if grown is None or not evidence.free or any(abs(one.z) >= abs(grown.z) for one in entry):
+        return evidence.free
+    edges, road = ff.EDGES[ENTRY], (grown.atom.low, grown.atom.high)
+    covariate = f"{ff.HEADWAY} over {ENTRY}" if grown.atom.fixed else ENTRY
+    way = LeftOver(covariate, (edges[0], edges[-1]), road, None, grown.value, grown.z, grown.p, True)
+    return tuple(sorted([way, *(one for one in evidence.free if one not in entry)], key=rank))
 
 
 def _usual(one: LeftOver) -> float:

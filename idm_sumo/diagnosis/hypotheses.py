@@ -45,6 +45,7 @@ BEFORE_A_CHANGE = ("courtesy_yielding", "pre_insertion")
 WIDEST = 0.6  # of the bins of road or recording: a wider interval is the rest, with the other sign
 NARROWEST = {"location": 40.0, "time_of_day": 30.0}  # m, s
 RESEMBLING = 0.4  # of the best interval's squared z, from which on one of the other sign may be it as well
+GROWN = 1.2  # of the surest interval's squared z: what grows along the whole road and says more is no place
 LOOKS = 40  # forms and effects, by which p-values are corrected
 NEXT_TO_NOTHING = 1e-3  # of the typical magnitude
 UNDERRATED = 1.6  # times its linear estimate, a magnitude may be
@@ -255,10 +256,7 @@ def _scans(evidence: Evidence, name: str, rows: list[int], sign: float = 0.0) ->
 
     Of one sign if that is not zero.
     """
-    kinds: dict[tuple[tuple[int, float], ...], list[int]] = {}
-    for n in rows:
-        kinds.setdefault(evidence.atoms[n].fixed, []).append(n)
-    each = [_scan(evidence, kind, sign, LOOKS * len(rows)) for kind in kinds.values()]
+    each = [_scan(evidence, kind, sign, LOOKS * len(rows)) for kind in _kinds(evidence, rows).values()]
     if name == "time_of_day":
         each.append(_drift(evidence, rows, sign))
     return [one for one in each if one is not None]
@@ -266,13 +264,41 @@ def _scans(evidence: Evidence, name: str, rows: list[int], sign: float = 0.0) ->
 
 def _drift(evidence: Evidence, rows: list[int], sign: float) -> Candidate | None:
     """Return the drift over all bins, if it has the sign that is asked for."""
+    drift = _trend(evidence, rows, ((slots.PERIOD_DRIFT, 1.0),))
+    return drift if sign in (0.0, np.sign(drift.value)) else None
+
+
+def _trend(evidence: Evidence, rows: list[int], fixed: tuple[tuple[int, float], ...]) -> Candidate:
+    """Return what grows over all bins from one end to the other: minus its size at the first, its size at the last."""
     bins = [evidence.atoms[n] for n in rows]
     begin, end = bins[0].low, bins[-1].high
     mix = np.zeros(len(evidence.atoms))
     mix[rows] = [(atom.low + atom.high - begin - end) / (end - begin) for atom in bins]
-    atom = replace(bins[0], fixed=((slots.PERIOD_DRIFT, 1.0),), low=float(begin), high=float(end))
-    drift = _candidate(evidence, atom.name, mix, atom, LOOKS)
-    return drift if sign in (0.0, np.sign(drift.value)) else None
+    atom = replace(bins[0], fixed=fixed, low=float(begin), high=float(end))
+    return _candidate(evidence, atom.name, mix, atom, LOOKS)
+
+
+def along_the_road(evidence: Evidence) -> Candidate | None:
+    """Return what grows along the whole road, if that says clearly more than any interval of it: no place does that.
+
+    (A place, planted to see, left its trend at most 0.4 of its own squared z in five recordings. Drivers tired by the way they had come
+    had 1.35 to 2.2 in light traffic, where nothing else tells the way from the time since the entry.)
+    """
+    kinds = list(_kinds(evidence, informative(evidence, "location")).items())
+    each = [(_trend(evidence, rows, fixed), _scan(evidence, rows, 0.0, LOOKS)) for fixed, rows in kinds]
+    if not each:
+        return None
+    grown = max((trend for trend, _ in each), key=lambda one: abs(one.z))
+    surest = max((interval.z**2 for _, interval in each if interval is not None), default=0.0)
+    return grown if grown.z**2 > GROWN * surest else None
+
+
+def _kinds(evidence: Evidence, rows: list[int]) -> dict[tuple[tuple[int, float], ...], list[int]]:
+    """Return the numbers of atoms by the kind of shift that they are."""
+    kinds: dict[tuple[tuple[int, float], ...], list[int]] = {}
+    for n in rows:
+        kinds.setdefault(evidence.atoms[n].fixed, []).append(n)
+    return kinds
 
 
 def _scan(evidence: Evidence, rows: list[int], sign: float, looks: int) -> Candidate | None:

@@ -162,7 +162,7 @@ def left_over(
         _swinging(line, f"period {np.sqrt(line.low * line.high):.3g} s", grid),
         _swinging(oscillation.own_lines(spectrum, twins), "each driver's own period", grid),
     ]
-    return sorted([*named, *unsteady, *swings], key=_rank)
+    return sorted([*named, *unsteady, *swings], key=rank)
 
 
 def _looks(found: list[Said]) -> dict[bool, int]:
@@ -183,7 +183,7 @@ def _with_one_path(found: list[Said]) -> list[Said]:
     return [one for one in found if one.family.path is None or one is best]
 
 
-def _rank(one: LeftOver) -> float:
+def rank(one: LeftOver) -> float:
     """Return less for what says more; a rectangle, which is a place or a time and then some, has to say more than either."""
     both = one.position_m is not None and one.time_s is not None
     return PLAIN_BEFORE_BOTH * both - one.z**2
