@@ -127,6 +127,16 @@ def test_candidates_climb_to_their_sizes_once(monkeypatch):
     assert sorted(came, key=str) == sorted([delay, band], key=str)
 
 
+@pytest.mark.parametrize(("twins", "heard"), [(0, 0), (1, 1), (2, 1), (3, 2), (5, 2)])
+def test_on_the_way_to_a_size_one_twin_of_two_and_two_of_more_are_heard(monkeypatch, twins, heard):
+    came = []
+    monkeypatch.setattr(
+        choice, "climbed", lambda _subject, _fit, one, lucks: came.append(len(lucks)) or Tried(one, None, 1.0)
+    )
+    choice.at_sizes(None, None, [candidate(6.0)], [None] * twins, {})
+    assert came == [heard]
+
+
 @pytest.mark.parametrize(
     ("own_speed", "new_leader", "asked"), [(120.0, 130.0, True), (90.0, 130.0, False), (130.0, None, True)]
 )
