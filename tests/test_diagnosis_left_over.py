@@ -235,6 +235,25 @@ def test_oscillations_of_each_drivers_own_period_have_no_common_line():
     assert abs(nothing.z) < 3.0
 
 
+def test_oscillations_of_drivers_who_are_seen_for_two_periods_are_a_swell_and_a_slope_is_none():
+    rng, periods = np.random.default_rng(5), oscillation.PERIODS
+
+    def spectra(swing: float, slope: float) -> np.ndarray:
+        own = np.exp(rng.uniform(np.log(7.0), np.log(11.0), 300))
+        width = periods / 20.0  # of a line of who is seen for 20 s
+        off = np.log(periods / own[:, None]) / np.maximum(width, 0.05)
+        power = rng.exponential(periods ** (1.0 + slope), (300, len(periods))) + swing * periods * np.exp(-(off**2))
+        return power / power.sum(axis=1, keepdims=True)
+
+    twins = spectra(0.0, 0.0).mean(axis=0)
+    found = oscillation.swell(spectra(1.5, 0.0), twins)
+    assert found.is_strong
+    assert found.low < 9.0 < found.high
+    assert found.z > 5.0
+    for slope in (-0.3, 0.0, 0.3):
+        assert not oscillation.swell(spectra(0.0, slope), twins).is_strong
+
+
 def test_who_is_around_a_driver_need_not_answer_for_the_looks_of_the_scans():
     def said(covariate: str, looks: int) -> lo.Said:
         family = ff.Family(covariate, ff.ACCELERATION, (np.array([0.5, 99.0]),))

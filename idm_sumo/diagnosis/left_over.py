@@ -157,10 +157,12 @@ def left_over(
     looks = _looks(found)
     named = [_named(one, looks[one.family.is_around]) for one in _with_one_path(found)]
     spectrum, twins = oscillation.spectrum(pulses), [one.spectrum for one in fitted]
-    line = oscillation.line(spectrum, np.mean([one.mean(axis=0) for one in twins], axis=0))
+    usual = np.mean([one.mean(axis=0) for one in twins], axis=0)
+    line, swell = oscillation.line(spectrum, usual), oscillation.swell(spectrum, usual)
     swings = [
         _swinging(line, f"period {np.sqrt(line.low * line.high):.3g} s", grid),
         _swinging(oscillation.own_lines(spectrum, twins), "each driver's own period", grid),
+        _swinging(swell, f"periods around {np.sqrt(swell.low * swell.high):.2g} s", grid),
     ]
     return sorted([*named, *unsteady, *swings], key=rank)
 
