@@ -104,15 +104,7 @@ def own_lines(found: Floats, twins: Sequence[Floats]) -> Line:
 
 
 def swell(found: Floats, twins: Floats) -> Line:
-    """Return the strongest swell: periods around which there is more, compared to what the twins have, than far off on either side.
-
-    Parameters
-    ----------
-    found : float64, shape (drivers, periods)
-        Of the recording.
-    twins : float64, shape (periods,)
-        Mean over the twins' drivers.
-    """
+    """Return the strongest swell: periods around which there is more than far off on either side; of the same as :func:`line`."""
     excess = found.mean(axis=0) / np.maximum(twins, 1e-300)
     best = Line(np.nan, np.nan, 0.0, 0.0, is_strong=False)
     for period in PERIODS[OWN_BAND]:
