@@ -91,8 +91,10 @@ def _with_the_way(evidence: ev.Evidence) -> tuple[LeftOver, ...]:
 
     Who came in where the road begins has been there the longer the farther he is: in light traffic nothing else tells of it.
     """
+    if not evidence.free:
+        return ()
     grown, entry = hy.along_the_road(evidence), [one for one in evidence.free if one.subject == ENTRY]
-    if grown is None or not evidence.free or any(abs(one.z) >= abs(grown.z) for one in entry):
+    if grown is None or any(abs(one.z) >= abs(grown.z) for one in entry):
         return evidence.free
     edges, road = ff.EDGES[ENTRY], (grown.atom.low, grown.atom.high)
     covariate = f"{ff.HEADWAY} over {ENTRY}" if grown.atom.fixed else ENTRY

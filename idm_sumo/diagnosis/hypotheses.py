@@ -284,12 +284,13 @@ def along_the_road(evidence: Evidence) -> Candidate | None:
     (A place, planted to see, left its trend at most 0.4 of its own squared z in five recordings. Drivers tired by the way they had come
     had 1.35 to 2.2 in light traffic, where nothing else tells the way from the time since the entry.)
     """
-    kinds = list(_kinds(evidence, informative(evidence, "location")).items())
-    each = [(_trend(evidence, rows, fixed), _scan(evidence, rows, 0.0, LOOKS)) for fixed, rows in kinds]
-    if not each:
+    rows = informative(evidence, "location")
+    if not rows:
         return None
-    grown = max((trend for trend, _ in each), key=lambda one: abs(one.z))
-    surest = max((interval.z**2 for _, interval in each if interval is not None), default=0.0)
+    grown = max(
+        (_trend(evidence, some, kind) for kind, some in _kinds(evidence, rows).items()), key=lambda one: abs(one.z)
+    )
+    surest = max((interval.z**2 for interval in _scans(evidence, "location", rows)), default=0.0)
     return grown if grown.z**2 > GROWN * surest else None
 
 

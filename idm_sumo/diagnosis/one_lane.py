@@ -60,9 +60,9 @@ def confined(evidence: Evidence) -> list[Candidate]:
 
 def _late(evidence: Evidence, rows: list[int]) -> dict[str, Candidate]:
     """Return the delay of the lane that stands out freely as later than the others, or as one that answers less, if one does."""
-    for free in evidence.free:
+    for free in evidence.free if rows else ():
         sign, least = LATE.get(free.covariate, (0.0, 0.0))
-        if not rows or not free.is_credible or sign * free.z <= SURE_IN_LANE:
+        if not free.is_credible or sign * free.z <= SURE_IN_LANE:
             continue
         lane = int(free.range[0])
         inside = evidence.lane == lane

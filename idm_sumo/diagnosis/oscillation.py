@@ -28,10 +28,10 @@ LEAST_BESIDE = 3  # of them, on each side: at the end of a falling spectrum anyt
 # Of a line to what is around it, and of the drivers' strongest lines to the twins'. (Of 118 recordings with nothing hidden the largest were
 # 1.20 and 1.05.)
 LEAST_RATIO, LEAST_OWN_RATIO = 1.22, 1.07
-# Factors of a period: up to which a swell reaches, and from where to where it is held against; and its power to that of either side. (Of 20
+# The factor of a period up to which a swell reaches; periods near it, and up to which it is compared; its power to that of either side. (Of 20
 # recordings with nothing hidden the largest was 1.16, of US-101 and the surrogate 0.92; of five in which each driver of light traffic had a
 # period of its own three had 1.38 to 1.57, and two 1.08 and 1.11.)
-SWELL, BESIDE = 1.2, (1.5, 2.6)
+SWELL, NEAR_SWELL, AROUND_SWELL = 1.2, 6, 16
 LEAST_SWELL = 1.28
 OWN_BAND = (PERIODS > 5.0) & (PERIODS < 14.0)  # in which each driver may have a period of its own
 
@@ -46,6 +46,14 @@ def spectrum(pulses: Pulses) -> Floats:
     begin = np.exp(2j * np.pi * windows.seen[:, w.LEAD, w.TIME][:, None] / PERIODS)
     power = np.abs(gls.by_driver(begin * (pulses.score @ turned), windows.driver, windows.drivers)) ** 2
     return np.asarray(power / np.maximum(power.sum(axis=1, keepdims=True), 1e-300))
+
+
+def _beside(excess: Floats, near: int, around: int) -> Floats:
+    """Return the larger median of what is to either side of each period, farther than ``near`` periods and up to ``around``."""
+    number = np.arange(len(excess))
+    far = number - number[:, None]
+    sides = [(side * far > near) & (side * far <= around) for side in (-1, 1)]
+    return np.asarray(np.max([[_median(excess[row]) for row in side] for side in sides], axis=0))
 
 
 def _median(values: Floats) -> float:
@@ -74,10 +82,7 @@ def line(found: Floats, twins: Floats) -> Line:
         Mean over the twins' drivers.
     """
     excess = found.mean(axis=0) / np.maximum(twins, 1e-300)
-    number = np.arange(len(excess))
-    far = number - number[:, None]
-    sides = [(side * far > NEAR) & (side * far <= AROUND) for side in (-1, 1)]
-    usual = np.max([[_median(excess[row]) for row in side] for side in sides], axis=0)
+    usual = _beside(excess, NEAR, AROUND)
     ratio = excess / usual
     error = found.std(axis=0) / np.sqrt(len(found)) / np.maximum(twins * usual, 1e-300)
     best = int(np.argmax(ratio))
@@ -106,18 +111,14 @@ def own_lines(found: Floats, twins: Sequence[Floats]) -> Line:
 def swell(found: Floats, twins: Floats) -> Line:
     """Return the strongest swell: periods around which there is more than far off on either side; of the same as :func:`line`."""
     excess = found.mean(axis=0) / np.maximum(twins, 1e-300)
-    best = Line(np.nan, np.nan, 0.0, 0.0, is_strong=False)
-    for period in PERIODS[OWN_BAND]:
-        far = np.log(PERIODS / period) / np.log(SWELL)
-        core, (near, off) = np.abs(far) < 1.0, np.log(BESIDE) / np.log(SWELL)
-        usual = max(_median(excess[(side * far > near) & (side * far < off)]) for side in (-1, 1))
-        ratio = found[:, core].mean(axis=1) / np.maximum(twins[core].mean() * usual, 1e-300)
-        if ratio.mean() > best.ratio:
-            z = float((ratio.mean() - 1.0) / max(ratio.std() / np.sqrt(len(ratio)), 1e-300))
-            best = Line(
-                float(period / SWELL), float(period * SWELL), float(ratio.mean()), z, bool(ratio.mean() > LEAST_SWELL)
-            )
-    return best
+    usual, periods = _beside(excess, NEAR_SWELL, AROUND_SWELL)[OWN_BAND], PERIODS[OWN_BAND]
+    inside = np.abs(np.log(PERIODS[:, None] / periods)) < np.log(SWELL)
+    core = inside / inside.sum(axis=0)
+    each = (found @ core) / np.maximum((twins @ core) * usual, 1e-300)
+    best = int(np.argmax(each.mean(axis=0)))
+    ratio, error = float(each[:, best].mean()), float(each[:, best].std() / np.sqrt(len(each)))
+    low, high = float(periods[best] / SWELL), float(periods[best] * SWELL)
+    return Line(low, high, ratio, (ratio - 1.0) / max(error, 1e-300), ratio > LEAST_SWELL)
 
 
 def _log_peaks(power: Floats) -> Floats:
