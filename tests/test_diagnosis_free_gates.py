@@ -32,7 +32,11 @@ def test_what_is_there_and_then_only_is_no_place_and_no_time(z, beyond, neither)
         ("position and time, moving at 2 m/s", 7.0, True),
         ("lane", 6.0, False),  # which to take drivers choose themselves
         ("delay over position in lane 2", 6.0, False),  # a response that changes: most looks
+        ("delay over time", 6.2, False),
         ("delay over time", 7.0, True),
+        ("delay over position", 5.4, False),
+        ("delay over position", 6.2, True),  # late beside an accident
+        ("response over position", 6.2, False),
         ("headway over leader_gap", 6.0, False),  # another car-following model looks like it
         ("headway over leader_gap", 7.0, True),
         ("faster_difference", 6.0, False),
@@ -184,6 +188,23 @@ def test_headways_that_follow_the_leaders_acceleration_are_hysteresis(covariate,
     hysteresis = replace(evidence(8.0, one), atoms=[Atom("hysteresis", 0.2, ((slots.HYSTERESIS, 0.2),))])
     assert bool(free_gates.outside(hysteresis)) is is_outside
     assert free_gates.outside(evidence(0.0, one))
+
+
+@pytest.mark.parametrize(("z", "is_outside"), [(10.0, False), (14.5, True)])
+def test_long_leaders_are_more_than_trucks_where_their_length_says_far_more(z, is_outside):
+    """Who keeps away from vans keeps away from trucks, too, which are a few of the long."""
+    long = replace(free("headway over leader_length", z), range=(5.2, 40.0))
+    trucks = replace(evidence(6.0, long), atoms=[Atom("leader_class", 0.2, ((4, 0.2),))])
+    assert bool(free_gates.outside(trucks)) is is_outside
+    assert free_gates.outside(evidence(0.0, long))
+
+
+@pytest.mark.parametrize(("name", "stands_out"), [("follower_pressure", True), ("reaction_delay", False)])
+def test_a_follower_who_comes_near_is_no_sign_of_another_law(name, stands_out):
+    """He does so where a driver starts slowly; acting before the leader does is a sign of one."""
+    slow = free("since_standing", -5.8)
+    found = replace(evidence(-6.2, slow), atoms=[Atom(name, 0.2, ((0, 0.2),))])
+    assert bool(free_gates.standing_out(found)) is stands_out
 
 
 @pytest.mark.parametrize(

@@ -256,6 +256,21 @@ def test_what_is_faint_beside_the_first_by_its_score_and_at_its_size_must_gain_m
 
 
 @pytest.mark.parametrize(
+    ("name", "z", "support", "worth_it"),
+    [
+        ("speed_dependent_headway", 8.4, 531.0, True),  # hidden beside a dead band
+        ("speed_dependent_headway", 6.8, 531.0, False),
+        ("speed_dependent_headway", 8.4, 240.0, False),
+        ("multi_leader_anticipation", 8.4, 531.0, False),  # which a law makes up
+        ("time_of_day", 8.4, 531.0, False),  # which a place leaves over that is not quite there
+    ],
+)
+def test_what_no_shape_leaves_over_and_says_of_itself_that_it_is_there_need_not_gain_more(name, z, support, worth_it):
+    first = tried(26.0, "perception_threshold", support=5437.0)
+    assert gain_gates.is_worth_it(gain(0.015, 0.009), tried(z, name, support=support), first) is worth_it
+
+
+@pytest.mark.parametrize(
     ("difference", "margin", "accepted"), [(0.02, 0.01, True), (0.02, 0.025, False), (0.01, 0.005, False)]
 )
 def test_of_what_is_not_quite_significant_a_clear_gain_decides(difference, margin, accepted):
