@@ -121,6 +121,21 @@ def test_a_response_must_be_surer_than_the_surest_of_which_that_cannot_be(covari
 
 
 @pytest.mark.parametrize(
+    ("place", "lane", "stands_out"), [((571.0, 603.0), 0, True), ((400.0, 603.0), 0, False), ((400.0, 603.0), 2, False)]
+)
+def test_what_cannot_be_elsewhere_is_no_reason_to_doubt_a_response(place, lane, stands_out):
+    """A vehicle stopped short behind the place beside which drivers were late."""
+    late = replace(free("delay over position", 7.8), position_m=(252.0, 412.0))
+    stopped = replace(free("response over position", 8.4, is_credible=False), position_m=place, lane=lane)
+    assert bool(free_gates.standing_out(evidence(0.0, late, stopped))) is stands_out
+    whenever = replace(stopped, covariate="response over time", position_m=None, time_s=(0.0, 30.0))
+    assert not free_gates.standing_out(evidence(0.0, late, whenever))
+    assert free_gates.standing_out(
+        evidence(0.0, replace(late, lane=3), replace(stopped, position_m=(400.0, 603.0), lane=2))
+    )
+
+
+@pytest.mark.parametrize(
     ("delay", "covariate", "z", "is_outside"),
     [
         (0.0, "trucks_beside", 6.0, True),

@@ -74,20 +74,21 @@ def standing_out(evidence: ev.Evidence) -> tuple[LeftOver, ...]:
     Where something looks strong that cannot be (drivers who act before their leader does), the car-following is another law than the
     model's. What that law makes of what a driver sees is then no effect, unless it is half as sure as that (or as sure, of how drivers
     start after standing), nor is what it makes of places (where traffic is denser or faster), unless it is surer. A response that
-    changes must be surer than the surest of which that cannot be: some vehicles did something there and then that all fields around
+    changes must be surer than the surest of which that cannot be, there and then: some vehicles did something that all fields around
     it share. A follower who comes near, as one does to who starts slowly, is no sign of another law.
     """
     impossible = hy.most_impossible(evidence, ev.ENDOGENOUS)
     free = _with_the_way(evidence)
     changes = [one for one in free if one.covariate.startswith(ff.CHANGES) and one.covariate != ff.PEDAL]
-    incredible = max((abs(one.z) for one in changes if not one.is_credible), default=0.0)
+    incredible = [one for one in changes if not one.is_credible]
 
     def least(one: LeftOver) -> float:
         if one.covariate == ff.PEDAL:
             return _least_of_pedal(evidence)
         usual = _usual(one)
         if one.covariate.startswith(ff.CHANGES):
-            return max(usual, incredible, FREE_ELSEWHERE * impossible if "position" in one.covariate else 0.0)
+            beside = max((abs(other.z) for other in incredible if one.meets(other)), default=0.0)
+            return max(usual, beside, FREE_ELSEWHERE * impossible if "position" in one.covariate else 0.0)
         share = FREE_STARTING if one.subject == STARTING else FREE_IMPOSSIBLE
         return max(usual, share * impossible) if one.is_seen else usual
 

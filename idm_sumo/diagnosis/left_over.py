@@ -98,6 +98,12 @@ class LeftOver:
         """Whether it lies along what a driver sees, and is no question of where or when."""
         return self.subject in ff.EDGES
 
+    def meets(self, other: LeftOver) -> bool:
+        """Return whether another is, or may be, at the same place and time; what is in all lanes is in each."""
+        ranges = ((self.position_m, other.position_m), (self.time_s, other.time_s))
+        same_lane = not (self.lane and other.lane) or self.lane == other.lane
+        return same_lane and all(a is None or b is None or (a[0] < b[1] and b[0] < a[1]) for a, b in ranges)
+
 
 @dataclass(frozen=True)
 class Heard:
