@@ -113,6 +113,8 @@ def _with_the_way(evidence: ev.Evidence) -> tuple[LeftOver, ...]:
 
 def _usual(one: LeftOver) -> float:
     """Return the standard errors from which on something free stands out where drivers follow the model's law."""
+    if one.covariate.startswith(ff.CHANGES):
+        return FREE_LATE if one.covariate == LATE_SOMEWHERE else FREE_SURER
     if one.covariate.startswith(SWING):
         return FREE_SWING
     if is_unsteady(one):
@@ -121,11 +123,9 @@ def _usual(one: LeftOver) -> float:
         return FREE_AROUND
     if one.subject == AFTER_BRAKING:
         return FREE_AFTER_BRAKING
-    if one.subject == ff.REGION and not one.covariate.startswith(ff.CHANGES):
+    if one.subject == ff.REGION:
         return FREE_REGION
-    if one.covariate == LATE_SOMEWHERE:
-        return FREE_LATE
-    surer = one.kind in ff.SUSPECT or one.subject in ff.DOUBTFUL or one.covariate.startswith((ff.MOVING, *ff.CHANGES))
+    surer = one.kind in ff.SUSPECT or one.subject in ff.DOUBTFUL or one.covariate.startswith(ff.MOVING)
     return FREE_SURER if surer else FREE_CLEAR
 
 
