@@ -9,9 +9,9 @@ import numpy.typing as npt
 from numba import njit
 
 from idm_sumo import bicycle, road
-from idm_sumo.effects import ExtendedModel, extended_acceleration, slots
+from idm_sumo.effects import ExtendedModel, extended_acceleration
 from idm_sumo.effects.lane_change_relaxation import headway_after
-from idm_sumo.effects.reaction_delay import acted_on, follow_another, knows_new_leader, own_delay
+from idm_sumo.effects.reaction_delay import acted_on, follow_another, knows_new_leader
 from idm_sumo.recording import Recording
 from idm_sumo.rollout import Trajectories, perceive, steer
 from idm_sumo.scenes import LEADER_FROM_LANE, Scenes
@@ -209,7 +209,7 @@ def decide(i, k, front, speed, row, gap, minds, ground, body):  # type: ignore[n
         twin.time[i] + elapsed, twin.own_class[i], minds.changed[i, 0], elapsed - minds.changed[i, 1], minds.changed[i, 2],
         twin.cut_in[i] - elapsed, twin.own_change[i] - elapsed, minds.driven[i, 0] / minds.driven[i, 1],
     )  # fmt: skip
-    then_gap, then_speed, then_rate = acted_on(past, now, m[slots.DELAY], own_delay(m), road.FRAME_STEP)
+    then_gap, then_speed, then_rate = acted_on(past, now, m, road.FRAME_STEP)
     return extended_acceleration(
         then_speed, then_rate, then_gap, see, theta[0], theta[1], theta[2], theta[3], theta[4], minds.limit[i], m
     )

@@ -149,11 +149,32 @@ def test_who_is_late_and_knows_both_is_asked_for_where_each_alone_says_more(monk
         if support is not None
     ]
     monkeypatch.setattr(
-        choice, "climbed", lambda _subject, _fit, one, _lucks: Tried(one, None, supports[one.atom.fixed[1:]])
-    )
+        choice, "climbed",
+        lambda _subject, _fit, one, _lucks: Tried(replace(one, value=0.5), None, supports[one.atom.fixed[1:]]),
+    )  # fmt: skip
     tried = at_sizes(None, None, each, [], Known())
     assert (140.0 in [one.support for one in tried]) is asked
     assert len(tried) == len(each) - (not asked)
+
+
+@pytest.mark.parametrize(
+    ("own", "in_rate", "both", "asked"),
+    [
+        (120.0, 125.0, 135.0, True),
+        (120.0, 115.0, 135.0, False),
+        (120.0, 125.0, 110.0, False),
+        (90.0, 125.0, 135.0, False),
+    ],
+)
+def test_all_that_may_be_known_is_asked_for_where_each_of_it_says_more(monkeypatch, own, in_rate, both, asked):
+    one, new, rate = at.KNOWN
+    supports = {(): 100.0, (one,): own, (new,): 130.0, (one, rate): in_rate, (one, new): both, (one, new, rate): 140.0}
+    each = [candidate(9.0, "reaction_delay", 0.4, ((slots.DELAY, 0.4), *form)) for form in supports]
+    monkeypatch.setattr(
+        choice, "climbed",
+        lambda _subject, _fit, one, _lucks: Tried(replace(one, value=0.5), None, supports[one.atom.fixed[1:]]),
+    )  # fmt: skip
+    assert (140.0 in [one.support for one in at_sizes(None, None, each, [], Known())]) is asked
 
 
 @pytest.mark.parametrize(("support", "chosen"), [(90.0, "hysteresis"), (70.0, "perception_threshold")])

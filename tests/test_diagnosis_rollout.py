@@ -85,8 +85,7 @@ def by_hand(windows: w.Windows, theta: np.ndarray, m: np.ndarray) -> np.ndarray:
                     past[j, 2] = past[j, 1] - row[w.SPEED]
             if k < w.LEAD:
                 continue
-            own_delay = m[slots.DELAY] * (1.0 - m[slots.OWN_SPEED_KNOWN])
-            gap, speed, rate = acted_on(past, k, m[slots.DELAY], own_delay, 0.1)
+            gap, speed, rate = acted_on(past, k, m, 0.1)
             see = Sight(
                 x, row[w.TIME], row[w.ACCELERATION], row[w.KIND], row[w.OWN_KIND], row[w.LANE], row[w.SECOND] - x,
                 row[w.SECOND_SPEED], row[w.ADJACENT], x - row[w.BEHIND], row[w.JUMP], row[w.SINCE], row[w.ACCEPTED], row[w.UNTIL_CUT_IN],
@@ -124,12 +123,16 @@ def test_a_new_leaders_past_counts_where_it_is_known(plain, frame, soon):
     assert (beside[:, soon, 1] < beside[:, soon, 0]).all()  # who knows of it brakes sooner
 
 
-@pytest.mark.parametrize(("delay", "known", "loop"), [(0.0, 0.0, 0.2), (0.37, 0.0, 0.0), (0.37, 0.6, 0.2)])
-def test_rollouts_side_by_side_are_those_of_replay(delay, known, loop):
+@pytest.mark.parametrize(
+    ("delay", "known", "in_rate", "loop"),
+    [(0.0, 0.0, 0.0, 0.2), (0.37, 0.0, 0.0, 0.0), (0.37, 0.6, 0.0, 0.2), (0.37, 1.0, 0.8, 0.0)],
+)
+def test_rollouts_side_by_side_are_those_of_replay(delay, known, in_rate, loop):
     m = np.zeros(slots.COUNT)
-    m[[slots.DELAY, slots.OWN_SPEED_KNOWN, slots.BAND, slots.HYSTERESIS, slots.ASYMMETRY]] = (
+    m[[slots.DELAY, slots.OWN_SPEED_KNOWN, slots.OWN_SPEED_IN_RATE, slots.BAND, slots.HYSTERESIS, slots.ASYMMETRY]] = (
         delay,
         known,
+        in_rate,
         0.3,
         loop,
         0.1,
@@ -183,11 +186,11 @@ def test_response_to_pulses_is_the_derivative_of_the_rollout(plain):
     np.testing.assert_allclose(response[:, :, 4], change_by_a_pulse(windows, theta, ro.PLAIN, 1e-4), atol=2e-3)
 
 
-@pytest.mark.parametrize("known", [0.0, 1.0])
-def test_response_to_pulses_waits_for_a_delayed_driver(plain, known):
+@pytest.mark.parametrize(("known", "in_rate"), [(0.0, 0.0), (1.0, 0.0), (1.0, 1.0)])
+def test_response_to_pulses_waits_for_a_delayed_driver(plain, known, in_rate):
     windows, theta = plain
     m = ro.PLAIN.copy()
-    m[:, slots.DELAY], m[:, slots.OWN_SPEED_KNOWN] = 0.6, known
+    m[:, slots.DELAY], m[:, slots.OWN_SPEED_KNOWN], m[:, slots.OWN_SPEED_IN_RATE] = 0.6, known, in_rate
     response, _ = ro.respond(windows.seen, windows.driver, theta, m)
     np.testing.assert_allclose(response[:, :, 4], change_by_a_pulse(windows, theta, m, 1e-3), atol=0.02)
 
@@ -209,6 +212,7 @@ def test_models_side_by_side_are_each_alone(plain, delay):
     models = [base.copy() for _ in range(6)]
     models[5][:, slots.SECOND_LEADER], models[5][:, slots.SECOND_SPEED_ONLY] = 0.3, 1.0
     models[4][:, slots.DELAY], models[4][:, slots.OWN_SPEED_KNOWN] = 0.5, 1.0
+    models[3][:, slots.DELAY], models[3][:, [slots.OWN_SPEED_KNOWN, slots.OWN_SPEED_IN_RATE]] = 0.3, 1.0
     models[1][:, slots.DELAY], models[2][:, [slots.BAND, slots.BAND_TAKEN]] = 0.73, (0.5, 1.0)
     models[2][:, [slots.PLACE_HEADWAY, slots.PLACE_END]] = 0.5, 1e3
     models[3][:, [slots.HYSTERESIS, slots.PLACE, slots.PLACE_END]] = 0.2, -0.3, 1e3

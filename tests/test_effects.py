@@ -177,12 +177,25 @@ def test_what_was_before_the_past_is_its_first_row():
 @given(st.floats(8.0, 200.0) | st.just(np.inf), st.floats(8.0, 200.0) | st.just(np.inf), st.floats(0.0, 0.1))
 def test_a_new_leader_is_answered_for_as_much_of_the_step_as_it_was_seen(before, now, delay):
     past = np.array([[before, 9.0, 0.0], [now, 9.0, 0.0]])
-    gap, speed, rate = acted_on(past, 1, delay, 0.0, 0.1)
+    m = none()
+    m[[slots.DELAY, slots.OWN_SPEED_KNOWN]] = delay, 1.0
+    gap, speed, rate = acted_on(past, 1, m, 0.1)
     one, other = (drive(none(), speed=9.0, rate=0.0, gap=each) for each in (before, now))
     unseen = delay / 0.1
     assert drive(none(), speed=speed, rate=rate, gap=gap) == pytest.approx(
         unseen * one + (1.0 - unseen) * other, abs=1e-6
     )
+
+
+@given(st.integers(1, 14), st.floats(0.0, 1.0), st.floats(0.0, 1.0))
+def test_the_own_speed_as_known_may_be_in_the_approach_rate(frames, known, share):
+    speed, ahead = 3.0 + 0.1 * np.arange(30.0) ** 2 / 30.0, np.linspace(9.0, 4.0, 30)
+    m = none()
+    m[[slots.DELAY, slots.OWN_SPEED_KNOWN, slots.OWN_SPEED_IN_RATE]] = 0.1 * frames, known, share
+    _, own, rate = acted_on(np.stack([np.full(30, 20.0), speed, speed - ahead], axis=1), 29, m, 0.1)
+    assert own == pytest.approx(np.interp(29.0 - frames * (1.0 - known), np.arange(30.0), speed))
+    late = speed[29 - frames]
+    assert rate == pytest.approx(share * own + (1.0 - share) * late - ahead[29 - frames])
 
 
 @given(st.floats(2.0, 20.0), st.floats(5.0, 60.0), st.integers(1, 29))
@@ -260,7 +273,7 @@ def test_confusable_names_are_in_the_catalogue():
 def test_a_model_survives_its_file(tmp_path):
     model = ExtendedModel(
         IDMParameters(1.1, 1.7, 1.2, 2.0, 0.0), 27.0,
-        (Cause("reaction_delay", {"tau": 0.4, "eta": 1.0, "zeta": 0.0}), Cause("location", {"alpha": -0.1, "x_1": 200.0, "x_2": 350.0}, (2, 3))), "here",
+        (Cause("reaction_delay", {"tau": 0.4, "eta": 1.0, "zeta": 0.0, "xi": 0.0}), Cause("location", {"alpha": -0.1, "x_1": 200.0, "x_2": 350.0}, (2, 3))), "here",
     )  # fmt: skip
     model.write(tmp_path / "model.json")
     back = ExtendedModel.read(tmp_path / "model.json")

@@ -30,15 +30,19 @@ PLACE_BIN, TIME_BIN = 16.0, 12.0  # m, s
 MOST_BINS = 64  # of a long road or recording: edges are sharpened later
 DELAYS = (0.2, 0.4, 0.8)  # s, from which a climb begins
 RECOVERIES = (9.0, 16.0)  # s, of a relaxation, from which it is refined; faster is what another law does after a cut-in
+# What a driver may know who is late: its own speed at once, where a new leader was, and, of its own speed, how fast it closes in.
+KNOWN = ((slots.OWN_SPEED_KNOWN, 1.0), (slots.NEW_LEADER_KNOWN, 1.0), (slots.OWN_SPEED_IN_RATE, 1.0))
 # Effect, slot and sizes of its magnitude, further values that it fixes.
 SECANTS: tuple[tuple[str, int, tuple[float, ...], tuple[tuple[int, float], ...]], ...] = (
     ("reaction_delay", slots.DELAY, (0.2, 0.6), ()),
     ("multi_leader_anticipation", slots.SECOND_LEADER, (0.2,), ()),
     ("perception_threshold", slots.BAND, (0.4, 0.9), ()),
     ("perception_threshold", slots.BAND, (0.5,), ((slots.BAND_TAKEN, 1.0),)),
-    ("reaction_delay", slots.DELAY, (0.5,), ((slots.OWN_SPEED_KNOWN, 1.0),)),
-    ("reaction_delay", slots.DELAY, (0.4,), ((slots.NEW_LEADER_KNOWN, 1.0),)),
-    ("reaction_delay", slots.DELAY, (0.5,), ((slots.OWN_SPEED_KNOWN, 1.0), (slots.NEW_LEADER_KNOWN, 1.0))),
+    ("reaction_delay", slots.DELAY, (0.5,), (KNOWN[0],)),
+    ("reaction_delay", slots.DELAY, (0.4,), (KNOWN[1],)),
+    ("reaction_delay", slots.DELAY, (0.5,), (KNOWN[0], KNOWN[1])),
+    ("reaction_delay", slots.DELAY, (0.5,), (KNOWN[0], KNOWN[2])),
+    ("reaction_delay", slots.DELAY, (0.5,), KNOWN),
     ("multi_leader_anticipation", slots.SECOND_LEADER, (0.2,), ((slots.SECOND_SPEED_ONLY, 1.0),)),
     ("leader_class", slots.LEADER_CLASS_DISTANCE, (3.0,), ()),
     *(("lane_change_relaxation", slots.RELAXATION, (0.5,), ((slots.RELAXATION_TIME, s),)) for s in RECOVERIES),

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Container
+from collections.abc import Container, Mapping
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -10,6 +10,7 @@ import numpy as np
 from idm_sumo.diagnosis import evidence as ev
 from idm_sumo.diagnosis import gain_gates, gates
 from idm_sumo.diagnosis import hypotheses as hy
+from idm_sumo.diagnosis.atoms import KNOWN
 from idm_sumo.diagnosis.fit import Fit
 from idm_sumo.diagnosis.hypotheses import Candidate
 from idm_sumo.diagnosis.look import Subject
@@ -27,6 +28,9 @@ FAR_LESS = (
 )
 WANTED = 20.0  # support that says of itself that all drivers have a cause
 RIVAL = 0.85  # of the best cause's support: one with as much cannot be told apart
+
+MORE = 2  # things known in spite of a delay, from which on a form is tried only if less says that it is worth it
+Form = frozenset[tuple[int, float]]  # what is known in spite of a delay
 
 Known = dict[Candidate, Tried]  # candidates at their sizes beside one model: a climb is the dearest there is
 
@@ -98,8 +102,8 @@ def strongest(
 def at_sizes(subject: Subject, fit: Fit, each: list[Candidate], lucks: list[Luck], known: Known) -> list[Tried]:
     """Return candidates at their sizes, from those that are there already where they are among them.
 
-    A climb to a delay is the dearest there is: that of drivers who know both their own speed at once and where a new leader was is
-    made only if each alone has more support than neither.
+    A climb to a delay is the dearest there is: that of drivers who know more than one thing in spite of it is made only if each that can
+    be left out has more support with than without what else is known.
     """
 
     def climb(some: list[Candidate]) -> list[Tried]:
@@ -108,11 +112,12 @@ def at_sizes(subject: Subject, fit: Fit, each: list[Candidate], lucks: list[Luck
         known.update(zip(new, each_in_threads(lambda c: climbed(subject, fit, c, heard), new), strict=True))
         return [known[c] for c in some]
 
-    tried = climb([c for c in each if not _knows_both(c)])
-    support = {one.candidate.atom.fixed[1:]: one.support for one in tried if one.candidate.name == DELAY}
-    least = support.get((), -np.inf)
-    wanted = [c for c in each if _knows_both(c) and all(support.get((k,), np.inf) > least for k in c.atom.fixed[1:])]
-    return tried + climb(wanted)
+    tried, late = climb([c for c in each if len(_known(c)) < MORE]), [c for c in each if c.name == DELAY]
+    for many in range(MORE, len(KNOWN) + 1):
+        climbs = {_known(t.candidate): t.support for t in tried if t.candidate.name == DELAY}
+        support = {_known(c): -np.inf for c in late} | climbs
+        tried += climb([c for c in late if len(_known(c)) == many and _is_wanted(_known(c), support)])
+    return tried
 
 
 def _at_rest(subject: Subject, each: list[Tried]) -> list[Tried]:
@@ -129,9 +134,24 @@ def _is_rival(other: Tried, most: Tried) -> bool:
     return other.support > RIVAL * most.support and other.candidate.name != most.candidate.name
 
 
-def _knows_both(candidate: Candidate) -> bool:
-    """Return whether drivers who are late know both their own speed at once and where a new leader was."""
-    return candidate.name == DELAY and len(candidate.atom.fixed[1:]) > 1
+def _known(candidate: Candidate) -> Form:
+    """Return what drivers know in spite of a delay; nothing of another effect."""
+    return frozenset(candidate.atom.fixed[1:] if candidate.name == DELAY else ())
+
+
+def _is_wanted(form: Form, support: Mapping[Form, float]) -> bool:
+    """Return whether each form of a delay with one known thing less has more support than any with two less.
+
+    ``support`` is that of all forms that there are, minus infinity where it was not asked.
+    """
+
+    def with_one_less(form: Form) -> list[Form]:
+        return [form - {one} for one in form if form - {one} in support]
+
+    return all(
+        support[less] > max((support[least] for least in with_one_less(less)), default=-np.inf)
+        for less in with_one_less(form)
+    )
 
 
 def _support_decides(other: Tried, best: Tried) -> bool:

@@ -13,6 +13,7 @@ from idm_sumo.diagnosis import windows as w
 from idm_sumo.effects import slots
 from idm_sumo.effects.acceleration import Moment, Sight, behaved, moment_of
 from idm_sumo.effects.reaction_delay import (
+    approached,
     between,
     follow_another,
     gap_between,
@@ -135,9 +136,14 @@ def _drive(first, last, seen, driver, theta, models, varies, start, pushed, begi
                     moment = _moment(row, models[0, lane])
                 ago, after, share = moment_ago(now, models[0, lane, slots.DELAY], FRAME_STEP)
                 own_ago, own_after, own_share = moment_ago(now, own_delay(models[0, lane]), FRAME_STEP)
+                in_rate = models[0, lane, slots.OWN_SPEED_IN_RATE]
                 for n in range(beside):
+                    known, late = (
+                        between(speed[own_ago, n], speed[own_after, n], own_share),
+                        between(speed[ago, n], speed[after, n], share),
+                    )
                     more[n] = behaved(
-                        between(speed[own_ago, n], speed[own_after, n], own_share), between(rate[ago, n], rate[after, n], share),
+                        known, approached(between(rate[ago, n], rate[after, n], share), late, known, in_rate),
                         gap_between(gap[ago, n], gap[after, n], share), here[n], second - here[n], here[n] - behind,
                         moment, a[n], weight[n], headway[n], jam[n], 0.0, limit[n], law,
                     )  # fmt: skip
@@ -147,9 +153,13 @@ def _drive(first, last, seen, driver, theta, models, varies, start, pushed, begi
                         _note(_moment(row, models[n, lane]), of, n)
                     ago, after, share = moment_ago(now, models[n, lane, slots.DELAY], FRAME_STEP)
                     then_gap[n] = gap_between(gap[ago, n], gap[after, n], share)
-                    then_rate[n] = between(rate[ago, n], rate[after, n], share)
+                    late, late_rate = (
+                        between(speed[ago, n], speed[after, n], share),
+                        between(rate[ago, n], rate[after, n], share),
+                    )
                     ago, after, share = moment_ago(now, own_delay(models[n, lane]), FRAME_STEP)
                     then_speed[n] = between(speed[ago, n], speed[after, n], share)
+                    then_rate[n] = approached(late_rate, late, then_speed[n], models[n, lane, slots.OWN_SPEED_IN_RATE])
                 for n in range(beside):
                     more[n] = behaved(
                         then_speed[n], then_rate[n], then_gap[n], here[n], second - here[n], here[n] - behind,
@@ -289,12 +299,14 @@ def _respond(first, last, seen, driver, theta, by_lane, response, state):  # typ
                 _meet(row, gap_of, speed_of, rate_of, models, now)
             ago, after, share = moment_ago(now, m[slots.DELAY], FRAME_STEP)
             gap, rate = gap_between(gaps[ago], gaps[after], share), between(rates[ago], rates[after], share)
+            late, in_rate = between(speeds[ago], speeds[after], share), m[slots.OWN_SPEED_IN_RATE]
             ago, after, share = moment_ago(now, own_delay(m), FRAME_STEP)
             speed = between(speeds[ago], speeds[after], share)
+            rate = approached(rate, late, speed, in_rate)
             for n in range(len(looked) if m[slots.OWN_SPEED_KNOWN] > 0.0 else len(looked) - 2):
                 at = x + FARTHER[n]
                 looked[n] = behaved(
-                    speed + FASTER[n] + SOONER[n], rate + FASTER[n], gap - FARTHER[n], at, row[w.SECOND] - at, at - row[w.BEHIND],
+                    speed + FASTER[n] + SOONER[n], rate + FASTER[n] + in_rate * SOONER[n], gap - FARTHER[n], at, row[w.SECOND] - at, at - row[w.BEHIND],
                     moment, own[0], weight, own[2] * MORE_HEADWAY[n], own[3], 0.0, own[4] * MORE_SPEED[n], m[slots.LAW],
                 )  # fmt: skip
             a = looked[0]

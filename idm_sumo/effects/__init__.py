@@ -7,7 +7,7 @@ How to drive with an extended model, step by step (0.1 s):
    rate (m/s), one row a step, the first rows from the recorded twin's observed frames, so that a delay has something to recall
    (:data:`reaction_delay.LONGEST` seconds are enough). A rollout may keep all its steps.
 3. Per step write row ``now`` and act on the gap, own speed and approach rate of
-   ``acted_on(past, now, m[slots.DELAY], own_delay(m), 0.1)``: without a delay those of row ``now``. Where the leader is another
+   ``acted_on(past, now, m, 0.1)``: without a delay those of row ``now``. Where the leader is another
    one than at row ``now - 1`` and ``knows_new_leader(m)``, first ``follow_another(past[:, 0], past[:, 1], past[:, 2], now, 0.1)``.
 4. Fill a :class:`Sight` (unknown fields NaN: the effect that needs them is then silent; ``BLIND`` is all NaN) and call
    ``extended_acceleration(speed, approach_rate, gap, see, a, b, T, d0, d1, desired_speed, m)``: a plain njit function,

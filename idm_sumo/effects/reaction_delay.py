@@ -1,9 +1,10 @@
 r"""Reaction delay: the driver acts on what was.
 
-.. math:: \dot v(t) = f\big(v(t-(1-\eta)\tau),\, \Delta v(t-\tau),\, d(t-\tau)\big)
+.. math:: \dot v(t) = f\big(v(t'),\, \Delta v(t-\tau) + \xi\,[v(t') - v(t-\tau)],\, d(t-\tau)\big), \quad t' = t-(1-\eta)\tau
 
 With :math:`\eta = 0` everything is late; with :math:`\eta = 1` the own speed is known at once, as a driver who anticipates
-its own motion knows it (Treiber, Kesting and Helbing, 2006) and as the speedometer tells it.
+its own motion knows it (Treiber, Kesting and Helbing, 2006) and as the speedometer tells it. The approach rate is seen as it
+was, with :math:`\xi = 0`, or is that of the own speed, as known, over the leader's late one, with :math:`\xi = 1`.
 
 After a leader change gap and approach rate of a moment ago are those to the leader before, with :math:`\zeta = 0`: nobody has
 noticed the new one yet. With :math:`\zeta = 1` they are those that there were to the new one, as in simulators that remember
@@ -75,16 +76,24 @@ def own_delay(m):  # type: ignore[no-untyped-def]
 
 
 @njit(cache=True, error_model="numpy")
-def acted_on(past, now, delay, own, step):  # type: ignore[no-untyped-def]
+def approached(rate, late, known, share):  # type: ignore[no-untyped-def]
+    """Return the approach rate (m/s) to the leader as it was, a share of it by the own speed as known, not as late (m/s)."""
+    return rate + share * (known - late)
+
+
+@njit(cache=True, error_model="numpy")
+def acted_on(past, now, m, step):  # type: ignore[no-untyped-def]
     """Return gap, own speed and approach rate on which a driver acts at row ``now``, of a past of these three columns.
 
-    ``own`` (s) is the delay of the own speed, ``delay`` that of the other two.
+    ``m`` is the vector of magnitudes, rows are ``step`` (s) apart.
     """
-    row, after, share = moment_ago(now, delay, step)
+    row, after, share = moment_ago(now, m[slots.DELAY], step)
+    late, known = between(past[row, 1], past[after, 1], share), recall(past, 1, now, own_delay(m), step)
+    rate = between(past[row, 2], past[after, 2], share)
     return (
         gap_between(past[row, 0], past[after, 0], share),
-        recall(past, 1, now, own, step),
-        recall(past, 2, now, delay, step),
+        known,
+        approached(rate, late, known, m[slots.OWN_SPEED_IN_RATE]),
     )
 
 
@@ -119,6 +128,7 @@ EFFECT = Effect(
         Parameter("tau", "s", slots.DELAY, 0.0, LONGEST, 0.4),
         Parameter("eta", "1", slots.OWN_SPEED_KNOWN, 0.0, 1.0, 0.0),
         Parameter("zeta", "1", slots.NEW_LEADER_KNOWN, 0.0, 1.0, 0.0),
+        Parameter("xi", "1", slots.OWN_SPEED_IN_RATE, 0.0, 1.0, 0.0),
     ),
     must_see=(),
     confusable_with=("hysteresis", "multi_leader_anticipation", "measurement_artefact"),

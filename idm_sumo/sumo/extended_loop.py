@@ -13,10 +13,10 @@ from idm_sumo import columns as c
 from idm_sumo import driver_table as d
 from idm_sumo import road
 from idm_sumo.departures import DESTINATION, THROUGH
-from idm_sumo.effects import ExtendedModel, extended_acceleration, slots
+from idm_sumo.effects import ExtendedModel, extended_acceleration
 from idm_sumo.effects.hysteresis import LATELY
 from idm_sumo.effects.lane_change_relaxation import headway_after
-from idm_sumo.effects.reaction_delay import REMEMBERED, acted_on, own_delay
+from idm_sumo.effects.reaction_delay import REMEMBERED, acted_on
 from idm_sumo.extended_rollout import meet
 from idm_sumo.rollout import perceive
 from idm_sumo.sight import NOBODY_YET, Others, look
@@ -169,7 +169,7 @@ def _decide_all(place, x, speed, length, lane, offsets, others, memory, magnitud
             row, gap, now, others.vehicle_class[i], memory.changed[vehicle, 0], now - memory.changed[vehicle, 1],
             memory.changed[vehicle, 2], np.nan, np.nan, memory.driven[vehicle] / memory.moments[vehicle],
         )  # fmt: skip
-        then_gap, then_speed, then_rate = acted_on(past, PAST - 1, m[slots.DELAY], own_delay(m), road.FRAME_STEP)
+        then_gap, then_speed, then_rate = acted_on(past, PAST - 1, m, road.FRAME_STEP)
         acceleration[i] = extended_acceleration(
             then_speed, then_rate, then_gap, see, own[0], own[1], own[2], own[3], own[4], limit[vehicle], m
         )
