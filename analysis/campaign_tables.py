@@ -31,9 +31,11 @@ EXPLAINED = {
     "Conditions": "Single effects.",
     "Magnitudes": "Relative error of the sizes that were named, single or in a pair, and how often the 95 % interval holds the planted one.",
     "Magnitudes by effect": "The same where the effect has the catalogue's form.",
-    "Gain realised": "Gain on held-out drivers over the true model's, where the cause was named and that gains 2 % or more.",
+    "Gain realised": "Gain on held-out drivers over the true model's, where the cause was named and that gains 2 % or more. A wish to change "
+    "lanes, which the true model knows of, shows in a recording only where it was carried out.",
     "Timing": "Wall seconds a recording.",
 }
+WISHED = ("courtesy_yielding", "pre_insertion")
 
 
 def summarise(trials: pd.DataFrame, folder: Path) -> None:
@@ -86,7 +88,10 @@ def tables(graded: pd.DataFrame, sizes: pd.DataFrame) -> dict[str, pd.DataFrame]
             magnitudes(one, ["form", "underlying"]) for one in (sizes.assign(underlying="all"), sizes)
         ]),
         "Magnitudes by effect": magnitudes(usual, ["name"]),
-        "Gain realised": pd.concat([realised(graded.assign(size="all"), "size"), realised(graded, "size"), realised(graded, "underlying")]),
+        "Gain realised": pd.concat([
+            realised(graded.assign(size="all"), "size"), realised(graded.assign(of=_hangs_on(graded["name"])), "of"),
+            realised(graded, "size"), realised(graded, "underlying"),
+        ]),
         "Timing": graded["seconds"].describe()[["count", "min", "50%", "max"]].round(1).to_frame().T,
     }  # fmt: skip
 
@@ -141,6 +146,11 @@ def magnitudes(sizes: pd.DataFrame, keys: list[str]) -> pd.DataFrame:
         "found": grouped.size(),
     })  # fmt: skip
     return out.round(3).reset_index()
+
+
+def _hangs_on(names: pd.Series) -> pd.Series:
+    """Return whether effects hang on somebody's wish to change lanes."""
+    return names.str.contains("|".join(WISHED)).map({True: "a lane change to come", False: "no wish"})
 
 
 def realised(graded: pd.DataFrame, key: str) -> pd.DataFrame:

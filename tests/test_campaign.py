@@ -118,7 +118,14 @@ def test_magnitudes_and_gains_add_up_by_form_and_car_following(tmp_path):
     assert each["estimate"].tolist() == [0.4, 0.5, 0.6]
     assert each["seed"].notna().all()
     gains = pd.read_csv(tmp_path / "gain_realised.csv").set_index("of")
-    assert gains["recordings"].to_dict() == {"all": 3, "mid": 3, "idm": 2, "fvd": 1}
+    assert gains["recordings"].to_dict() == {"all": 3, "no wish": 3, "mid": 3, "idm": 2, "fvd": 1}
+
+
+def test_gains_are_told_apart_by_what_no_recording_shows(tmp_path):
+    pair = trial("pair", {"pre_insertion": 0.4, "location": 0.5}, [cause("location"), cause("pre_insertion")])
+    summarise(pd.DataFrame([trial("single", {"location": 0.5}, [cause("location")]), pair]), tmp_path)
+    gains = pd.read_csv(tmp_path / "gain_realised.csv").set_index("of")
+    assert gains["recordings"][["no wish", "a lane change to come"]].tolist() == [1, 1]
 
 
 def test_tables_count_every_trial(tmp_path):
