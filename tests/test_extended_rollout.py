@@ -71,7 +71,7 @@ def test_both_agree_behind_leaders_known_by_headway(known, new_known, of_headway
     recording = Recording.from_table(vehicle(1, 40.0, -2.0, 9.0, frames=150, headway=headway), has_leader_rows=False)
     scenes, _ = build_scenes(recording, Window(observed=10, horizon=120))
     model = model_of(
-        Cause("reaction_delay", {"tau": 0.45, "eta": known, "zeta": new_known}),
+        Cause("reaction_delay", {"tau": 0.45, "eta": known, "zeta": new_known, "xi": 0.5 * known}),
         Cause("lane_change_relaxation", {"kappa": 0.8, "tau_r": 9.0, "phi": of_headway}),
     )
     kernel = drive_extended(scenes, recording, model, DRIVER)
