@@ -7,6 +7,8 @@ from pathlib import Path
 import pandas as pd
 from scipy import stats
 
+from idm_sumo.diagnosis.hypotheses import BEFORE_A_CHANGE
+
 from .campaign_figures import at_a_glance
 from .campaign_scores import GAIN_CLASSES, RIGHT, RIGHT_AND_MORE, SILENT, scored, sized
 from .style import save
@@ -35,7 +37,6 @@ EXPLAINED = {
     "lanes, which the true model knows of, shows in a recording only where it was carried out.",
     "Timing": "Wall seconds a recording.",
 }
-WISHED = ("courtesy_yielding", "pre_insertion")
 
 
 def summarise(trials: pd.DataFrame, folder: Path) -> None:
@@ -150,7 +151,7 @@ def magnitudes(sizes: pd.DataFrame, keys: list[str]) -> pd.DataFrame:
 
 def _hangs_on(names: pd.Series) -> pd.Series:
     """Return whether effects hang on somebody's wish to change lanes."""
-    return names.str.contains("|".join(WISHED)).map({True: "a lane change to come", False: "no wish"})
+    return names.str.contains("|".join(BEFORE_A_CHANGE)).map({True: "a lane change to come", False: "no wish"})
 
 
 def realised(graded: pd.DataFrame, key: str) -> pd.DataFrame:

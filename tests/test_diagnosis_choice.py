@@ -137,6 +137,14 @@ def test_on_the_way_to_a_size_one_twin_of_two_and_two_of_more_are_heard(monkeypa
     assert came == [heard]
 
 
+def climb_to(monkeypatch, supports):
+    """Have delays climb to another size, with the support of what is known in spite of them."""
+    monkeypatch.setattr(
+        choice, "climbed",
+        lambda _subject, _fit, one, _lucks: Tried(replace(one, value=0.5), None, supports[one.atom.fixed[1:]]),
+    )  # fmt: skip
+
+
 @pytest.mark.parametrize(
     ("own_speed", "new_leader", "asked"), [(120.0, 130.0, True), (90.0, 130.0, False), (130.0, None, True)]
 )
@@ -148,10 +156,7 @@ def test_who_is_late_and_knows_both_is_asked_for_where_each_alone_says_more(monk
         for form, support in supports.items()
         if support is not None
     ]
-    monkeypatch.setattr(
-        choice, "climbed",
-        lambda _subject, _fit, one, _lucks: Tried(replace(one, value=0.5), None, supports[one.atom.fixed[1:]]),
-    )  # fmt: skip
+    climb_to(monkeypatch, supports)
     tried = at_sizes(None, None, each, [], Known())
     assert (140.0 in [one.support for one in tried]) is asked
     assert len(tried) == len(each) - (not asked)
@@ -170,10 +175,7 @@ def test_all_that_may_be_known_is_asked_for_where_each_of_it_says_more(monkeypat
     one, new, rate = at.KNOWN
     supports = {(): 100.0, (one,): own, (new,): 130.0, (one, rate): in_rate, (one, new): both, (one, new, rate): 140.0}
     each = [candidate(9.0, "reaction_delay", 0.4, ((slots.DELAY, 0.4), *form)) for form in supports]
-    monkeypatch.setattr(
-        choice, "climbed",
-        lambda _subject, _fit, one, _lucks: Tried(replace(one, value=0.5), None, supports[one.atom.fixed[1:]]),
-    )  # fmt: skip
+    climb_to(monkeypatch, supports)
     assert (140.0 in [one.support for one in at_sizes(None, None, each, [], Known())]) is asked
 
 

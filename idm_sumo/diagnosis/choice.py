@@ -112,11 +112,12 @@ def at_sizes(subject: Subject, fit: Fit, each: list[Candidate], lucks: list[Luck
         known.update(zip(new, each_in_threads(lambda c: climbed(subject, fit, c, heard), new), strict=True))
         return [known[c] for c in some]
 
-    tried, late = climb([c for c in each if len(_known(c)) < MORE]), [c for c in each if c.name == DELAY]
+    late = [c for c in each if c.name == DELAY]
+    support = {_late_form(c): -np.inf for c in late}
+    tried = climb([c for c in each if len(_late_form(c)) < MORE])
     for many in range(MORE, len(KNOWN) + 1):
-        climbs = {_known(t.candidate): t.support for t in tried if t.candidate.name == DELAY}
-        support = {_known(c): -np.inf for c in late} | climbs
-        tried += climb([c for c in late if len(_known(c)) == many and _is_wanted(_known(c), support)])
+        support |= {_late_form(t.candidate): t.support for t in tried if t.candidate.name == DELAY}
+        tried += climb([c for c in late if len(_late_form(c)) == many and _is_wanted(_late_form(c), support)])
     return tried
 
 
@@ -134,7 +135,7 @@ def _is_rival(other: Tried, most: Tried) -> bool:
     return other.support > RIVAL * most.support and other.candidate.name != most.candidate.name
 
 
-def _known(candidate: Candidate) -> Form:
+def _late_form(candidate: Candidate) -> Form:
     """Return what drivers know in spite of a delay; nothing of another effect."""
     return frozenset(candidate.atom.fixed[1:] if candidate.name == DELAY else ())
 

@@ -29,7 +29,7 @@ ENDLESS = ("desired_speed", "location", "time_of_day")
 # says more (twice its logarithm's gain). Who keeps to a lane has fitted a speed of his own to it.
 UNDERRATED = ("reaction_delay", "perception_threshold", "lane_change_relaxation", "desired_speed")
 LIKELY, LEAST_SUPPORT = 3.5, 150.0
-TO_COME = ("courtesy_yielding", "pre_insertion")  # a change of lane that nobody has made yet
+TO_COME = hy.BEFORE_A_CHANGE  # a change of lane that nobody has made yet
 # Nor does any motion make up who is ahead, where and when: of what is not quite significant (p) a clear gain may decide.
 NO_MOTION, DOUBTFUL = ("leader_class", "location", "time_of_day", *TO_COME), 0.02
 CLEAR = 5.0  # standard errors that a further cause needs
