@@ -223,6 +223,16 @@ def test_an_accepted_headway_returns_to_the_drivers_own(since, share, accepted):
     assert found == pytest.approx(expected, abs=1e-9)
 
 
+@given(st.floats(0.0, 30.0), st.floats(0.1, 1.0), st.floats(0.2, 3.0), st.floats(0.0, 30.0))
+def test_no_more_is_overlooked_than_the_gap_is_short_of_the_drivers_headway(since, share, accepted, speed):
+    m = only("lane_change_relaxation", kappa=share, tau_r=10.0, chi=1.0)
+    see = SEEN._replace(since_change=since, accepted_headway=accepted)
+    overlooked = share * min(see.jump, speed * max(0.0, 1.4 - accepted)) * np.exp(-since / 10.0)
+    found = extended_acceleration(speed, 0.5, 15.0, see, 1.2, 1.8, 1.4, 2.0, 0.0, 28.0, m)
+    expected = extended_acceleration(speed, 0.5, 15.0 + overlooked, see, 1.2, 1.8, 1.4, 2.0, 0.0, 28.0, none())
+    assert found == pytest.approx(expected, abs=1e-9)
+
+
 def test_a_change_to_a_longer_gap_leaves_the_headway_as_it_is():
     m, see = only("lane_change_relaxation", kappa=1.0, tau_r=10.0, phi=1.0), SEEN._replace(jump=0.0)
     given_up = extended_acceleration(12.0, 0.5, 15.0, see, 1.2, 1.8, 1.4, 2.0, 0.0, 28.0, m)

@@ -52,6 +52,7 @@ SECANTS: tuple[tuple[str, int, tuple[float, ...], tuple[tuple[int, float], ...]]
         (0.5,),
         ((slots.RELAXATION_TIME, 15.0), (slots.HEADWAY_ACCEPTED, 1.0)),
     ),
+    ("lane_change_relaxation", slots.RELAXATION, (0.5,), ((slots.RELAXATION_TIME, 16.0), (slots.CREDIT_LIMITED, 1.0))),
 )
 
 

@@ -65,7 +65,7 @@ def _noted(of, n):  # type: ignore[no-untyped-def]
     return Moment(
         of[0, n], of[1, n], of[2, n], of[3, n], of[4, n], of[5, n], of[6, n], of[7, n], of[8, n], of[9, n], of[10, n],
         of[11, n], of[12, n], of[13, n], of[14, n], of[15, n], of[16, n], of[17, n], of[18, n], of[19, n],
-        of[20, n], of[21, n], of[22, n], of[23, n], of[24, n],
+        of[20, n], of[21, n], of[22, n], of[23, n], of[24, n], of[25, n],
     )  # fmt: skip
 
 

@@ -96,7 +96,7 @@ def _cause(found: Found, accepted: Accepted, share: float, doubt: float) -> Caus
 
 
 EDGES = ("x_1", "x_2", "t_1", "t_2")
-EITHER_OR = ("eta", "phi", "xi", "zeta")  # companions that say which of two forms it is
+EITHER_OR = ("chi", "eta", "phi", "xi", "zeta")  # companions that say which of two forms it is
 
 
 def _bin(evidence: ev.Evidence, name: str) -> float:

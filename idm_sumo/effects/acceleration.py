@@ -14,7 +14,7 @@ from idm_sumo.effects.courtesy_yielding import before_cut_in, braking_before
 from idm_sumo.effects.desired_speed import in_lane
 from idm_sumo.effects.follower_pressure import pressed
 from idm_sumo.effects.hysteresis import in_phase
-from idm_sumo.effects.lane_change_relaxation import gap_credit, headway_given_up
+from idm_sumo.effects.lane_change_relaxation import gap_credit, headway_given_up, within_shortage
 from idm_sumo.effects.leader_class import behind_truck, farther_from_truck
 from idm_sumo.effects.location import at_place
 from idm_sumo.effects.memory import resigned
@@ -94,8 +94,9 @@ class Moment(NamedTuple):
         Factors of the time headway and of the desired speed.
     credit : float
         Added to the gap, m.
-    given_up, accepted : float
-        Share of what the own headway is longer than the accepted one; that (s).
+    given_up, limited, accepted : float
+        Shares of what the own headway is longer than the accepted one: that the headway is shorter by, and, of the way in it, that
+        the credit is at most, if positive; the accepted one (s).
     share, rate_share, second_speed : float
         Of the interaction, and of the approach rate, that the second leader has, zero if there is none; its speed (m/s).
     band, taken, asymmetry, slope, pivot, memory, mean_speed : float
@@ -112,6 +113,7 @@ class Moment(NamedTuple):
     limit: float
     credit: float
     given_up: float
+    limited: float
     accepted: float
     share: float
     rate_share: float
@@ -150,13 +152,16 @@ def moment_of(see, m):  # type: ignore[no-untyped-def]
     )
     of_gap, of_headway = 1.0 - m[slots.HEADWAY_ACCEPTED], m[slots.HEADWAY_ACCEPTED]
     given_up = headway_given_up(see.jump, see.since_change, m[slots.RELAXATION] * of_headway, m[slots.RELAXATION_TIME])
+    limited = headway_given_up(
+        see.jump, see.since_change, m[slots.RELAXATION] * m[slots.CREDIT_LIMITED], m[slots.RELAXATION_TIME]
+    )
     share = m[slots.SECOND_LEADER] if see.second_gap < 1e6 else 0.0
     beside = see.next_beside_speed if m[slots.FRICTION_NEXT] > 0.5 else see.adjacent_speed
     return Moment(
         headway,
         in_lane(see.lane, m[slots.DESIRED_SPEED], m[slots.DESIRED_SPEED_LANE]),
         gap_credit(see.jump, see.since_change, m[slots.RELAXATION] * of_gap, m[slots.RELAXATION_TIME]),
-        given_up, see.accepted_headway if given_up > 0.0 else 0.0,
+        given_up, limited, see.accepted_headway if given_up + limited > 0.0 else 0.0,
         share * (1.0 - m[slots.SECOND_SPEED_ONLY]), share * m[slots.SECOND_SPEED_ONLY], see.second_speed,
         m[slots.BAND], m[slots.BAND] * m[slots.BAND_TAKEN], m[slots.ASYMMETRY], m[slots.SPEED_HEADWAY], m[slots.PIVOT_SPEED],
         m[slots.MEMORY] if see.mean_speed == see.mean_speed else 0.0, see.mean_speed,
@@ -200,14 +205,16 @@ def behaved(speed, approach_rate, gap, x, second_gap, rear_gap, moment, a, weigh
     factor = at_speed(speed, moment.pivot, moment.slope) * resigned(moment.mean_speed, limit, moment.memory)
     factor *= 1.0 + at_place(x, moment.place_headway, moment.begin, moment.end)
     headway = T * (moment.headway * factor)
-    headway -= moment.given_up * max(headway - moment.accepted, 0.0)
+    lacking = max(headway - moment.accepted, 0.0)
+    headway -= moment.given_up * lacking
+    credit = within_shortage(moment.credit, moment.limited, lacking, speed)
     rate = (
         shared_rate(approach_rate, speed - moment.second_speed, moment.rate_share)
         if moment.rate_share > 0.0
         else approach_rate
     )
     seen = perceived(rate, moment.band, moment.taken)
-    room, farther = max(gap + moment.credit, idm.SMALLEST_GAP), max(0.5 * second_gap, idm.SMALLEST_GAP)
+    room, farther = max(gap + credit, idm.SMALLEST_GAP), max(0.5 * second_gap, idm.SMALLEST_GAP)
     second_rate, jam = speed - moment.second_speed, d0 + moment.farther
     if law == laws.IDM:
         free = _by_idm(speed, seen, room, second_rate, farther, moment.share, a, weight, headway, jam, d1, inverse)

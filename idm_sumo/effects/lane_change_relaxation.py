@@ -2,8 +2,12 @@ r"""Relaxation: after a leader change that shortened the gap, the driver accepts
 
 .. math:: d \to d + \kappa\, J\, e^{-t_c/\tau_r}
 
-with :math:`J` the shortening (m) at the last leader change and :math:`t_c` the time since. Or the time headway is what is
-accepted (:math:`\phi = 1`), and returns from that to the driver's own:
+with :math:`J` the shortening (m) at the last leader change and :math:`t_c` the time since. Or no more of it is overlooked than the gap is
+short of the driver's own headway (:math:`\chi = 1`):
+
+.. math:: d \to d + \kappa\, \min(J,\, v \max(0,\, T - T_c))\, e^{-t_c/\tau_r}
+
+Or the time headway is what is accepted (:math:`\phi = 1`), and returns from that to the driver's own:
 
 .. math:: T \to T - \kappa\, e^{-t_c/\tau_r} \max(0,\, T - T_c)
 
@@ -40,6 +44,12 @@ def headway_given_up(jump: float, since: float, share: float, recovery: float) -
     return min(share * exp(-since / recovery), 1.0)
 
 
+@njit(cache=True, error_model="numpy", forceinline=True)
+def within_shortage(credit, limited, lacking, speed):  # type: ignore[no-untyped-def]
+    """Return the gap credit (m), no more than a share ``limited``, if positive, of what a headway ``lacking`` (s) is in m."""
+    return min(credit, limited * lacking * speed) if limited > 0.0 else credit
+
+
 @njit(cache=True, error_model="numpy")
 def headway_after(gap, speed):  # type: ignore[no-untyped-def]
     """Return the time headway (s) at a gap (m) and speed (m/s), of a leader change."""
@@ -53,6 +63,7 @@ EFFECT = Effect(
         Parameter("kappa", "1", slots.RELAXATION, 0.0, 1.5, 0.5),
         Parameter("tau_r", "s", slots.RELAXATION_TIME, 3.0, 40.0, 12.0),
         Parameter("phi", "1", slots.HEADWAY_ACCEPTED, 0.0, 1.0, 0.0),
+        Parameter("chi", "1", slots.CREDIT_LIMITED, 0.0, 1.0, 0.0),
     ),
     must_see=("jump", "since_change", "accepted_headway"),
     confusable_with=("location", "acceleration_asymmetry", "pre_insertion"),

@@ -39,8 +39,9 @@ LAW = 35  # number of the car-following law, of `idm_sumo.laws`
 REACTION_CHANGE = 36  # s, by which a safe speed is reached later than within `idm_sumo.laws.REACTION`
 LEADER_CLASS_DISTANCE = 37  # m
 OWN_SPEED_IN_RATE = 38  # 1
+CREDIT_LIMITED = 39  # 1
 
-COUNT = 39
+COUNT = 40
 
 # What depends on who and what is around a driver, or when: with all of these zero one moment is like another.
 OF_SURROUNDINGS = (
