@@ -12,6 +12,7 @@ import numpy.typing as npt
 
 from idm_sumo.diagnosis import atoms as at
 from idm_sumo.diagnosis.fit import Fit
+from idm_sumo.diagnosis.free_fields import Families
 from idm_sumo.diagnosis.left_over import Heard, LeftOver, hear, left_over
 from idm_sumo.diagnosis.look import Build, Look, Subject, look, score
 from idm_sumo.diagnosis.luck import Luck
@@ -97,16 +98,17 @@ class Evidence:
 
 
 def examine(
-    subject: Subject, fit: Fit, lucks: list[Luck], *, progress: Progress, stage: str, free: bool = False
-) -> Evidence:
+    subject: Subject, fit: Fit, lucks: list[Luck], *, progress: Progress, stage: str,
+    free: Families | None = None,
+) -> Evidence:  # fmt: skip
     """Score the recording and its null twins, one for each luck, at one model.
 
-    If ``free``, everything that is no effect of the catalogue, too.
+    If ``free`` yields any, what is no effect of the catalogue, too.
     """
     answer = at.answer_of(subject.windows, fit, subject.grid.pivot)
     looked = look(subject, fit, at.build, answer)
     progress(stage, 0, 1)
-    heard = Twins([], []) if free else None
+    heard = None if free is None else Twins([], [], free)
     totals = _twin_totals(subject, fit, lucks, looked, heard)
     progress(stage, 1, 1)
     # The twins' mean is taken off each driver by its share of the windows.
@@ -118,7 +120,9 @@ def examine(
     )
     if heard is None:
         return evidence
-    left = left_over(subject.windows, fit, subject.grid, answer, heard.fitted, heard.drawn, evidence.inflation)
+    left = left_over(
+        subject.windows, fit, subject.grid, answer, heard.fitted, heard.drawn, evidence.inflation, heard.families
+    )
     return replace(evidence, free=tuple(left))
 
 
@@ -127,6 +131,7 @@ class Twins(NamedTuple):
 
     fitted: list[Heard]
     drawn: list[Heard]
+    families: Families
 
 
 def _twin_totals(subject: Subject, fit: Fit, lucks: Sequence[Luck], looked: Look, heard: Twins | None = None) -> Floats:
@@ -140,7 +145,9 @@ def _twin_totals(subject: Subject, fit: Fit, lucks: Sequence[Luck], looked: Look
     between = is_asked & np.array([name.startswith(BETWEEN) for name in looked.names])
     kinds = (False, True) if between.any() else (False,)
     each = each_in_threads(
-        lambda twin: _twin(subject, fit, twin[1], looked.build, drawn=twin[0], listen=heard is not None),
+        lambda twin: _twin(
+            subject, fit, twin[1], looked.build, drawn=twin[0], listen=None if heard is None else heard.families
+        ),
         [(drawn, luck) for drawn in kinds for luck in lucks],
     )
     fitted, drawn = each[: len(lucks)], each[len(lucks) :]
@@ -154,7 +161,7 @@ def _twin_totals(subject: Subject, fit: Fit, lucks: Sequence[Luck], looked: Look
 
 
 def _twin(
-    subject: Subject, fit: Fit, luck: Luck, build: Build, *, drawn: bool, listen: bool
+    subject: Subject, fit: Fit, luck: Luck, build: Build, *, drawn: bool, listen: Families | None
 ) -> tuple[Floats, Heard | None]:
     """Return the total scores of a twin, with the fitted drivers or with drawn ones, and what is heard of everything free."""
     drivers = drawn_anew(fit, luck) if drawn else fit
@@ -163,7 +170,7 @@ def _twin(
     fitted = refit(twin, drivers)
     answer = at.answer_of(twin, fitted, subject.grid.pivot)
     total = np.asarray(score(subject, twin, fitted, build, answer)[1].u.sum(axis=0))
-    return total, hear(twin, fitted, subject.grid, answer) if listen else None
+    return total, None if listen is None else hear(twin, fitted, subject.grid, answer, listen)
 
 
 class Local(NamedTuple):

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -70,6 +70,8 @@ SPEEDS = tuple(sign * speed for sign in (-1.0, 1.0) for speed in (1.0, 1.5, 2.0,
 BAND_BIN, MOST_BANDS = 30.0, 60  # m; bins, side by side
 CROSSES = 0.5  # of the way, or the time, that it could be there: less is a corner
 HELD = ("position", "time")  # by the catalogue, as location and time of day
+# Whether a place is so at all times, and a time at all places.
+WITHIN = {"position": f"{REGION} within the place", "time": f"{REGION} within the time"}
 # A driver's own motion of late stands out a little; which lane to take drivers choose themselves, and in one lane for a while there
 # are few; of a place or a time the catalogue's own would have said it.
 SUSPECT = ("unrest", "lane", "time" + IN_LANE, REGION + IN_LANE, *HELD)
@@ -128,6 +130,28 @@ class Path:
 
 
 @dataclass(frozen=True)
+class Interval:
+    """A place (m) or a time (s) where something is different in the model.
+
+    Attributes
+    ----------
+    axis : str
+        One of ``HELD``.
+    begin, end : float
+    content : str
+        What is different there: one of the four above.
+    sign : float
+        Of that.
+    """
+
+    axis: str
+    begin: float
+    end: float
+    content: str
+    sign: float
+
+
+@dataclass(frozen=True)
 class Family:
     """Bins in which behaviour is free.
 
@@ -140,12 +164,15 @@ class Family:
         Of one covariate; of position and time for rectangles; the lanes' numbers (single bins) for lanes.
     path : Path or None
         Of bands that move.
+    within : Interval or None
+        In which alone it lies, along the other axis.
     """
 
     covariate: str
     content: str
     edges: tuple[Floats, ...]
     path: Path | None = None
+    within: Interval | None = None
 
     @property
     def shape(self) -> tuple[int, ...]:
@@ -225,12 +252,29 @@ def contents(state: Floats) -> dict[str, Floats]:
     }
 
 
+Families = Callable[[w.Windows, Floats, Grid], Iterator[tuple[Family, Integers]]]
+
+
 def families(windows: w.Windows, state: Floats, grid: Grid) -> Iterator[tuple[Family, Integers]]:
     """Yield each family, and the number of the bin that each frame is in (-1: none)."""
     for covariate, edges, number in _partitions(covariates(windows, state), grid):
         for content in _contents_along(covariate):
             yield Family(covariate, content, edges), number
     yield from _moving(windows, state, grid)
+
+
+def inside(intervals: Sequence[Interval]) -> Families:
+    """Return what yields, of places and times that are in the model, the families that ask whether they act all the time, and everywhere."""
+
+    def each(windows: w.Windows, state: Floats, grid: Grid) -> Iterator[tuple[Family, Integers]]:
+        x, t = state[:, :, ro.BASE_X], windows.seen[:, w.LEAD : -1, w.TIME]
+        for interval in intervals:
+            held, free, bins = (x, t, grid.time) if interval.axis == HELD[0] else (t, x, grid.place)
+            edges, there = _coarser(bins, MOST_BINS), (held >= interval.begin) & (held < interval.end)
+            family = Family(WITHIN[interval.axis], interval.content, (edges,), within=interval)
+            yield family, np.where(there, numbered(free, edges), -1)
+
+    return each
 
 
 def _moving(windows: w.Windows, state: Floats, grid: Grid) -> Iterator[tuple[Family, Integers]]:

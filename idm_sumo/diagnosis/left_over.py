@@ -114,7 +114,7 @@ class Heard:
     squares: dict[str, Floats]
 
 
-def hear(windows: Windows, fit: Fit, grid: Grid, answer: Answer) -> Heard:
+def hear(windows: Windows, fit: Fit, grid: Grid, answer: Answer, families: ff.Families = ff.families) -> Heard:
     """Return what a twin says."""
     pulses = pulses_of(windows, fit, answer)
     by_frame = np.repeat(pulses.score, BIN, axis=1) / BIN
@@ -122,7 +122,7 @@ def hear(windows: Windows, fit: Fit, grid: Grid, answer: Answer) -> Heard:
     whole = {content: each.sum() for content, each in scored.items()}
     totals: list[Floats] = []
     squares = {}
-    for family, number in ff.families(windows, pulses.state, grid):
+    for family, number in families(windows, pulses.state, grid):
         totals += [sums_by_bin(number, scored[family.content], family.count), np.array([whole[family.content]])]
         if variance.concerns(family):
             squares[family.covariate] = variance.spread(pulses, number, family.count).squares.sum(axis=0)
@@ -130,8 +130,9 @@ def hear(windows: Windows, fit: Fit, grid: Grid, answer: Answer) -> Heard:
 
 
 def left_over(
-    windows: Windows, fit: Fit, grid: Grid, answer: Answer, fitted: list[Heard], drawn: list[Heard], inflation: float
-) -> list[LeftOver]:
+    windows: Windows, fit: Fit, grid: Grid, answer: Answer, fitted: list[Heard], drawn: list[Heard], inflation: float,
+    families: ff.Families = ff.families,
+) -> list[LeftOver]:  # fmt: skip
     """Return everything that is free in its best stretch, the most significant first.
 
     Parameters
@@ -142,9 +143,11 @@ def left_over(
         Of twins with the fitted drivers, and with drivers drawn anew: the null of what differs between drivers.
     inflation : float
         Of variances beyond the model's.
+    families : callable
+        Which yields those that were heard.
     """
     pulses = pulses_of(windows, fit, answer)
-    every, what = list(ff.families(windows, pulses.state, grid)), ff.contents(pulses.state)
+    every, what = list(families(windows, pulses.state, grid)), ff.contents(pulses.state)
     begins = np.cumsum([0, *(family.count + 1 for family, _ in every)])
 
     def best(which: int) -> Said | None:
@@ -220,11 +223,15 @@ def _of_family(
     """Return what a family says."""
     u, gram = pulses.along(number, value, family.count)
     mix = np.eye(family.count + 1)[:, :-1]
-    if family.is_contrast:
+    sign = 0.0
+    if family.within is not None:
+        everywhere, sign = gram[:-1, :-1].sum(axis=0), family.within.sign
+        mix[:-1] -= everywhere / max(everywhere.sum(), 1e-9)
+    elif family.is_contrast:
         mix[-1] = -gram[-1, :-1] / max(gram[-1, -1], 1e-9)
     total = (u.sum(axis=0) - twins.mean(axis=0)) @ mix
     within = mix.T @ gram @ mix
-    best = best_stretch(total, within, family.shape, *_limits(family))
+    best = best_stretch(total, within, family.shape, *_limits(family), of_sign=sign)
     if best is None:
         return None
     unsure = inflation * (1.0 + 1.0 / len(twins))
@@ -263,6 +270,9 @@ def _named(said: Said, looks: int) -> LeftOver:
     time = edges[-1] if family.covariate.startswith(("time", ff.REGION)) else None
     if family.path is not None:
         place, time = family.path.swept(*edges[0])
+    if family.within is not None:
+        held = family.within.begin, family.within.end
+        place, time = (held, edges[0]) if family.within.axis == ff.HELD[0] else (edges[0], held)
     p = corrected_p(z, looks)
     lane = int(family.covariate.partition(ff.IN_LANE)[2] or 0)
     low, high = LARGEST.get(family.content, (-np.inf, np.inf))

@@ -10,6 +10,7 @@ import numpy.typing as npt
 
 from idm_sumo.diagnosis import choice, free_gates, gates
 from idm_sumo.diagnosis import evidence as ev
+from idm_sumo.diagnosis import free_fields as ff
 from idm_sumo.diagnosis import hypotheses as hy
 from idm_sumo.diagnosis.atoms import Atom
 from idm_sumo.diagnosis.choice import Accepted, Known
@@ -21,9 +22,10 @@ from idm_sumo.diagnosis.look import Subject
 from idm_sumo.diagnosis.luck import Luck, draws
 from idm_sumo.diagnosis.one_lane import place_in_one_lane
 from idm_sumo.diagnosis.recovery import is_over_at_once
-from idm_sumo.diagnosis.sizes import Tried, anew, magnitude_of, refined
+from idm_sumo.diagnosis.sizes import Tried, anew, magnitude_of, refined, without_cause
 from idm_sumo.diagnosis.together import two_together
 from idm_sumo.diagnosis.twins import driver_noise
+from idm_sumo.effects import BY_NAME, slots
 from idm_sumo.progress import Progress, silent
 
 Floats = npt.NDArray[np.float64]
@@ -71,7 +73,7 @@ def search(
 ) -> Found:
     """Find the causes, strongest first; those that are ``asked`` for, as named beyond another law, are tried however sure they are."""
     lucks = draws(subject.windows, subject.noises, _twins_of(subject, FIRST_TWINS), rng)
-    first = ev.examine(subject, base, lucks, progress=progress, stage="looking for causes", free=True)
+    first = ev.examine(subject, base, lucks, progress=progress, stage="looking for causes", free=ff.families)
     known = Known()
     strange = _outside(subject, base, first, lucks, known, progress)
     brief = Brief(rng, progress, asked)
@@ -112,12 +114,53 @@ def _search(
             fit, without = smaller, [*without, *(cause.candidate for cause in chosen)]
             del accepted[-len(chosen) :]
             break
-        last = ev.examine(subject, fit, lucks, progress=progress, stage="looking for further causes")
+        last = _examined(subject, fit, accepted, lucks, progress)
         if len(accepted) == 1 and _is_no_interval(newest.candidate, first, last):
             return NoInterval(newest.candidate.atom, tuple(without))
         accepted = [_measured(cause, fit, last) for cause in accepted]
     left = told(strange) if strange or accepted else left_without_causes(first)
-    return Found(base, fit, tuple(accepted), tuple(without), first, last, left)
+    found = Found(base, fit, tuple(accepted), tuple(without), first, last, left)
+    return _without(found, free_gates.only_there_and_then(last), subject, lucks, brief)
+
+
+def _examined(
+    subject: Subject, fit: Fit, accepted: list[Accepted], lucks: list[Luck], progress: Progress
+) -> ev.Evidence:
+    """Return the evidence with causes in the model; of places and times whether they are so at all times, and places."""
+    causes = [one.candidate for one in accepted if one.candidate.name in hy.SCANNED and not one.candidate.only_lanes]
+    intervals = [interval for cause in causes if (interval := _interval(fit, cause.name)) is not None]
+    free = ff.inside(intervals) if intervals else None
+    return ev.examine(subject, fit, lucks, progress=progress, stage="looking for further causes", free=free)
+
+
+def _interval(fit: Fit, name: str) -> ff.Interval | None:
+    """Return the place or the time of a cause that is in the model; none of a drift, which is at no time another."""
+    size, begin, end = BY_NAME[name].acting(fit.by_lane[0])
+    if size.slot == slots.PERIOD_DRIFT:
+        return None
+    content = ff.ACCELERATION if size.slot == slots.PLACE else ff.HEADWAY
+    value, low, high = (float(fit.by_lane[0, one.slot]) for one in (size, begin, end))
+    return ff.Interval(gates.FREELY[name], low, high, content, float(np.sign(value)))
+
+
+def _without(
+    found: Found, there_and_then: tuple[LeftOver, ...], subject: Subject, lucks: list[Luck], brief: Brief
+) -> Found:
+    """Return what was found without the places that are not so at all times, and the times that are not at all places."""
+    if not there_and_then:
+        return found
+    refused = {one.covariate for one in there_and_then}
+    kept = [c for c in found.accepted if ff.WITHIN.get(gates.FREELY.get(c.candidate.name, "")) not in refused]
+    if not kept:
+        return replace(found, fit=found.base, accepted=(), last=found.first, unexplained=there_and_then)
+    fit = found.fit
+    for cause in found.accepted:
+        if cause not in kept:
+            fit = without_cause(fit, cause.candidate.name)
+    fit = refined(subject, anew(subject, fit), [cause.candidate.name for cause in kept], lucks, brief.rng)
+    last = _examined(subject, fit, kept, lucks, brief.progress)
+    measured = tuple(_measured(cause, fit, last) for cause in kept)
+    return replace(found, fit=fit, accepted=measured, last=last, unexplained=there_and_then)
 
 
 def _twins_of(subject: Subject, most: int) -> int:
@@ -177,7 +220,9 @@ def _outside(
             return strange
         names.append(best.candidate.name)
         fit = anew(subject, sharpened(subject, best.fit, names))
-        evidence = ev.examine(subject, fit, lucks, progress=progress, stage="looking for what is left", free=True)
+        evidence = ev.examine(
+            subject, fit, lucks, progress=progress, stage="looking for what is left", free=ff.families
+        )
         if not free_gates.is_left(strange[0], evidence):
             return ()
         left = free_gates.outside(evidence)
