@@ -117,6 +117,32 @@ def test_what_one_place_does_is_found_there(driven):
     assert found.value == pytest.approx(-0.3, rel=0.4)
 
 
+@pytest.mark.parametrize("axis", ff.HELD)
+def test_a_place_that_acts_for_a_while_is_told_from_one_that_acts_at_all_times(driven, axis):
+    seen, fit = driven[0].seen.copy(), driven[1]
+    seen[driven[0].driver % 3 > 0, :, w.TIME] += 60.0
+    seen[driven[0].driver % 3 > 1, :, w.TIME] += 60.0
+    windows = replace(driven[0], seen=seen)
+    grid, place, time = at.grid_of(windows), seen[:, w.LEAD : -1, w.X], seen[:, w.LEAD : -1, w.TIME]
+    there, then = (place >= 60.0) & (place < 110.0), time > 100.0
+    held, ends = (there, (60.0, 110.0)) if axis == "position" else (then, (100.0, 140.0))
+    families = ff.inside([ff.Interval(axis, *ends, ff.ACCELERATION, -1.0)])
+    twin = lo.hear(windows, fit, grid, at.answer_of(windows, fit, grid.pivot), families)
+
+    def within(where: np.ndarray) -> lo.LeftOver:
+        slowed = pushed(windows, fit, np.where(where, -0.3, 0.0))
+        answer = at.answer_of(slowed, fit, grid.pivot)
+        found = lo.left_over(slowed, fit, grid, answer, [twin], [twin], 1.0, families)
+        return next(one for one in found if one.covariate == ff.WITHIN[axis])
+
+    both, always = within(there & then), within(held)
+    assert both.position_m == pytest.approx((60.0, 110.0), abs=20.0)
+    assert both.time_s[0] > 60.0
+    assert both.time_s[1] > 130.0
+    assert both.value < -0.1
+    assert abs(both.z) > 2.0 * abs(always.z)
+
+
 def test_a_pedal_half_left_alone_is_found_by_the_acceleration_that_is_wanted(driven):
     windows, fit, grid, answer = driven
     wanted = answer.state[:, :, ro.BASE_A]

@@ -53,9 +53,9 @@ UNNOTICED, PEDAL_SHARE, PEDAL_CLEAR = "perception_threshold", 0.7, 5.0
 # Who is drawn along beside a faster lane looks a little like one who is slowed beside a slower one, and the reverse: of both that is
 # believed which says more. (Drivers drawn along left a friction 0.55 of its squared z, drivers with one left a faster lane 0.07 to 0.12.)
 DRAWN, SLOWED = "faster_difference", "adjacent_lane_friction"
-# Standard errors from which on a place is not so at all times, or a time not at all places. (Places that were: 1.1 to 2.5 in twelve
-# recordings of five laws; glare, which is at a place for a while: 6.5.)
-FREE_WITHIN = 4.5
+# Standard errors from which on a place is not so at all times, or a time not at all places: as of any rectangle. (Places that were so, and
+# times: 1.6 to 3.3 with all causes in the model; glare, which is at a place for a while: 12.)
+FREE_WITHIN = FREE_REGION
 # What neither an effect of the catalogue nor another law makes up.
 UNLIKE_ANY = (STARTING, ENTRY, AFTER_BRAKING, "unrest", *ff.AROUND)
 # Times the squared z of who is ahead, from which on the leader's length is more than that: long cars that are no trucks. (Trucks left the
@@ -207,9 +207,7 @@ def is_unsteady(one: LeftOver) -> bool:
 def only_there_and_then(evidence: ev.Evidence) -> tuple[LeftOver, ...]:
     """Return for each place of the model that is not so at all times when it is, and for each time where."""
     within = ff.WITHIN.values()
-    return tuple(
-        one for one in evidence.free if one.covariate in within and one.is_credible and abs(one.z) > FREE_WITHIN
-    )
+    return tuple(one for one in evidence.free if one.subject in within and one.is_credible and abs(one.z) > FREE_WITHIN)
 
 
 def is_stood_in_for(strange: LeftOver) -> bool:

@@ -149,7 +149,7 @@ def _without(
     """Return what was found without the places that are not so at all times, and the times that are not at all places."""
     if not there_and_then:
         return found
-    refused = {one.covariate for one in there_and_then}
+    refused = {one.subject for one in there_and_then}
     kept = [c for c in found.accepted if ff.WITHIN.get(gates.FREELY.get(c.candidate.name, "")) not in refused]
     if not kept:
         return replace(found, fit=found.base, accepted=(), last=found.first, unexplained=there_and_then)
