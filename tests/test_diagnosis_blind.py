@@ -300,3 +300,24 @@ def test_a_shower_that_crosses_the_section_is_unknown_and_moves(tmp_path):
     assert first.covariate.startswith("position and time, moving at ")
     speed = (shower.position[1] - shower.position[0]) / (shower.time[1] - shower.time[0])
     assert float(first.covariate.split()[-2]) == pytest.approx(speed, rel=0.25)
+
+
+@pytest.mark.slow
+def test_glare_at_a_place_for_a_while_is_unknown_and_where_and_when_is_said(tmp_path):
+    case = {"kind": "outside", "names": ["glare"], "size": ["mid"], "usual": [True], "law": None}
+    recording, (glare,) = made_elsewhere(tmp_path, 787, 22, case)
+    found = checked(diagnose(recording, seed=787))
+    assert found.verdict == "unknown"
+    first = found.unexplained[0]
+    assert first.position_m == pytest.approx(glare.position, abs=30.0)
+    assert first.time_s == pytest.approx(glare.time, abs=20.0)
+
+
+@pytest.mark.slow
+def test_a_relaxation_by_what_a_gap_is_short_of_the_headway_has_its_size(tmp_path):
+    case = {"kind": "single", "names": ["lane_change_relaxation"], "size": ["mid"], "usual": [True], "law": None}
+    recording, (hidden_,) = made_elsewhere(tmp_path, 787, 38, case)
+    (cause,) = checked(diagnose(recording, seed=787)).causes
+    assert cause.name == "lane_change_relaxation"
+    assert cause.parameters["chi"].value == 1.0
+    assert cause.parameters["kappa"].value == pytest.approx(hidden_.p, rel=0.2)

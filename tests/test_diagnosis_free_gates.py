@@ -21,6 +21,20 @@ def test_what_is_there_and_then_only_is_no_place_and_no_time(z, beyond, neither)
 
 
 @pytest.mark.parametrize(
+    ("covariate", "z", "told"),
+    [
+        ("position and time within the place", -12.0, True),  # glare
+        ("headway over position and time within the time", 7.0, True),
+        ("position and time within the place", -3.3, False),  # the most of a place that was so at all times
+        ("position and time", 12.0, False),
+    ],
+)
+def test_a_place_of_the_model_that_is_so_for_a_while_only_is_told(covariate, z, told):
+    assert bool(free_gates.only_there_and_then(evidence(0.0, free(covariate, z)))) is told
+    assert not free_gates.only_there_and_then(evidence(0.0, free(covariate, z, is_credible=False)))
+
+
+@pytest.mark.parametrize(
     ("covariate", "z", "stands_out"),
     [
         ("position and time", 5.9, False),

@@ -8,6 +8,7 @@ import numpy as np
 import pytest
 
 from idm_sumo.diagnosis import atoms as at
+from idm_sumo.diagnosis import free_fields as ff
 from idm_sumo.diagnosis import rollout as ro
 from idm_sumo.diagnosis import search
 from idm_sumo.diagnosis.atoms import Atom
@@ -118,6 +119,33 @@ def test_a_place_that_may_be_a_past_nobody_saw_is_tried_with_the_other_sign_else
     assert chosen
     monkeypatch.setattr(search.hy, "forms", lambda *_: [before])
     assert not _next(None, fit, evidence(0.0), [relaxation], [], [], Brief(np.random.default_rng(0)))
+
+
+@pytest.mark.parametrize("others", [(), ("hysteresis",)])
+def test_a_place_that_is_not_so_at_all_times_is_no_cause_and_other_causes_stay(monkeypatch, others):
+    m = ro.PLAIN.copy()
+    m[:, slots.PLACE], m[:, slots.PLACE_END] = -0.2, 80.0
+    m[:, slots.HYSTERESIS] = 0.1 if others else 0.0
+    start = np.array([1e-4, 1e-4])
+    windows, _ = followers(ro.PLAIN, np.random.default_rng(5))
+    base, fit = (fit_drivers(windows, one, start, rounds=1) for one in (ro.PLAIN.copy(), m))
+    nothing = Gain("ade_m", 1.0, 1.0, 0.0, (-0.1, 0.1), 10, False)
+    causes = tuple(
+        Accepted(Tried(candidate(9.0, name), fit, 200.0), 0.1, 0.01, nothing, ()) for name in ("location", *others)
+    )
+    assert search._interval(fit, "location") == ff.Interval("position", 0.0, 80.0, ff.ACCELERATION, -1.0)
+    last = evidence(0.0, free("position and time within the place", -12.0))
+    found = search.Found(base, fit, causes, (), evidence(0.0), last, ())
+    monkeypatch.setattr(search, "refined", lambda _subject, fit, *_: fit)
+    monkeypatch.setattr(search, "_examined", lambda *_: evidence(0.0))
+    subject = Subject(windows, Noises(QUIET, QUIET), at.grid_of(windows), True)
+    brief = Brief(np.random.default_rng(0))
+    assert search._without(found, (), subject, [], brief) is found
+    left = search._without(found, last.free, subject, [], brief)
+    assert left.unexplained == last.free
+    assert [one.candidate.name for one in left.accepted] == list(others)
+    assert not left.fit.by_lane[:, slots.PLACE].any()
+    assert left.fit.by_lane[0, slots.HYSTERESIS] == m[0, slots.HYSTERESIS]
 
 
 @pytest.mark.parametrize("asked", [(), ("lane_change_relaxation",)])
