@@ -146,9 +146,10 @@ def climb_to(monkeypatch, supports):
 
 
 @pytest.mark.parametrize(
-    ("own_speed", "new_leader", "asked"), [(120.0, 130.0, True), (90.0, 130.0, False), (130.0, None, True)]
+    ("own_speed", "new_leader", "asked"),
+    [(120.0, 130.0, True), (90.0, 130.0, True), (90.0, 95.0, False), (130.0, None, True)],
 )
-def test_who_is_late_and_knows_both_is_asked_for_where_each_alone_says_more(monkeypatch, own_speed, new_leader, asked):
+def test_who_is_late_and_knows_both_is_asked_for_where_one_alone_says_more(monkeypatch, own_speed, new_leader, asked):
     known = ((slots.OWN_SPEED_KNOWN, 1.0), (slots.NEW_LEADER_KNOWN, 1.0))
     supports = {(): 100.0, known[:1]: own_speed, known[1:]: new_leader, known: 140.0}
     each = [
@@ -166,12 +167,14 @@ def test_who_is_late_and_knows_both_is_asked_for_where_each_alone_says_more(monk
     ("own", "in_rate", "both", "asked"),
     [
         (120.0, 125.0, 135.0, True),
-        (120.0, 115.0, 135.0, False),
-        (120.0, 125.0, 110.0, False),
-        (90.0, 125.0, 135.0, False),
+        (120.0, 115.0, 135.0, True),
+        (120.0, 125.0, 110.0, True),
+        (90.0, 125.0, 135.0, True),
+        (120.0, 115.0, 110.0, False),
+        (90.0, 125.0, 110.0, False),
     ],
 )
-def test_all_that_may_be_known_is_asked_for_where_each_of_it_says_more(monkeypatch, own, in_rate, both, asked):
+def test_all_that_may_be_known_is_asked_for_where_some_of_it_says_more(monkeypatch, own, in_rate, both, asked):
     one, new, rate = at.KNOWN
     supports = {(): 100.0, (one,): own, (new,): 130.0, (one, rate): in_rate, (one, new): both, (one, new, rate): 140.0}
     each = [candidate(9.0, "reaction_delay", 0.4, ((slots.DELAY, 0.4), *form)) for form in supports]

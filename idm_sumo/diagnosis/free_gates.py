@@ -59,8 +59,8 @@ FREE_WITHIN = FREE_REGION
 # What neither an effect of the catalogue nor another law makes up.
 UNLIKE_ANY = (STARTING, ENTRY, AFTER_BRAKING, "unrest", *ff.AROUND)
 # Times the squared z of who is ahead, from which on the leader's length is more than that: long cars that are no trucks. (Trucks left the
-# length 0.7 to 1.0 of it, cars behind vans 7.5.)
-MERELY_LONG, LONGER_THAN_TRUCKS = "leader_class", 3.0
+# length 0.7 to 1.0 of it, cars behind vans 2.7 and 7.5.)
+MERELY_LONG, LONGER_THAN_TRUCKS = "leader_class", 2.0
 # What is free and yet only shows what a likely effect of the catalogue does, by its sign times that of the covariate.
 SHOWS = {
     ("since_change", 1.0): "lane_change_relaxation", ("headway over since_change", -1.0): "lane_change_relaxation",
