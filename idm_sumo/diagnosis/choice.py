@@ -102,8 +102,8 @@ def strongest(
 def at_sizes(subject: Subject, fit: Fit, each: list[Candidate], lucks: list[Luck], known: Known) -> list[Tried]:
     """Return candidates at their sizes, from those that are there already where they are among them.
 
-    A climb to a delay is the dearest there is: that of drivers who know more than one thing in spite of it is made only if all but one
-    of these have more support than fewer of them.
+    A climb to a delay is the dearest there is: that of drivers who know more than one thing in spite of it is made only if a form
+    with one thing less has more support than those with two less.
     """
 
     def climb(some: list[Candidate]) -> list[Tried]:

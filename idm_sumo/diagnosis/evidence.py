@@ -103,7 +103,7 @@ def examine(
 ) -> Evidence:  # fmt: skip
     """Score the recording and its null twins, one for each luck, at one model.
 
-    If ``free`` yields any, what is no effect of the catalogue, too.
+    And, if ``free`` says which, families of what is no effect of the catalogue.
     """
     answer = at.answer_of(subject.windows, fit, subject.grid.pivot)
     looked = look(subject, fit, at.build, answer)

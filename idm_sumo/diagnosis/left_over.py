@@ -222,13 +222,7 @@ def _of_family(
 ) -> Said | None:
     """Return what a family says."""
     u, gram = pulses.along(number, value, family.count)
-    mix = np.eye(family.count + 1)[:, :-1]
-    sign = 0.0
-    if family.within is not None:
-        everywhere, sign = gram[:-1, :-1].sum(axis=0), family.within.sign
-        mix[:-1] -= everywhere / max(everywhere.sum(), 1e-9)
-    elif family.is_contrast:
-        mix[-1] = -gram[-1, :-1] / max(gram[-1, -1], 1e-9)
+    mix, sign = _mix(family, gram), family.within.sign if family.within is not None else 0.0
     total = (u.sum(axis=0) - twins.mean(axis=0)) @ mix
     within = mix.T @ gram @ mix
     best = best_stretch(total, within, family.shape, *_limits(family), of_sign=sign)
@@ -249,6 +243,20 @@ def _of_family(
     return Said(
         family, best, float(z), float(twins.mean(axis=0) @ mix), bool(by_block.max() > BY_ONE * abs(best.score)), beyond
     )
+
+
+def _mix(family: ff.Family, gram: Floats) -> Floats:
+    """Return what makes the scores of a family's bins of the sums in each bin and of the whole, shape ``(bins + 1, bins)``.
+
+    What is so in all bins, where that is a cause or the model itself, is projected out.
+    """
+    mix = np.eye(family.count + 1)[:, :-1]
+    if family.within is not None:
+        everywhere = gram[:-1, :-1].sum(axis=0)
+        mix[:-1] -= everywhere / max(everywhere.sum(), 1e-9)
+    elif family.is_contrast:
+        mix[-1] = -gram[-1, :-1] / max(gram[-1, -1], 1e-9)
+    return mix
 
 
 def _limits(family: ff.Family) -> tuple[int, float]:
