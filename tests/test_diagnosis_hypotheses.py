@@ -157,16 +157,16 @@ def test_a_place_that_stands_alone_has_one_form():
 
 def test_every_recovery_of_a_relaxation_is_as_sure_as_the_surest():
     atoms = [atom for atom in SECANT_ATOMS if atom.name == "lane_change_relaxation"]
-    gram, best = np.diag([40.0, 60.0, 50.0]), np.array([0.1, 0.6, 0.3])
-    u = np.tile(gram @ best / DRIVERS, (DRIVERS, 1)) + np.random.default_rng(0).standard_normal((DRIVERS, 3)) * 0.1
+    gram, best = np.diag([40.0, 60.0, 50.0, 50.0]), np.array([0.1, 0.6, 0.3, 0.4])
+    u = np.tile(gram @ best / DRIVERS, (DRIVERS, 1)) + np.random.default_rng(0).standard_normal((DRIVERS, 4)) * 0.1
     seen = Evidence(
-        atoms, u, np.zeros((3, 3)), gram, np.tile(np.diag(gram) / DRIVERS, (DRIVERS, 1)), np.arange(DRIVERS)
+        atoms, u, np.zeros((3, 4)), gram, np.tile(np.diag(gram) / DRIVERS, (DRIVERS, 1)), np.arange(DRIVERS)
     )
     surest = hy.candidates(seen)[0]
     forms = hy.forms(seen, surest)
     assert [form.atom.fixed for form in forms] == [atom.fixed for atom in atoms]
     assert {(form.z, form.p) for form in forms} == {(surest.z, surest.p)}
-    assert forms[0].value < forms[2].value < forms[1].value
+    assert forms[0].value < forms[2].value < forms[3].value < forms[1].value
 
 
 def test_a_delay_is_tried_with_the_own_speed_late_and_known_each_at_the_size_that_agrees():
