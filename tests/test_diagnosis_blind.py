@@ -25,9 +25,14 @@ def hidden(folder: Path, seed: int, effect: str | None, size: str = "large", **g
     return read_recording(path).recording
 
 
-def made_elsewhere(folder: Path, seed: int, number: int, case: dict[str, object]) -> tuple[Recording, list[Any]]:
+def case(kind: str, name: str, *, usual: bool = True) -> dict[str, object]:
+    """One effect of middle size for the second simulator, whatever the law underneath."""
+    return {"kind": kind, "names": [name], "size": ["mid"], "usual": [usual], "law": None}
+
+
+def made_elsewhere(folder: Path, seed: int, number: int, chosen: dict[str, object]) -> tuple[Recording, list[Any]]:
     """A recording of the second simulator, and what is hidden in it."""
-    got, _ = elsewhere.make(seed, number, case)
+    got, _ = elsewhere.make(seed, number, chosen)
     got["table"].to_parquet(folder / "recording.parquet", index=False)
     return read_recording(folder / "recording.parquet").recording, got["hidden"]
 
@@ -271,8 +276,8 @@ def test_metres_kept_more_behind_trucks_are_told_from_a_longer_headway(tmp_path)
 @pytest.mark.slow
 def test_two_causes_of_which_neither_gains_alone_are_both_named(tmp_path):
     names = ["acceleration_asymmetry", "lane_change_relaxation"]
-    case = {"kind": "pair", "names": names, "size": ["large", "mid"], "usual": [True, True], "law": None}
-    recording, _ = made_elsewhere(tmp_path, 661, 16, case)
+    pair = {"kind": "pair", "names": names, "size": ["large", "mid"], "usual": [True, True], "law": None}
+    recording, _ = made_elsewhere(tmp_path, 661, 16, pair)
     found = checked(diagnose(recording, seed=661))
     assert sorted(cause.name for cause in found.causes) == names
     assert better(found)
@@ -283,8 +288,7 @@ def test_two_causes_of_which_neither_gains_alone_are_both_named(tmp_path):
     ("number", "name", "told"), [(4, "tired_in_section", "since_entry"), (23, "shaken", "since_braking")]
 )
 def test_what_changes_with_the_time_since_something_is_unknown_and_since_what_is_said(number, name, told, tmp_path):
-    case = {"kind": "outside", "names": [name], "size": ["mid"], "usual": [True], "law": None}
-    recording, _ = made_elsewhere(tmp_path, 673, number, case)
+    recording, _ = made_elsewhere(tmp_path, 673, number, case("outside", name))
     found = checked(diagnose(recording, seed=673))
     assert found.verdict == "unknown"
     assert told in found.unexplained[0].covariate
@@ -292,8 +296,7 @@ def test_what_changes_with_the_time_since_something_is_unknown_and_since_what_is
 
 @pytest.mark.slow
 def test_a_shower_that_crosses_the_section_is_unknown_and_moves(tmp_path):
-    case = {"kind": "outside", "names": ["shower"], "size": ["mid"], "usual": [False], "law": None}
-    recording, (shower,) = made_elsewhere(tmp_path, 631, 32, case)
+    recording, (shower,) = made_elsewhere(tmp_path, 631, 32, case("outside", "shower", usual=False))
     found = checked(diagnose(recording, seed=1))
     assert found.verdict == "unknown"
     first = found.unexplained[0]
@@ -304,8 +307,7 @@ def test_a_shower_that_crosses_the_section_is_unknown_and_moves(tmp_path):
 
 @pytest.mark.slow
 def test_glare_at_a_place_for_a_while_is_unknown_and_where_and_when_is_said(tmp_path):
-    case = {"kind": "outside", "names": ["glare"], "size": ["mid"], "usual": [True], "law": None}
-    recording, (glare,) = made_elsewhere(tmp_path, 787, 22, case)
+    recording, (glare,) = made_elsewhere(tmp_path, 787, 22, case("outside", "glare"))
     found = checked(diagnose(recording, seed=787))
     assert found.verdict == "unknown"
     first = found.unexplained[0]
@@ -315,8 +317,7 @@ def test_glare_at_a_place_for_a_while_is_unknown_and_where_and_when_is_said(tmp_
 
 @pytest.mark.slow
 def test_a_relaxation_by_what_a_gap_is_short_of_the_headway_has_its_size(tmp_path):
-    case = {"kind": "single", "names": ["lane_change_relaxation"], "size": ["mid"], "usual": [True], "law": None}
-    recording, (hidden_,) = made_elsewhere(tmp_path, 787, 38, case)
+    recording, (hidden_,) = made_elsewhere(tmp_path, 787, 38, case("single", "lane_change_relaxation"))
     (cause,) = checked(diagnose(recording, seed=787)).causes
     assert cause.name == "lane_change_relaxation"
     assert cause.parameters["chi"].value == 1.0

@@ -5,7 +5,7 @@ r"""Relaxation: after a leader change that shortened the gap, the driver accepts
 with :math:`J` the shortening (m) at the last leader change and :math:`t_c` the time since. Or no more of it is overlooked than the gap is
 short of the driver's own headway (:math:`\chi = 1`):
 
-.. math:: d \to d + \kappa\, \min(J,\, v \max(0,\, T - T_c))\, e^{-t_c/\tau_r}
+.. math:: d \to d + \min(\kappa\, J\, e^{-t_c/\tau_r},\, \min(1,\, \kappa\, e^{-t_c/\tau_r})\, v \max(0,\, T - T_c))
 
 Or the time headway is what is accepted (:math:`\phi = 1`), and returns from that to the driver's own:
 
