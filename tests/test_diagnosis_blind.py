@@ -322,3 +322,15 @@ def test_a_relaxation_by_what_a_gap_is_short_of_the_headway_has_its_size(tmp_pat
     assert cause.name == "lane_change_relaxation"
     assert cause.parameters["chi"].value == 1.0
     assert cause.parameters["kappa"].value == pytest.approx(hidden_.p, rel=0.2)
+
+
+@pytest.mark.slow
+def test_a_desired_speed_that_falls_from_lane_to_lane_is_named_and_has_its_size(tmp_path):
+    falling = case("single", "desired_speed", usual=False) | {"size": ["large"]}
+    recording, (hidden_,) = made_elsewhere(tmp_path, 787, 1, falling)
+    found = checked(diagnose(recording, seed=787))
+    (cause,) = found.causes
+    assert cause.name == "desired_speed"
+    assert cause.parameters["n"].value == hidden_.q  # lanes
+    assert cause.parameters["delta"].value == pytest.approx(hidden_.p, rel=0.1)
+    assert better(found)

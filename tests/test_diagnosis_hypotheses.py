@@ -187,6 +187,28 @@ def test_a_delay_is_tried_with_the_own_speed_late_and_known_each_at_the_size_tha
     assert dict(hy.slots_of(known))[slots.OWN_SPEED_KNOWN] == 1.0
 
 
+@pytest.mark.parametrize("surest", [2, 4])
+def test_a_desired_speed_is_tried_in_its_lane_and_falling_over_all(surest):
+    falls = Atom("desired_speed", fixed=((slots.DESIRED_SPEED, 1.0), (slots.DESIRED_SPEED_ACROSS, 4.0)))
+    atoms = [*(Atom("desired_speed", lane=number) for number in (1, 2, 3, 4)), falls]
+    best = np.full(5, -0.1)
+    best[surest] = -0.3
+    gram = np.diag(np.full(5, 400.0))
+    u = np.tile(gram @ best / DRIVERS, (DRIVERS, 1)) + np.random.default_rng(0).standard_normal((DRIVERS, 5)) * 0.1
+    part = np.tile(np.diag(gram) / DRIVERS, (DRIVERS, 1))
+    seen = Evidence(atoms, u, np.zeros((3, 5)), gram, part, np.arange(DRIVERS))
+    found = hy.candidates(seen)[0]
+    assert found.atom == atoms[surest]
+    in_lane, over_all = hy.forms(seen, found)
+    assert (in_lane.atom.lane, over_all.atom) == (3 if surest == 2 else in_lane.atom.lane, falls)
+    assert in_lane.z == over_all.z == found.z
+    assert dict(hy.slots_of(over_all))[slots.DESIRED_SPEED_ACROSS] == 4.0
+    assert dict(hy.slots_of(in_lane)) == {
+        slots.DESIRED_SPEED: in_lane.value,
+        slots.DESIRED_SPEED_LANE: in_lane.atom.lane,
+    }
+
+
 def test_a_location_of_all_lanes_fills_all():
     found = hy.candidates(evidence(place(10, 20, -1.0), 0.0))[0]
     assert hy.lanes_of(found) == slice(None)

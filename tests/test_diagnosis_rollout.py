@@ -21,8 +21,8 @@ from idm_sumo.effects.reaction_delay import acted_on
 DRIVERS, EACH = 30, 3
 
 
-def followers(by_lane: np.ndarray, rng: np.random.Generator) -> tuple[w.Windows, np.ndarray]:
-    """Return windows behind leaders that oscillate, driven by IDM drivers with the given magnitudes."""
+def followers(by_lane: np.ndarray, rng: np.random.Generator, lanes: int = 1) -> tuple[w.Windows, np.ndarray]:
+    """Return windows behind leaders that oscillate, one after the other lane by lane, driven by IDM drivers with the given magnitudes."""
     count, frames = DRIVERS * EACH, w.LEAD + w.HORIZON + 1
     time = 0.1 * np.arange(frames)
     wave = rng.uniform(0.2, 0.6, (count, 1))
@@ -34,7 +34,8 @@ def followers(by_lane: np.ndarray, rng: np.random.Generator) -> tuple[w.Windows,
     seen[:, :, w.ACCELERATION] = np.gradient(speed, 0.1, axis=1)
     seen[:, :, w.SECOND], seen[:, :, w.BEHIND], seen[:, :, w.ADJACENT] = np.inf, -np.inf, np.nan
     seen[:, :, [w.SINCE, w.UNTIL_CUT_IN, w.UNTIL_OWN]] = 1e6
-    seen[:, :, w.LANE], seen[:, :, w.TIME], seen[:, :, w.OWN_KIND] = 1.0, time, 2.0
+    seen[:, :, w.TIME], seen[:, :, w.OWN_KIND] = time, 2.0
+    seen[:, :, w.LANE] = 1.0 + np.arange(count)[:, None] % lanes
     seen[:, :, w.V] = speed
     theta = np.exp(np.log([1.2, 1.8, 1.2, 2.2, 28.0]) + 0.2 * rng.standard_normal((DRIVERS, 5)) * [1, 1, 1, 1, 0.2])
     driver = np.repeat(np.arange(DRIVERS), EACH)

@@ -89,6 +89,19 @@ def test_a_delay_climbs_to_its_size_with_twins_heard_on_the_way(tau):
     assert tried.support > 0.0
 
 
+def test_a_desired_speed_that_falls_from_lane_to_lane_climbs_to_its_size():
+    planted = ro.PLAIN.copy()
+    planted[:, [slots.DESIRED_SPEED, slots.DESIRED_SPEED_ACROSS]] = -0.4, 3.0
+    windows, _ = followers(planted, np.random.default_rng(6), lanes=3)
+    subject = Subject(windows, Noises(QUIET, QUIET), at.grid_of(windows), True)
+    fit = fit_drivers(windows, ro.PLAIN.copy(), np.array([1e-4, 1e-4]), rounds=8)
+    fixed = ((slots.DESIRED_SPEED, 1.0), (slots.DESIRED_SPEED_ACROSS, 3.0))
+    slower = Candidate("desired_speed", -0.05, 0.02, -5.0, 1e-6, Atom("desired_speed", fixed=fixed), -50.0)
+    tried = climbed(subject, fit, slower, draws(subject.windows, subject.noises, 1, np.random.default_rng(0)))
+    assert tried.candidate.value == pytest.approx(-0.4, rel=0.2)
+    assert tried.support > 0.0
+
+
 def test_what_twins_say_at_the_size_where_a_climb_begins_is_taken_off(monkeypatch):
     subject, fit = with_planted(slots.BAND, 0.8)
     one = Candidate(NAME, 0.4, 0.05, 8.0, 1e-9, Atom(NAME, 0.3, ((slots.BAND, 0.3),)), score=160.0)

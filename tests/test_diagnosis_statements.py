@@ -7,11 +7,22 @@ from dataclasses import replace
 import pytest
 
 from idm_sumo import laws
+from idm_sumo.diagnosis.atoms import Atom
 from idm_sumo.diagnosis.choice import Accepted
 from idm_sumo.diagnosis.law import beneath, of
 from idm_sumo.diagnosis.result import Gain
 from idm_sumo.diagnosis.search import Found
-from idm_sumo.diagnosis.statements import FORM_DOUBT, LAW_DOUBT, form_doubt, other_law, ruled_out, why_not, without_gain
+from idm_sumo.diagnosis.statements import (
+    FORM_DOUBT,
+    LAW_DOUBT,
+    causes,
+    form_doubt,
+    other_law,
+    ruled_out,
+    why_not,
+    without_gain,
+)
+from idm_sumo.effects import slots
 from tests.test_diagnosis_gates import FIT, evidence, free, tried
 
 
@@ -37,6 +48,22 @@ def found(*named, left=()):
 
 
 NOTHING, PLACE, STRANGE = found(), found(tried(20.0, "location")), found(left=(free("position", 8.0),))
+
+
+@pytest.mark.parametrize(
+    ("atom", "said"),
+    [
+        (Atom("desired_speed", lane=2), " in lane 2: "),
+        (
+            Atom("desired_speed", fixed=((slots.DESIRED_SPEED, 1.0), (slots.DESIRED_SPEED_ACROSS, 4.0))),
+            ", from nothing in lane 1 to all of it in lane 4: ",
+        ),
+    ],
+)
+def test_the_lanes_of_a_desired_speed_are_said(atom, said):
+    slower = tried(9.0, "desired_speed", -0.3)
+    (cause,) = causes(found(replace(slower, candidate=replace(slower.candidate, atom=atom))), {"desired_speed": 1.0})
+    assert f"wants another speed than the limit{said}delta = -0.3," in cause.evidence
 
 
 @pytest.mark.parametrize(

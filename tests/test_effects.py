@@ -95,6 +95,13 @@ def test_whoever_does_not_see_is_not_moved(name):
     assert drive(only(name, lane=2.0) if name == "desired_speed" else only(name), see=BLIND) == drive(none(), see=BLIND)
 
 
+@pytest.mark.parametrize(("lane", "share"), [(1.0, 0.0), (2.0, 1.0 / 3.0), (3.0, 2.0 / 3.0), (4.0, 1.0), (6.0, 1.0)])
+def test_a_desired_speed_falls_from_the_leftmost_lane_to_the_rightmost(lane, share):
+    m = only("desired_speed", delta=-0.3, n=4.0)
+    slower = idm.acceleration(12.0, 0.5, 18.0, *DRIVER, LIMIT * (1.0 - 0.3 * share))
+    assert drive(m, see=SEEN._replace(lane=lane)) == pytest.approx(slower)
+
+
 @pytest.mark.parametrize(("of_next", "difference"), [(0.0, 12.0 - 6.0), (1.0, 12.0 - 4.0)])
 def test_friction_is_beside_the_mean_of_a_lane_or_beside_its_next_vehicle(of_next, difference):
     m = only("adjacent_lane_friction", k=0.05, phi=of_next)

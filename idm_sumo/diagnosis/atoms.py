@@ -18,7 +18,7 @@ from numba import njit
 from idm_sumo.diagnosis import rollout as ro
 from idm_sumo.diagnosis import windows as w
 from idm_sumo.diagnosis.bins import edges_of, numbered, response_by_bin
-from idm_sumo.diagnosis.fit import Fit, Linear, linearise
+from idm_sumo.diagnosis.fit import STEP, Fit, Linear, linearise
 from idm_sumo.diagnosis.linear_pulses import GUARD, LINEAR, MOVING, OF_LATE, OF_NEXT, YIELDING, linear_pulses
 from idm_sumo.effects import CATALOGUE, slots
 from idm_sumo.threads import in_threads
@@ -27,6 +27,7 @@ Floats = npt.NDArray[np.float64]
 Integers = npt.NDArray[np.int64]
 
 PLACE_BIN, TIME_BIN = 16.0, 12.0  # m, s
+FALLS_OVER = 3  # lanes, from which on what falls from lane to lane is more than one lane's
 MOST_BINS = 64  # of a long road or recording: edges are sharpened later
 DELAYS = (0.2, 0.4, 0.8)  # s, from which a climb begins
 RECOVERIES = (9.0, 16.0)  # s, of a relaxation, from which it is refined; faster is what another law does after a cut-in
@@ -177,7 +178,7 @@ class Scan(NamedTuple):
 
 
 def _scans(windows: w.Windows, state: Floats, grid: Grid) -> list[Scan]:
-    """Return lanes, places and times, bin by bin."""
+    """Return lanes, what falls from lane to lane, places and times, bin by bin."""
     seen = windows.seen[:, w.LEAD : -1]
     place = numbered(np.clip(state[:, :, ro.BASE_X], grid.place[0], grid.place[-1] - 1e-6), grid.place)
     time = numbered(seen[:, :, w.TIME], grid.time)
@@ -186,12 +187,21 @@ def _scans(windows: w.Windows, state: Floats, grid: Grid) -> list[Scan]:
     by_place = [Atom("location", low=low, high=high) for low, high in itertools.pairwise(grid.place)]
     of_headway = [replace(atom, fixed=((slots.PLACE_HEADWAY, 1.0),)) for atom in by_place]
     by_time = [Atom("time_of_day", low=low, high=high) for low, high in itertools.pairwise(grid.time)]
+    by_v0 = state[:, :, ro.BY_V0]
     return [
-        Scan([Atom("desired_speed", lane=int(number)) for number in lanes], lane, state[:, :, ro.BY_V0]),
+        Scan([Atom("desired_speed", lane=int(number)) for number in lanes], lane, by_v0),
+        *([_across(seen[:, :, w.LANE], by_v0, lanes[-1])] if len(lanes) >= FALLS_OVER else []),
         Scan(by_place, place, None),
         Scan(of_headway, place, state[:, :, ro.BY_T]),
         Scan(by_time, time, state[:, :, ro.BY_T]),
     ]
+
+
+def _across(lane: Floats, by_v0: Floats, lanes: float) -> Scan:
+    """Return the desired speed that falls from the leftmost lane to the rightmost."""
+    share = np.clip((lane - 1.0) / (lanes - 1.0), 0.0, 1.0)
+    atom = Atom("desired_speed", fixed=((slots.DESIRED_SPEED, 1.0), (slots.DESIRED_SPEED_ACROSS, float(lanes))))
+    return Scan([atom], np.zeros(lane.shape, dtype=np.int64), by_v0 * share)
 
 
 def _columns(
@@ -233,12 +243,17 @@ def local_atoms(by_lane: Floats) -> list[Atom]:
         first = effect.acting(by_lane[0])[0]
         value = by_lane[0, first.slot]
         if value != 0.0:
-            size = 0.25 * max(abs(value), 0.5 * first.typical)
+            size = _small_step(first.slot, value, first.typical)
             fixed = [(first.slot, size)]
             if first.slot == slots.RELAXATION:
                 fixed.append((slots.RELAXATION_TIME, float(by_lane[0, slots.RELAXATION_TIME])))
             atoms.append(Atom(LOCAL + effect.name, size, tuple(fixed)))
     return atoms
+
+
+def _small_step(slot: int, value: float, typical: float) -> float:
+    """Return a small step of a magnitude; of a desired speed the one by which drivers' own are moved, who make up for it."""
+    return STEP * (1.0 + value) if slot == slots.DESIRED_SPEED else 0.25 * max(abs(value), 0.5 * typical)
 
 
 def with_atom(by_lane: Floats, atom: Atom) -> Floats:

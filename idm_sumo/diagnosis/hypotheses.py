@@ -177,7 +177,11 @@ def forms(evidence: Evidence, candidate: Candidate) -> list[Candidate]:
         alike = [c for c in [*others, *kinds] if c.z**2 >= RESEMBLING * candidate.z**2]
         return [candidate, *(c if c.atom.fixed == kind else _as_sure(c, candidate) for c in alike)]
     inside = evidence.of(evidence.lane == candidate.atom.lane) if candidate.only_lanes else evidence
-    every = [_consistent(form) for form in _by_companions(each_form(inside, candidate.name, rows)).values()]
+    by_companions = _by_companions(each_form(inside, candidate.name, rows))
+    every = [
+        candidate if candidate.name == "desired_speed" and key == _companions(candidate) else _consistent(form)
+        for key, form in by_companions.items()
+    ]  # of all lanes it is in the one that is the surest
     if candidate.only_lanes:
         every = [replace(form, atom=replace(form.atom, lane=candidate.atom.lane)) for form in every]
     return [_as_sure(form, candidate) for form in every] if len(every) > 1 else [candidate]
@@ -192,8 +196,13 @@ def _by_companions(each: list[Candidate]) -> dict[tuple[object, ...], list[Candi
     """Return an effect's candidates by which magnitude they have and by the values of its further parameters."""
     forms: dict[tuple[object, ...], list[Candidate]] = {}
     for candidate in each:
-        forms.setdefault((acting_of(candidate)[0].slot, *candidate.atom.fixed[1:]), []).append(candidate)
+        forms.setdefault(_companions(candidate), []).append(candidate)
     return forms
+
+
+def _companions(candidate: Candidate) -> tuple[object, ...]:
+    """Return which magnitude a candidate has, and the values of its further parameters."""
+    return (acting_of(candidate)[0].slot, *candidate.atom.fixed[1:])
 
 
 def _consistent(each: list[Candidate]) -> Candidate:

@@ -35,7 +35,9 @@ LARGEST_FACTOR = 6.0  # by which steps may grow
 # Of the ADE, by another size; and by sizes of causes refined together: what one took up of another before that was in the model may drive a
 # little better than the truth. (A place a third too strong and a delay half as long spared 1.4 % more than what was nearly hidden.)
 LARGEST_LOSS, LARGEST_LOSS_TOGETHER = 0.01, 0.02
-DELAY = "reaction_delay"
+DELAY, WANTED = "reaction_delay", "desired_speed"
+# Sizes of what fitted drivers have made up for so well that those of the truth are far away: from one of these a climb begins.
+FAR = {DELAY: at.DELAYS, WANTED: (0.1, 0.2, 0.3)}
 
 
 def with_cause(fit: Fit, candidate: Candidate, value: float | None = None) -> Fit:
@@ -91,14 +93,15 @@ def climbed(subject: Subject, fit: Fit, candidate: Candidate, lucks: Sequence[Lu
     with ``lucks`` are heard, if there are any: what smoothing makes of a short delay is not what it makes of the longer one with which
     the candidate was found; drivers drawn anew, far from where those were whom they replace, answer a place or a time from there; and
     what the car-following's form takes off a magnitude changes with it. (Headways that are half as long again behind trucks had come to
-    0.29 for that, and as metres.) A delay's way is long, and the first luck alone is heard there.
+    0.29 for that, and as metres.) The way to a delay or to another desired speed is long, and the first luck alone is heard there.
     """
-    delayed = candidate.name == DELAY
-    begins = _delayed(subject, fit, candidate) if delayed else [refitted(subject, with_cause(fit, candidate), rounds=2)]
+    is_far = candidate.name in FAR
+    begins = _far_away(subject, fit, candidate) if is_far else [refitted(subject, with_cause(fit, candidate), rounds=2)]
     now, heard, scores = begins[-1], {0.0: candidate.bias}, {0.0: candidate.score}
     here = ev.look_here(subject, now)
-    if delayed and lucks:
-        heard, scores = _heard_on_the_way(subject, [with_cause(fit, candidate, hy.NEXT_TO_NOTHING), *begins], lucks[:1])
+    if is_far and lucks:
+        nothing = with_cause(fit, candidate, float(np.copysign(hy.NEXT_TO_NOTHING, candidate.value)))
+        heard, scores = _heard_on_the_way(subject, candidate.name, [nothing, *begins], lucks[:1])
     elif lucks:
         heard[_value(now, candidate.name)] = ev.local_biases(subject, now, here, lucks)[candidate.name].score
     value, support = _value(now, candidate.name), 0.0
@@ -135,14 +138,14 @@ def _integral(scores: Mapping[float, float], end: float) -> float:
 
 
 def _heard_on_the_way(
-    subject: Subject, models: list[Fit], lucks: Sequence[Luck]
+    subject: Subject, name: str, models: list[Fit], lucks: Sequence[Luck]
 ) -> tuple[dict[float, float], dict[float, float]]:
-    """Return what twins say of ever longer delays, and the recording's scores less that; the first delay counts as none."""
+    """Return what twins say of ever larger sizes, and the recording's scores less that; the first size counts as none."""
     heard, scores = dict[float, float](), dict[float, float]()
     for number, model in enumerate(models):
-        here, value = ev.look_here(subject, model), _value(model, DELAY) if number else 0.0
-        heard[value] = ev.local_biases(subject, model, here, lucks)[DELAY].score
-        scores[value] = ev.local_scores(here)[DELAY].score - heard[value]
+        here, value = ev.look_here(subject, model), _value(model, name) if number else 0.0
+        heard[value] = ev.local_biases(subject, model, here, lucks)[name].score
+        scores[value] = ev.local_scores(here)[name].score - heard[value]
     return heard, scores
 
 
@@ -156,14 +159,14 @@ def typical_ade(windows: Windows, fit: Fit) -> float:
     return float(np.exp(typical(ade_of(windows, fit)).mean()))
 
 
-def _delayed(subject: Subject, fit: Fit, candidate: Candidate) -> list[Fit]:
-    """Return fits with ever longer delays, up to the one after which more is left.
+def _far_away(subject: Subject, fit: Fit, candidate: Candidate) -> list[Fit]:
+    """Return fits with ever larger sizes, up to the one after which more is left.
 
     They are from scratch: drivers fitted without a delay are far from those with one.
     """
     models, least = list[Fit](), np.inf
-    for size in at.DELAYS:
-        by_lane = with_cause(fit, candidate, size).by_lane
+    for size in FAR[candidate.name]:
+        by_lane = with_cause(fit, candidate, float(np.copysign(size, candidate.value))).by_lane
         model = fit_drivers(subject.windows, by_lane, fit.start_variance, rounds=6)
         left = typical_ade(subject.windows, model)
         if left >= least:

@@ -19,7 +19,7 @@ from idm_sumo.diagnosis.noise import Noise
 from idm_sumo.diagnosis.result import Z95, CauseFound, Estimate, OtherLaw, Power, Region, RuledOut, Scan, Unexplained
 from idm_sumo.diagnosis.search import Found
 from idm_sumo.diagnosis.windows import HORIZON, SECOND, UNTIL_CUT_IN, Windows
-from idm_sumo.effects import BY_NAME, Cause, ExtendedModel, in_words
+from idm_sumo.effects import BY_NAME, Cause, ExtendedModel, in_words, slots
 from idm_sumo.idm import IDMParameters
 from idm_sumo.recording import Recording
 from idm_sumo.road import FRAME_STEP
@@ -136,12 +136,19 @@ def _sentence(accepted: Accepted) -> str:
         if BY_NAME[c.name].hindsight
         else ""
     )
-    lane = f" in lane {c.atom.lane}" if c.only_lanes else ""
     rivals = f"; these data cannot tell it from {', '.join(accepted.rivals)}" if accepted.rivals else ""
     return (
-        f"drivers behave as if each {BY_NAME[c.name].summary}{lane}: {first.symbol} = {in_words(accepted.value, first.unit)}, "
+        f"drivers behave as if each {BY_NAME[c.name].summary}{_lanes_in_words(c)}: {first.symbol} = {in_words(accepted.value, first.unit)}, "
         f"{abs(c.z):.1f} standard errors beyond what null twins of the same drivers, noise and smoothing show{late}{rivals}"
     )
+
+
+def _lanes_in_words(candidate: Candidate) -> str:
+    """Return in which lane a cause is, or that it comes in from lane to lane; nothing of one that is in all alike."""
+    if candidate.atom.lane:
+        return f" in lane {candidate.atom.lane}"
+    lanes = dict(candidate.atom.fixed).get(slots.DESIRED_SPEED_ACROSS, 0.0)
+    return f", from nothing in lane 1 to all of it in lane {lanes:.0f}" if lanes else ""
 
 
 def present(found: Found) -> list[Candidate]:

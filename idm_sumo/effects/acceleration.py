@@ -159,7 +159,7 @@ def moment_of(see, m):  # type: ignore[no-untyped-def]
     beside = see.next_beside_speed if m[slots.FRICTION_NEXT] > 0.5 else see.adjacent_speed
     return Moment(
         headway,
-        in_lane(see.lane, m[slots.DESIRED_SPEED], m[slots.DESIRED_SPEED_LANE]),
+        in_lane(see.lane, m[slots.DESIRED_SPEED], m[slots.DESIRED_SPEED_LANE], m[slots.DESIRED_SPEED_ACROSS]),
         gap_credit(see.jump, see.since_change, m[slots.RELAXATION] * of_gap, m[slots.RELAXATION_TIME]),
         given_up, limited, see.accepted_headway if given_up + limited > 0.0 else 0.0,
         share * (1.0 - m[slots.SECOND_SPEED_ONLY]), share * m[slots.SECOND_SPEED_ONLY], see.second_speed,

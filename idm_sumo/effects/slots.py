@@ -40,8 +40,9 @@ REACTION_CHANGE = 36  # s, by which a safe speed is reached later than within `i
 LEADER_CLASS_DISTANCE = 37  # m
 OWN_SPEED_IN_RATE = 38  # 1
 CREDIT_LIMITED = 39  # 1
+DESIRED_SPEED_ACROSS = 40  # number of lanes, 0 where all are alike
 
-COUNT = 40
+COUNT = 41
 
 # What depends on who and what is around a driver, or when: with all of these zero one moment is like another.
 OF_SURROUNDINGS = (

@@ -141,8 +141,8 @@ def _longer(
 
 
 def _desired(held: Expressed, cause: Cause, _: pd.DataFrame) -> Expressed:
-    if _size(cause, "lane") != 0.0:
-        return held._replace(notes=(*held.notes, f"desired_speed in one lane: no SUMO vehicle type has it; {LOOP}"))
+    if _size(cause, "lane") != 0.0 or _size(cause, "n") != 0.0:
+        return held._replace(notes=(*held.notes, f"desired_speed by lane: no SUMO vehicle type has it; {LOOP}"))
     factor = 1.0 + _size(cause, "delta")
     extra = {**held.extra, "speedFactor": number(max(factor, 1.0))}
     note = f"desired_speed: maxSpeed times {factor:.3g}" + (f", speedFactor {factor:.3g}" if factor > 1.0 else "")
