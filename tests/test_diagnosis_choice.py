@@ -64,6 +64,8 @@ def test_which_of_two_places_is_meant_support_alone_decides(monkeypatch):
         ("perception_threshold", "perception_threshold", 70.0, 0.3),
         ("perception_threshold", "hysteresis", 40.0, 0.3),
         ("reaction_delay", "reaction_delay", 10.0, 0.6),
+        ("speed_dependent_headway", "follower_pressure", 30.0, 0.6),
+        ("speed_dependent_headway", "follower_pressure", 40.0, 0.3),
         ("reaction_delay", "hysteresis", 70.0, 0.6),
         ("reaction_delay", "hysteresis", 90.0, 0.3),
         ("hysteresis", "reaction_delay", 70.0, 0.3),

@@ -163,11 +163,14 @@ def _support_decides(other: Tried, best: Tried) -> bool:
 
     So it is with places or times, with forms that have far less, and with what is easily taken for a delay: in drivers of another law it
     may drive a little better than the delay they have, with less of what a delay alone explains. Where few drivers have a delay, one
-    for all of them drives the others worse, and an asymmetry with a fourth of its support does not.
+    for all of them drives the others worse, and an asymmetry with a fourth of its support does not. Nor does a follower's place, which tells of its
+    leader's noise, decide against what says far more.
     """
     if best.candidate.name != other.candidate.name:
-        like_a_delay = other.candidate.name == gates.LIKE_A_DELAY or other.support < FAR_LESS * best.support
-        return best.candidate.name == DELAY and like_a_delay
+        far_less = other.support < FAR_LESS * best.support
+        if best.candidate.name == DELAY:
+            return far_less or other.candidate.name == gates.LIKE_A_DELAY
+        return far_less and other.candidate.name in ev.ENDOGENOUS
     return best.candidate.name in hy.SCANNED or other.support < FORM * best.support
 
 
