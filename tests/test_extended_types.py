@@ -87,9 +87,8 @@ def test_a_desired_speed_by_lane_is_not_expressed_for_all(by_lane, tmp_path) -> 
     slower = Cause("desired_speed", {"delta": -0.2, **by_lane})
     result = export_routes(drivers(), tmp_path / "us101.rou.xml", model=model_of(slower))
     assert "desired_speed by lane: no SUMO vehicle type" in result.notes[-1]
-    assert float(
-        types_of(result.route_file)[f"{drivers()['period'][0]}.{drivers()['vehicle'][0]}"]["maxSpeed"]
-    ) == pytest.approx(road.SPEED_LIMIT)
+    first = types_of(result.route_file)[f"{drivers()['period'][0]}.{drivers()['vehicle'][0]}"]
+    assert float(first["maxSpeed"]) == pytest.approx(road.SPEED_LIMIT)
 
 
 def test_a_delay_that_spares_the_own_speed_is_said_to_become_one_of_everything(tmp_path) -> None:

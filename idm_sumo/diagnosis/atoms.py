@@ -21,6 +21,7 @@ from idm_sumo.diagnosis.bins import edges_of, numbered, response_by_bin
 from idm_sumo.diagnosis.fit import STEP, Fit, Linear, linearise
 from idm_sumo.diagnosis.linear_pulses import GUARD, LINEAR, MOVING, OF_LATE, OF_NEXT, YIELDING, linear_pulses
 from idm_sumo.effects import CATALOGUE, slots
+from idm_sumo.effects.desired_speed import rank
 from idm_sumo.threads import in_threads
 
 Floats = npt.NDArray[np.float64]
@@ -29,7 +30,6 @@ Integers = npt.NDArray[np.int64]
 PLACE_BIN, TIME_BIN = 16.0, 12.0  # m, s
 FALLS_OVER = 3  # lanes, from which on what falls from lane to lane is more than one lane's
 MOST_BINS = 64  # of a long road or recording: edges are sharpened later
-DELAYS = (0.2, 0.4, 0.8)  # s, from which a climb begins
 RECOVERIES = (9.0, 16.0)  # s, of a relaxation, from which it is refined; faster is what another law does after a cut-in
 # What a driver may know who is late: its own speed at once, where a new leader was, and, of its own speed, how fast it closes in.
 KNOWN = ((slots.OWN_SPEED_KNOWN, 1.0), (slots.NEW_LEADER_KNOWN, 1.0), (slots.OWN_SPEED_IN_RATE, 1.0))
@@ -199,9 +199,8 @@ def _scans(windows: w.Windows, state: Floats, grid: Grid) -> list[Scan]:
 
 def _across(lane: Floats, by_v0: Floats, lanes: float) -> Scan:
     """Return the desired speed that falls from the leftmost lane to the rightmost."""
-    share = np.clip((lane - 1.0) / (lanes - 1.0), 0.0, 1.0)
     atom = Atom("desired_speed", fixed=((slots.DESIRED_SPEED, 1.0), (slots.DESIRED_SPEED_ACROSS, float(lanes))))
-    return Scan([atom], np.zeros(lane.shape, dtype=np.int64), by_v0 * share)
+    return Scan([atom], np.zeros(lane.shape, dtype=np.int64), by_v0 * rank(lane, lanes))
 
 
 def _columns(

@@ -177,11 +177,9 @@ def forms(evidence: Evidence, candidate: Candidate) -> list[Candidate]:
         alike = [c for c in [*others, *kinds] if c.z**2 >= RESEMBLING * candidate.z**2]
         return [candidate, *(c if c.atom.fixed == kind else _as_sure(c, candidate) for c in alike)]
     inside = evidence.of(evidence.lane == candidate.atom.lane) if candidate.only_lanes else evidence
-    by_companions = _by_companions(each_form(inside, candidate.name, rows))
-    every = [
-        candidate if candidate.name == "desired_speed" and key == _companions(candidate) else _consistent(form)
-        for key, form in by_companions.items()
-    ]  # of all lanes it is in the one that is the surest
+    own = None if candidate.only_lanes else _companions(candidate)  # it has its size and, if it is in one, its lane
+    by_companions = _by_companions(each_form(inside, candidate.name, rows)).items()
+    every = [candidate if companions == own else _consistent(form) for companions, form in by_companions]
     if candidate.only_lanes:
         every = [replace(form, atom=replace(form.atom, lane=candidate.atom.lane)) for form in every]
     return [_as_sure(form, candidate) for form in every] if len(every) > 1 else [candidate]

@@ -35,9 +35,9 @@ LARGEST_FACTOR = 6.0  # by which steps may grow
 # Of the ADE, by another size; and by sizes of causes refined together: what one took up of another before that was in the model may drive a
 # little better than the truth. (A place a third too strong and a delay half as long spared 1.4 % more than what was nearly hidden.)
 LARGEST_LOSS, LARGEST_LOSS_TOGETHER = 0.01, 0.02
-DELAY, WANTED = "reaction_delay", "desired_speed"
+DELAY = "reaction_delay"
 # Sizes of what fitted drivers have made up for so well that those of the truth are far away: from one of these a climb begins.
-FAR = {DELAY: at.DELAYS, WANTED: (0.1, 0.2, 0.3)}
+FAR = {DELAY: (0.2, 0.4, 0.8), "desired_speed": (0.1, 0.2, 0.3)}
 
 
 def with_cause(fit: Fit, candidate: Candidate, value: float | None = None) -> Fit:
@@ -162,7 +162,7 @@ def typical_ade(windows: Windows, fit: Fit) -> float:
 def _far_away(subject: Subject, fit: Fit, candidate: Candidate) -> list[Fit]:
     """Return fits with ever larger sizes, up to the one after which more is left.
 
-    They are from scratch: drivers fitted without a delay are far from those with one.
+    They are from scratch: drivers fitted without a delay, say, are far from those with one.
     """
     models, least = list[Fit](), np.inf
     for size in FAR[candidate.name]:

@@ -7,6 +7,7 @@ where r is 1, or, across n lanes, (lane - 1)/(n - 1): nothing in the leftmost la
 
 from __future__ import annotations
 
+import numpy as np
 from numba import njit
 
 from idm_sumo.effects import slots
@@ -22,9 +23,9 @@ def in_lane(lane: float, share: float, of_lane: float, across: float) -> float:
 
 
 @njit(cache=True, error_model="numpy")
-def rank(lane: float, across: float) -> float:
-    """Return 0 for the leftmost lane (1) to 1 for the rightmost of so many."""
-    return float(min(max((lane - 1.0) / (across - 1.0), 0.0), 1.0))
+def rank(lane, across):  # type: ignore[no-untyped-def]
+    """Return 0 for the leftmost lane (1) to 1 for the rightmost of so many; of one lane or an array of them."""
+    return np.minimum(np.maximum((lane - 1.0) / (across - 1.0), 0.0), 1.0)
 
 
 EFFECT = Effect(
