@@ -324,6 +324,26 @@ def test_of_a_slower_lane_and_a_faster_one_that_is_believed_which_says_more(monk
 
 
 @pytest.mark.parametrize(
+    ("covariate", "range_", "z", "is_outside"),
+    [
+        ("leader_acceleration", (-20.0, -0.3), -10.3, True),  # brakes with the one ahead whatever the gap
+        ("headway over leader_acceleration", (-0.3, 20.0), -10.3, True),
+        ("leader_acceleration", (-20.0, -0.3), -9.5, False),  # not by enough
+        ("leader_acceleration", (-20.0, -0.3), 10.3, False),  # a hysteresis leaves it over
+        ("relative_speed", (-20.0, -0.3), -10.3, False),
+    ],
+)
+def test_who_brakes_with_the_one_ahead_must_say_more_than_the_best_cause_but_not_half_more(
+    monkeypatch, covariate, range_, z, is_outside
+):
+    """It is the reverse of hysteresis, and no form of any cause."""
+    best = Candidate("speed_dependent_headway", 0.24, 0.03, 8.3, 1e-14, Atom("speed_dependent_headway", 0.24), 1.0, 0.0)
+    monkeypatch.setattr(gates, "believed", lambda _: [best])
+    seen = evidence(0.0, replace(free(covariate, z), value=0.01 * z, range=range_))
+    assert bool(free_gates.outside(seen)) is is_outside
+
+
+@pytest.mark.parametrize(
     ("kind", "entry", "covariate"),
     [((), 3.9, "since_entry"), (((slots.PLACE_HEADWAY, 1.0),), 3.9, "headway over since_entry"), ((), 9.0, None)],
 )

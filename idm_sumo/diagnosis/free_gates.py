@@ -39,7 +39,7 @@ ENTRY, ENTRY_SHARE = "since_entry", 0.55
 # Times the best cause's squared z, and more, from which on the catalogue does not hold it. A response that changes from place to
 # place, or with time, is what goes beyond the same change everywhere, and has to be only half as sure as that.
 # No cause makes drivers less steady at its place or time: that has to be as sure.
-FREE_EXCESS, FREE_CHANGE, FREE_SPREAD, FREE_MORE = 1.5, 0.5, 1.0, 25.0
+FREE_EXCESS, FREE_CHANGE, FREE_ALIKE, FREE_MORE = 1.5, 0.5, 1.0, 25.0
 # Of its squared z, that must be left with the best cause of the catalogue in the model. Less of a place and time: what a place does at
 # all times a location takes away, and what a location leaves there is not its form.
 LEFT, REGION_LEFT = 0.4, 0.3
@@ -56,6 +56,9 @@ DRAWN, SLOWED = "faster_difference", "adjacent_lane_friction"
 # Standard errors from which on a place is not so at all times, or a time not at all places: as of any rectangle. (Places that were so, and
 # times: 1.6 to 3.3 with all causes in the model; glare, which is at a place for a while: 12.)
 FREE_WITHIN = FREE_REGION
+# Who brakes with the one ahead whatever the gap, and accelerates with it, does the reverse of hysteresis, which no cause of the catalogue is
+# a form of: that must say more than the best cause, but not half more. (By sign, as in ``SHOWS``.)
+WITH_THE_LEADER = {("leader_acceleration", 1.0), ("headway over leader_acceleration", -1.0)}
 # What neither an effect of the catalogue nor another law makes up.
 UNLIKE_ANY = (STARTING, ENTRY, AFTER_BRAKING, "unrest", *ff.AROUND)
 # Times the squared z of who is ahead, from which on the leader's length is more than that: long cars that are no trucks. (Trucks left the
@@ -164,8 +167,8 @@ def outside(evidence: ev.Evidence) -> tuple[LeftOver, ...]:
 
 def _excess(one: LeftOver) -> float:
     """Return the share of the best cause's squared z that something free must exceed."""
-    if is_unsteady(one):
-        return FREE_SPREAD
+    if is_unsteady(one) or (one.covariate, _sign_of(one)) in WITH_THE_LEADER:
+        return FREE_ALIKE
     return FREE_CHANGE if one.covariate.startswith(ff.CHANGES) else FREE_EXCESS
 
 
