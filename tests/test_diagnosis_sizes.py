@@ -77,13 +77,13 @@ def test_a_candidate_far_below_its_size_climbs_towards_it(size):
     assert tried.support > 0.0
 
 
-@pytest.mark.parametrize("tau", [0.15, 0.5])
-def test_a_delay_climbs_to_its_size_with_twins_heard_on_the_way(tau):
+@pytest.mark.parametrize(("tau", "near_zero"), [(0.15, 0.05), (0.5, 0.05), (0.5, -0.05)])
+def test_a_delay_climbs_to_its_size_with_twins_heard_on_the_way(tau, near_zero):
+    """Whichever sign it seems to have near zero: nobody acts on what is still to come."""
     subject, fit = with_planted(slots.DELAY, tau)
     # Found with a long delay, of which twins had said too much: nothing of that is left.
-    late = Candidate(
-        "reaction_delay", 0.05, 0.02, 5.0, 1e-6, Atom("reaction_delay", 0.6, ((slots.DELAY, 0.6),)), 50.0, 1e6
-    )
+    atom, z, score = Atom("reaction_delay", 0.6, ((slots.DELAY, 0.6),)), 100.0 * near_zero, 1000.0 * near_zero
+    late = Candidate("reaction_delay", near_zero, 0.02, z, 1e-6, atom, score, 1e6)
     tried = climbed(subject, fit, late, draws(subject.windows, subject.noises, 1, np.random.default_rng(0)))
     assert tried.candidate.value == pytest.approx(tau, rel=0.15)
     assert tried.support > 0.0

@@ -100,7 +100,7 @@ def climbed(subject: Subject, fit: Fit, candidate: Candidate, lucks: Sequence[Lu
     now, heard, scores = begins[-1], {0.0: candidate.bias}, {0.0: candidate.score}
     here = ev.look_here(subject, now)
     if is_far and lucks:
-        nothing = with_cause(fit, candidate, float(np.copysign(hy.NEXT_TO_NOTHING, candidate.value)))
+        nothing = with_cause(fit, candidate, _signed(candidate, hy.NEXT_TO_NOTHING))
         heard, scores = _heard_on_the_way(subject, candidate.name, [nothing, *begins], lucks[:1])
     elif lucks:
         heard[_value(now, candidate.name)] = ev.local_biases(subject, now, here, lucks)[candidate.name].score
@@ -159,6 +159,15 @@ def typical_ade(windows: Windows, fit: Fit) -> float:
     return float(np.exp(typical(ade_of(windows, fit)).mean()))
 
 
+def _signed(candidate: Candidate, size: float) -> float:
+    """Return a size with the sign that a candidate has, or, if its effect cannot have that one, with the other.
+
+    A form of a delay may look negative near zero and yet be the true one farther away; and who acts on what is still to come reads a
+    past that is not there.
+    """
+    return float(np.copysign(size, candidate.value)) if candidate.is_possible else size
+
+
 def _far_away(subject: Subject, fit: Fit, candidate: Candidate) -> list[Fit]:
     """Return fits with ever larger sizes, up to the one after which more is left.
 
@@ -166,7 +175,7 @@ def _far_away(subject: Subject, fit: Fit, candidate: Candidate) -> list[Fit]:
     """
     models, least = list[Fit](), np.inf
     for size in FAR[candidate.name]:
-        by_lane = with_cause(fit, candidate, float(np.copysign(size, candidate.value))).by_lane
+        by_lane = with_cause(fit, candidate, _signed(candidate, size)).by_lane
         model = fit_drivers(subject.windows, by_lane, fit.start_variance, rounds=6)
         left = typical_ade(subject.windows, model)
         if left >= least:
