@@ -56,9 +56,6 @@ DRAWN, SLOWED = "faster_difference", "adjacent_lane_friction"
 # Standard errors from which on a place is not so at all times, or a time not at all places: as of any rectangle. (Places that were so, and
 # times: 1.6 to 3.3 with all causes in the model; glare, which is at a place for a while: 12.)
 FREE_WITHIN = FREE_REGION
-# Who brakes with the one ahead whatever the gap, and accelerates with it, does the reverse of hysteresis, which no cause of the catalogue is
-# a form of: that must say more than the best cause, but not half more. (By sign, as in ``SHOWS``.)
-WITH_THE_LEADER = {("leader_acceleration", 1.0), ("headway over leader_acceleration", -1.0)}
 # What neither an effect of the catalogue nor another law makes up.
 UNLIKE_ANY = (STARTING, ENTRY, AFTER_BRAKING, "unrest", *ff.AROUND)
 # Times the squared z of who is ahead, from which on the leader's length is more than that: long cars that are no trucks. (Trucks left the
@@ -72,6 +69,9 @@ SHOWS = {
     **{(f"{what}until_{event}", sign): name for what in ("", "headway over ") for sign in (-1.0, 1.0)
        for event, name in (("cut_in", "courtesy_yielding"), ("own_change", "pre_insertion"))},
 }  # fmt: skip
+# Who brakes with the one ahead whatever the gap, and accelerates with it, does the reverse of hysteresis, which no cause of the catalogue is
+# a form of: that must say more than the best cause, but not half more.
+WITH_THE_LEADER = {(covariate, -sign) for (covariate, sign), name in SHOWS.items() if name == "hysteresis"}
 
 
 def standing_out(evidence: ev.Evidence) -> tuple[LeftOver, ...]:
