@@ -181,6 +181,12 @@ def test_what_was_before_the_past_is_its_first_row():
     assert recall(past, 1, 1, 5.0, 0.1) == 1.0
 
 
+@given(st.floats(-10.0, 0.0))
+def test_no_delay_reads_what_is_yet_to_come(delay):
+    past = np.arange(6.0).reshape(2, 3)
+    assert recall(past, 1, 0, delay, 0.1) == 1.0
+
+
 @given(st.floats(8.0, 200.0) | st.just(np.inf), st.floats(8.0, 200.0) | st.just(np.inf), st.floats(0.0, 0.1))
 def test_a_new_leader_is_answered_for_as_much_of_the_step_as_it_was_seen(before, now, delay):
     past = np.array([[before, 9.0, 0.0], [now, 9.0, 0.0]])

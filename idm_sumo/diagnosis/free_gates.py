@@ -167,7 +167,7 @@ def outside(evidence: ev.Evidence) -> tuple[LeftOver, ...]:
 
 def _excess(one: LeftOver) -> float:
     """Return the share of the best cause's squared z that something free must exceed."""
-    if is_unsteady(one) or (one.covariate, _sign_of(one)) in WITH_THE_LEADER:
+    if is_unsteady(one) or _form_of(one) in WITH_THE_LEADER:
         return FREE_ALIKE
     return FREE_CHANGE if one.covariate.startswith(ff.CHANGES) else FREE_EXCESS
 
@@ -192,14 +192,14 @@ def untold(evidence: ev.Evidence) -> tuple[LeftOver, ...]:
 
 def _only_shows(one: LeftOver, seen: Iterable[Candidate]) -> bool:
     """Return whether something free shows no more than one of the catalogue's effects does."""
-    name = SHOWS.get((one.covariate, _sign_of(one)))
+    name = SHOWS.get(_form_of(one))
     at_most = LONGER_THAN_TRUCKS if name == MERELY_LONG else np.inf
     return any(c.name == name and one.z**2 <= at_most * c.z**2 for c in seen)
 
 
-def _sign_of(one: LeftOver) -> float:
-    """Return the sign of what is free times that of the covariate where it is."""
-    return float(np.sign(one.value) * (1.0 if one.range is None else np.sign(sum(one.range))))
+def _form_of(one: LeftOver) -> tuple[str, float]:
+    """Return the covariate of what is free, and its sign times that of the covariate where it is."""
+    return one.covariate, float(np.sign(one.value) * (1.0 if one.range is None else np.sign(sum(one.range))))
 
 
 def is_unsteady(one: LeftOver) -> bool:

@@ -31,9 +31,9 @@ REMEMBERED = round(LONGEST / FRAME_STEP) + 1  # moments: as much, and the one be
 def moment_ago(now, delay, step):  # type: ignore[no-untyped-def]
     """Return the two rows between which a past is read ``delay`` (s) before row ``now``, and the share of the later one.
 
-    Rows are ``step`` (s) apart. Before row 0 the first row holds.
+    Rows are ``step`` (s) apart. Before row 0 the first row holds. A delay below zero is none: what comes is not in the past.
     """
-    place = now - delay / step
+    place = now - max(delay, 0.0) / step
     if place <= 0.0:
         return 0, 0, 0.0
     row = int(place)
