@@ -18,8 +18,9 @@ from numba import njit
 from idm_sumo.diagnosis import rollout as ro
 from idm_sumo.diagnosis import windows as w
 from idm_sumo.diagnosis.bins import edges_of, numbered, response_by_bin
-from idm_sumo.diagnosis.fit import STEP, Fit, Linear, linearise
+from idm_sumo.diagnosis.fit import Fit, Linear, linearise
 from idm_sumo.diagnosis.linear_pulses import GUARD, LINEAR, MOVING, OF_LATE, OF_NEXT, YIELDING, linear_pulses
+from idm_sumo.diagnosis.rolled import STEP
 from idm_sumo.effects import CATALOGUE, slots
 from idm_sumo.effects.desired_speed import rank
 from idm_sumo.threads import in_threads

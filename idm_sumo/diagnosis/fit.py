@@ -16,6 +16,7 @@ from scipy.stats.qmc import Sobol
 
 from idm_sumo import laws
 from idm_sumo.diagnosis import gls
+from idm_sumo.diagnosis.rolled import Rolled, roll
 from idm_sumo.diagnosis.rollout import PARAMETERS, positions, positions_beside
 from idm_sumo.diagnosis.windows import EVERY, Windows
 from idm_sumo.effects import slots
@@ -24,12 +25,6 @@ from idm_sumo.road import FRAME_STEP
 Floats = npt.NDArray[np.float64]
 Integers = npt.NDArray[np.int64]
 
-STEP = 0.03  # of a log-parameter, for the Jacobian
-NUDGES = np.array([0.2, 0.2])  # m, m/s: of the start, for the same
-# Rollouts side by side: as fitted; a parameter moved; the start moved.
-OWN_STEPS = np.hstack([np.zeros((PARAMETERS, 1)), STEP * np.eye(PARAMETERS), np.zeros((PARAMETERS, len(NUDGES)))])
-START_STEPS = np.hstack([np.zeros((len(NUDGES), 1 + PARAMETERS)), np.diag(NUDGES)])
-NUDGED = START_STEPS[:, PARAMETERS:]  # as fitted; the start moved
 LONGEST_STEP = 0.5  # of a log-parameter in one Gauss-Newton step
 TEXTBOOK = np.log([1.2, 1.8, 1.2, 2.2, 28.0])  # a, b, T, d0, v0
 BELIEF = np.array([0.7, 0.7, 0.5, 0.5, 0.15])  # sd of the population's mean around it
@@ -63,6 +58,8 @@ class Fit:
         Of the recorded start: m², m²/s².
     by_lane : float64, shape (9, slots.COUNT)
         Accepted magnitudes.
+    rolled : Rolled or None
+        Rollouts that the last step ended with: the next one begins there.
     """
 
     mean: Floats
@@ -72,6 +69,7 @@ class Fit:
     weight: Floats
     start_variance: Floats
     by_lane: Floats
+    rolled: Rolled | None = None
 
     @property
     def theta(self) -> Floats:
@@ -92,14 +90,18 @@ class Linear:
 
 def linearise(windows: Windows, fit: Fit) -> Linear:
     """Return the linear model of the windows around a fit."""
-    moved = np.exp(np.repeat(fit.own[:, :, None], 1 + PARAMETERS + len(NUDGES), axis=2) + OWN_STEPS)
-    beside = positions_beside(windows, moved, fit.by_lane, START_STEPS)
-    base = np.ascontiguousarray(beside[:, :, 0])
-    jacobian = (beside[:, :, 1 : 1 + PARAMETERS] - base[:, :, None]) / STEP
+    rolled = rollouts(windows, fit)
+    base, jacobian = rolled.base, rolled.by_own
     deviation = (fit.own - fit.mean)[windows.driver]
     error = windows.target - base + (jacobian @ deviation[:, :, None])[:, :, 0]
-    whitener = _whitener(fit, base, beside[:, :, 1 + PARAMETERS :])
-    return Linear(error, jacobian, _shared(windows, fit, base), base, whitener)
+    return Linear(error, jacobian, _shared(windows, fit, base), base, _whitener(fit, rolled))
+
+
+def rollouts(windows: Windows, fit: Fit) -> Rolled:
+    """Return the rollouts of the fitted drivers: those that the fit's last step ended with, or new ones."""
+    if fit.rolled is not None and fit.rolled.is_of(windows, fit.own, fit.by_lane):
+        return fit.rolled
+    return roll(windows, fit.own, fit.by_lane)
 
 
 def _shared_slot(fit: Fit) -> list[int]:
@@ -118,9 +120,9 @@ def _shared(windows: Windows, fit: Fit, base: Floats) -> Floats:
     return np.asarray((positions(windows, fit.theta, moved) - base)[:, :, None] / SHARED_STEP)
 
 
-def _whitener(fit: Fit, base: Floats, nudged: Floats) -> Floats:
-    """Return what makes white what the windows' errors and their starts leave, of rollouts as fitted and with moved starts."""
-    start = (nudged - base[:, :, None]) / NUDGES
+def _whitener(fit: Fit, rolled: Rolled) -> Floats:
+    """Return what makes white what the windows' errors and their starts leave."""
+    start = rolled.by_start
     covariance = fit.residual / fit.weight[:, None, None] + (start * fit.start_variance) @ start.transpose(0, 2, 1)
     return gls.whitener(covariance)
 
@@ -147,12 +149,13 @@ def improve(windows: Windows, fit: Fit, *, hyper: bool = True, new_mean: bool = 
     of_own, pull = sums.information[:, :PARAMETERS], sums.pull[:, :PARAMETERS]
     deviation = np.einsum("ipq,iq->ip", sums.inner, pull - of_own @ shift, optimize=True)
     own = np.clip(moved.mean + deviation, fit.own - LONGEST_STEP, fit.own + LONGEST_STEP)
-    own = _no_worse(windows, moved, line, np.clip(own, LOWER, UPPER))
-    fit = replace(moved, own=own)
+    rolled = _no_worse(windows, moved, line, np.clip(own, LOWER, UPPER))
+    fit = replace(moved, own=rolled.own, rolled=rolled)
     if not hyper:
         return fit
     spread = (deviation.T @ deviation + sums.inner.sum(axis=0)) / windows.drivers + 1e-4 * np.eye(PARAMETERS)
-    return replace(fit, spread=spread, **_residuals(windows, fit, line, deviation, sums.inner, shift))
+    residual, weight = _residuals(windows, fit, line, deviation, sums.inner, shift)
+    return replace(fit, spread=spread, residual=residual, weight=weight)
 
 
 class Sums(NamedTuple):
@@ -198,19 +201,21 @@ def _common_step(fit: Fit, sums: Sums) -> Floats:
     return np.clip(step, -LONGEST_STEP, LONGEST_STEP)
 
 
-def _no_worse(windows: Windows, fit: Fit, line: Linear, proposed: Floats) -> Floats:
-    """Return the proposed parameters; of drivers who would fit worse by them, a part of the step, or none."""
+def _no_worse(windows: Windows, fit: Fit, line: Linear, proposed: Floats) -> Rolled:
+    """Return the proposed drivers, driven; of those who would fit worse so, a part of the step, or none.
+
+    All are driven as the next step asks for it: that few of them go back costs less than to judge them first.
+    """
     here = line.simulated if not line.shared.shape[2] else positions(windows, fit.theta, fit.by_lane)
-    whole = np.stack([fit.own, proposed], axis=2)
-    left = _left_by(windows, fit, line.whitener, here, whole)
+    whole, rolled = np.stack([fit.own, proposed], axis=2), roll(windows, proposed, fit.by_lane)
+    left = misfits(windows, fit, line.whitener, whole, np.stack([here, rolled.base], axis=2))
     worse = np.flatnonzero(~(left[:, 1] < left[:, 0]))
     if not len(worse):
-        return proposed
+        return rolled
     some, rows = windows.of_drivers(worse), np.isin(windows.driver, worse)
     parts = np.stack([fit.own[worse] + share * (proposed - fit.own)[worse] for share in SHARES], axis=2)
-    kept = proposed.copy()
-    kept[worse] = _of_each(parts, _left_by(some, fit, line.whitener[rows], here[rows], parts).argmin(axis=1))
-    return kept
+    best = _left_by(some, fit, line.whitener[rows], here[rows], parts).argmin(axis=1)
+    return rolled.with_drivers(worse, _of_each(parts, best))
 
 
 def _left_by(windows: Windows, fit: Fit, whitener: Floats, here: Floats, tried: Floats) -> Floats:
@@ -253,9 +258,8 @@ def elsewhere(windows: Windows, fit: Fit) -> Fit:
     From where they are, some never find it: a step that is too long has led them where nothing they change brings them back.
     Who fits as well as most is not asked.
     """
-    own = fit.own[:, :, None]
-    nudged = positions_beside(windows, np.exp(own), fit.by_lane, NUDGED)
-    here, whitener = nudged[:, :, 0], _whitener(fit, nudged[:, :, 0], nudged[:, :, 1:])
+    own, rolled = fit.own[:, :, None], rollouts(windows, fit)
+    here, whitener = rolled.base, _whitener(fit, rolled)
     left = misfits(windows, fit, whitener, own, here[:, :, None])[:, 0]
     share = left / np.maximum(np.bincount(windows.driver, minlength=windows.drivers), 1)
     asked = np.flatnonzero(share >= np.quantile(share, ASKED))
@@ -264,14 +268,14 @@ def elsewhere(windows: Windows, fit: Fit) -> Fit:
     others = np.broadcast_to(places, (len(asked), *places.shape))
     tried = np.concatenate([own[asked], others], axis=2)
     best = _left_by(some, fit, whitener[rows], here[rows], tried).argmin(axis=1)
-    moved = fit.own.copy()
-    moved[asked] = _of_each(tried, best)
-    return replace(fit, own=moved)
+    gone = best > 0
+    rolled = rolled.with_drivers(asked[gone], _of_each(tried, best)[gone])
+    return replace(fit, own=rolled.own, rolled=rolled)
 
 
 def _residuals(
     windows: Windows, fit: Fit, line: Linear, deviation: Floats, inner: Floats, shift: Floats
-) -> dict[str, Floats]:
+) -> tuple[Floats, Floats]:
     """Return the EM step of the pooled covariance and the windows' weights."""
     left = line.error - np.einsum("wkp,wp->wk", line.jacobian, (deviation + shift[:PARAMETERS])[windows.driver])
     left -= line.shared @ shift[PARAMETERS:]
@@ -288,7 +292,7 @@ def _residuals(
     residual = 0.5 * (residual + residual.T) + 1e-6 * np.trace(residual) / moments * np.eye(moments)
     distance = np.einsum("wk,wk->w", left, drawn) / fit.weight
     weight = (FREEDOM + moments) / (FREEDOM + distance)
-    return {"residual": residual, "weight": weight / np.exp(np.log(weight).mean())}
+    return residual, weight / np.exp(np.log(weight).mean())
 
 
 def fit_drivers(windows: Windows, by_lane: Floats, start_variance: Floats, *, rounds: int = 10) -> Fit:
