@@ -37,9 +37,9 @@ def one_after_the_other(by_lane: np.ndarray) -> w.Windows:
     """Return windows that begin a second after each other, driven with the given magnitudes."""
     windows, theta = followers(ro.PLAIN, np.random.default_rng(7))
     seen = windows.seen.copy()
-    seen[:, :, w.TIME] += np.arange(len(seen))[:, None]
+    seen[:, w.TIME] += np.arange(len(seen))[:, None]
     x, v = ro.drive(seen, windows.driver, theta, by_lane, np.zeros(2), ro.NO_PUSH, 0)
-    seen[:, :, w.X], seen[:, :, w.V] = x, v
+    seen[:, w.X], seen[:, w.V] = x, v
     return replace(windows, seen=seen)
 
 

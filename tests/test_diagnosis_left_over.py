@@ -69,9 +69,9 @@ def test_pulses_add_up_to_the_score_and_the_gram_matrix_of_a_field(driven):
 def test_what_is_free_along_a_covariate_is_where_the_recording_shows_it(driven, covariate, column, near, far):
     windows, _, grid, answer = driven
     seen = windows.seen.copy()
-    seen[:, :, column] = far
+    seen[:, column] = far
     there = np.arange(len(seen)) % 3 == 0
-    seen[there, :, column] = near
+    seen[there, column] = near
     shown = replace(windows, seen=seen)
     numbers = [number for family, number in ff.families(shown, answer.state, grid) if family.covariate == covariate]
     assert len(numbers) == 2  # some acceleration, and the headway
@@ -96,7 +96,7 @@ def pushed(windows: w.Windows, fit: Fit, more: np.ndarray) -> w.Windows:
     """Return the windows as driven with some acceleration (m/s²) added in the simulated frames."""
     seen = windows.seen.copy()
     x, v = ro.drive(seen, windows.driver, fit.theta, fit.by_lane, np.zeros(2), more, w.LEAD)
-    seen[:, w.LEAD :, w.X], seen[:, w.LEAD :, w.V] = x, v
+    seen[:, w.X, w.LEAD :], seen[:, w.V, w.LEAD :] = x, v
     return replace(windows, seen=seen)
 
 
@@ -109,7 +109,7 @@ def strongest(windows: w.Windows, fit: Fit, grid: at.Grid, quiet: w.Windows) -> 
 
 def test_what_one_place_does_is_found_there(driven):
     windows, fit, grid, _ = driven
-    place = windows.seen[:, w.LEAD : -1, w.X]
+    place = windows.seen[:, w.X, w.LEAD : -1]
     found = strongest(pushed(windows, fit, np.where((place > 60.0) & (place < 110.0), -0.3, 0.0)), fit, grid, windows)
     assert found.covariate == "position"
     assert found.position_m == pytest.approx((60.0, 110.0), abs=20.0)
@@ -120,10 +120,10 @@ def test_what_one_place_does_is_found_there(driven):
 @pytest.mark.parametrize("axis", ff.HELD)
 def test_a_place_that_acts_for_a_while_is_told_from_one_that_acts_at_all_times(driven, axis):
     seen, fit = driven[0].seen.copy(), driven[1]
-    seen[driven[0].driver % 3 > 0, :, w.TIME] += 60.0
-    seen[driven[0].driver % 3 > 1, :, w.TIME] += 60.0
+    seen[driven[0].driver % 3 > 0, w.TIME] += 60.0
+    seen[driven[0].driver % 3 > 1, w.TIME] += 60.0
     windows = replace(driven[0], seen=seen)
-    grid, place, time = at.grid_of(windows), seen[:, w.LEAD : -1, w.X], seen[:, w.LEAD : -1, w.TIME]
+    grid, place, time = at.grid_of(windows), seen[:, w.X, w.LEAD : -1], seen[:, w.TIME, w.LEAD : -1]
     there, then = (place >= 60.0) & (place < 110.0), time > 100.0
     held, ends = (there, (60.0, 110.0)) if axis == "position" else (then, (100.0, 140.0))
     families = ff.inside([ff.Interval(axis, *ends, ff.ACCELERATION, -1.0)])
@@ -206,10 +206,10 @@ def test_what_is_looked_at_most_must_be_larger(covariate, told):
 @pytest.mark.parametrize("platoon", [3, None])
 def test_what_one_block_of_neighbours_does_is_not_told(driven, platoon):
     windows, fit, grid, _ = driven
-    time = windows.seen[:, w.LEAD : -1, w.TIME]
+    time = windows.seen[:, w.TIME, w.LEAD : -1]
     block = windows.platoon[windows.driver][:, None]
     more = np.where((platoon is None) | (block == platoon), np.where(np.isfinite(time), -0.4, 0.0), 0.0)
-    place = windows.seen[:, w.LEAD : -1, w.X]
+    place = windows.seen[:, w.X, w.LEAD : -1]
     pushed_on = pushed(windows, fit, np.where((place > 60.0) & (place < 110.0), more, 0.0))
     twin = lo.hear(windows, fit, grid, at.answer_of(windows, fit, grid.pivot))
     found = lo.left_over(pushed_on, fit, grid, at.answer_of(pushed_on, fit, grid.pivot), [twin], [twin], 1.0)
@@ -222,9 +222,9 @@ def test_an_own_oscillation_has_a_line_and_noise_of_some_memory_has_none():
     windows, _ = followers(ro.PLAIN, rng)
     seen = windows.seen.copy()
     each = np.arange(len(seen)) % 3
-    seen[:, :, w.TIME] += 12.0 * each[:, None]
+    seen[:, w.TIME] += 12.0 * each[:, None]
     windows = replace(windows, seen=seen)
-    time = seen[:, w.LEAD : -1, w.TIME].reshape(len(seen), -1, ro.BIN).mean(axis=2)
+    time = seen[:, w.TIME, w.LEAD : -1].reshape(len(seen), -1, ro.BIN).mean(axis=2)
     phase = rng.uniform(0.0, 6.3, windows.drivers)[windows.driver][:, None]
 
     def power(swing: float) -> np.ndarray:
@@ -372,11 +372,11 @@ def test_a_band_that_moves_is_found_at_its_speed(driven, speed):
     windows, fit, grid, _ = driven
     seen = windows.seen.copy()
     shift = np.repeat(np.random.default_rng(3).uniform(0.0, 120.0, windows.drivers), len(seen) // windows.drivers)
-    seen[:, :, w.TIME] += shift[:, None]  # driver by driver, or all would be at a place at the same time
+    seen[:, w.TIME] += shift[:, None]  # driver by driver, or all would be at a place at the same time
     windows = replace(windows, seen=seen)
     grid = at.grid_of(windows)
     middle = 0.5 * (grid.time[0] + grid.time[-1])
-    band = seen[:, w.LEAD : -1, w.X] - speed * (seen[:, w.LEAD : -1, w.TIME] - middle)
+    band = seen[:, w.X, w.LEAD : -1] - speed * (seen[:, w.TIME, w.LEAD : -1] - middle)
     begin = float(np.quantile(band, 0.42))
     pushed_on = pushed(windows, fit, np.where((band > begin) & (band < begin + 40.0), -0.4, 0.0))
     twin = lo.hear(windows, fit, grid, at.answer_of(windows, fit, grid.pivot))

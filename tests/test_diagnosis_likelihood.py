@@ -19,7 +19,7 @@ START = np.array([0.01, 0.01])
 def test_it_is_the_density_of_a_multivariate_t():
     rng = np.random.default_rng(4)
     windows, _ = followers(law.of(laws.IDM), rng)
-    windows.seen[:, :, w.X] += rng.normal(0.0, 0.2, windows.seen.shape[:2])
+    windows.seen[:, w.X] += rng.normal(0.0, 0.2, (len(windows.seen), windows.seen.shape[2]))
     fit = fit_drivers(windows, law.of(laws.IDM), START, rounds=3)
     fit.weight[:] = 1.0
     line = linearise(windows, fit)

@@ -23,13 +23,13 @@ BOTH = [slots.RELAXATION, slots.RELAXATION_TIME]
 def relaxing(share: float, time: float) -> w.Windows:
     """Return windows, every other one after a cut-in some time ago, driven with a relaxation."""
     windows, theta = followers(ro.PLAIN, np.random.default_rng(7))
-    seen, frames = windows.seen.copy(), windows.seen.shape[1]
+    seen, frames = windows.seen.copy(), windows.seen.shape[2]
     ago = 0.5 * (np.arange(len(seen)) % 16)
-    seen[::2, :, w.JUMP] = 8.0
-    seen[:, :, w.SINCE] = ago[:, None] + 0.1 * np.arange(frames)
+    seen[::2, w.JUMP] = 8.0
+    seen[:, w.SINCE] = ago[:, None] + 0.1 * np.arange(frames)
     planted = ro.PLAIN.copy()
     planted[:, BOTH] = share, time
-    seen[:, :, w.X], seen[:, :, w.V] = ro.drive(seen, windows.driver, theta, planted, np.zeros(2), ro.NO_PUSH, 0)
+    seen[:, w.X], seen[:, w.V] = ro.drive(seen, windows.driver, theta, planted, np.zeros(2), ro.NO_PUSH, 0)
     return replace(windows, seen=seen)
 
 

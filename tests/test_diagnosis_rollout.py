@@ -29,20 +29,20 @@ def followers(by_lane: np.ndarray, rng: np.random.Generator, lanes: int = 1) -> 
     phase = rng.uniform(0.0, 6.0, (count, 1))
     speed = 9.0 + 3.0 * np.sin(wave * time + phase)
     place = 9.0 * time - 3.0 / wave * (np.cos(wave * time + phase) - np.cos(phase))
-    seen = np.zeros((count, frames, w.COLUMNS))
-    seen[:, :, w.REAR], seen[:, :, w.SPEED] = place + 20.0, speed
-    seen[:, :, w.ACCELERATION] = np.gradient(speed, 0.1, axis=1)
-    seen[:, :, w.SECOND], seen[:, :, w.BEHIND], seen[:, :, w.ADJACENT] = np.inf, -np.inf, np.nan
-    seen[:, :, [w.SINCE, w.UNTIL_CUT_IN, w.UNTIL_OWN]] = 1e6
-    seen[:, :, w.TIME], seen[:, :, w.OWN_KIND] = time, 2.0
-    seen[:, :, w.LANE] = 1.0 + np.arange(count)[:, None] % lanes
-    seen[:, :, w.V] = speed
+    seen = np.zeros((count, w.COLUMNS, frames))
+    seen[:, w.REAR], seen[:, w.SPEED] = place + 20.0, speed
+    seen[:, w.ACCELERATION] = np.gradient(speed, 0.1, axis=1)
+    seen[:, w.SECOND], seen[:, w.BEHIND], seen[:, w.ADJACENT] = np.inf, -np.inf, np.nan
+    seen[:, [w.SINCE, w.UNTIL_CUT_IN, w.UNTIL_OWN]] = 1e6
+    seen[:, w.TIME], seen[:, w.OWN_KIND] = time, 2.0
+    seen[:, w.LANE] = 1.0 + np.arange(count)[:, None] % lanes
+    seen[:, w.V] = speed
     theta = np.exp(np.log([1.2, 1.8, 1.2, 2.2, 28.0]) + 0.2 * rng.standard_normal((DRIVERS, 5)) * [1, 1, 1, 1, 0.2])
     driver = np.repeat(np.arange(DRIVERS), EACH)
     x, v = ro.drive(seen, driver, theta, by_lane, np.zeros(2), ro.NO_PUSH, 0)
-    seen[:, :, w.X], seen[:, :, w.V] = x, v
+    seen[:, w.X], seen[:, w.V] = x, v
     windows = w.Windows(
-        seen, seen[:, :, w.LEADERS], driver, np.arange(1, DRIVERS + 1), np.full(DRIVERS, "p"),
+        seen, seen[:, w.LEADERS], driver, np.arange(1, DRIVERS + 1), np.full(DRIVERS, "p"),
         np.arange(DRIVERS) // 5, local_cubic(21), local_cubic(21), {},
     )  # fmt: skip
     return windows, theta
@@ -56,9 +56,9 @@ def make_plain():
 def test_who_changes_lanes_has_no_usual_one(plain):
     windows, _ = plain
     seen = windows.seen.copy()
-    seen[windows.driver == 3, :, w.LANE] = 2.0
-    seen[windows.driver == 5, : w.LEAD + 60, w.LANE] = 4.0
-    seen[windows.driver == 6, w.LEAD : w.LEAD + 10, w.LANE] = 4.0  # a few frames are no change
+    seen[windows.driver == 3, w.LANE] = 2.0
+    seen[windows.driver == 5, w.LANE, : w.LEAD + 60] = 4.0
+    seen[windows.driver == 6, w.LANE, w.LEAD : w.LEAD + 10] = 4.0  # a few frames are no change
     expected = np.ones(DRIVERS)
     expected[[3, 5]] = 2, 0
     np.testing.assert_array_equal(replace(windows, seen=seen).usual_lane, expected)
@@ -71,13 +71,13 @@ def test_true_drivers_end_where_they_were_recorded(plain):
 
 def by_hand(windows: w.Windows, theta: np.ndarray, m: np.ndarray) -> np.ndarray:
     """Return the compared positions of rollouts one step at a time, by the acceleration that replay uses."""
-    out = np.empty((len(windows.seen), windows.seen.shape[1] - w.LEAD))
+    out = np.empty((len(windows.seen), windows.seen.shape[2] - w.LEAD))
     for i, seen in enumerate(windows.seen):
-        x, v = seen[w.LEAD, w.X], seen[w.LEAD, w.V]
-        past = np.stack([seen[:, w.REAR] - seen[:, w.X], seen[:, w.V], seen[:, w.V] - seen[:, w.SPEED]], axis=1)
-        out[i, 0], where = x, seen[:, w.X].copy()
-        for k in range(len(seen) - 1):
-            row = seen[k]
+        x, v = seen[w.X, w.LEAD], seen[w.V, w.LEAD]
+        past = np.stack([seen[w.REAR] - seen[w.X], seen[w.V], seen[w.V] - seen[w.SPEED]], axis=1)
+        out[i, 0], where = x, seen[w.X].copy()
+        for k in range(seen.shape[1] - 1):
+            row = seen[:, k]
             if k >= w.LEAD:
                 past[k], where[k] = (row[w.REAR] - x, v, v - row[w.SPEED]), x
             if row[w.SINCE] == 0.0 and m[slots.NEW_LEADER_KNOWN]:
@@ -103,9 +103,9 @@ def by_hand(windows: w.Windows, theta: np.ndarray, m: np.ndarray) -> np.ndarray:
 def with_another_leader(windows: w.Windows, frame: int) -> w.Windows:
     """Return the windows with a new leader, 4 m nearer and 1 m/s slower, from a frame on."""
     seen = windows.seen.copy()
-    seen[:, frame:, w.REAR] -= 4.0 + 0.1 * np.arange(seen.shape[1] - frame)
-    seen[:, frame:, w.SPEED] -= 1.0
-    seen[:, frame:, w.SINCE] = 0.1 * np.arange(seen.shape[1] - frame)
+    seen[:, w.REAR, frame:] -= 4.0 + 0.1 * np.arange(seen.shape[2] - frame)
+    seen[:, w.SPEED, frame:] -= 1.0
+    seen[:, w.SINCE, frame:] = 0.1 * np.arange(seen.shape[2] - frame)
     return replace(windows, seen=seen)
 
 
@@ -166,7 +166,7 @@ def test_any_number_of_rollouts_are_each_alone(plain, beside):
 def test_a_model_of_one_lane_acts_there_alone(plain):
     windows, theta = plain
     seen = windows.seen.copy()
-    seen[windows.driver == 2, :, w.LANE] = 3.0
+    seen[windows.driver == 2, w.LANE] = 3.0
     only = ro.PLAIN.copy()
     only[3, slots.PLACE], only[3, slots.PLACE_END] = -0.3, 1e3
     moved = ro.positions(replace(windows, seen=seen), theta, only) - windows.target
@@ -245,8 +245,8 @@ def test_linear_pulses_are_the_derivatives_by_the_magnitudes(plain):
 def test_both_forms_are_each_their_own_derivative(plain, name, slot, other, number):
     windows, theta = plain
     seen = windows.seen.copy()
-    seen[:, :, w.ADJACENT], seen[:, :, w.NEXT_BESIDE] = seen[:, :, w.SPEED] - 2.0, seen[:, :, w.SPEED] - 5.0
-    seen[:, :, w.ACCELERATION_OF_LATE] = 0.1 - 0.3 * seen[:, :, w.ACCELERATION]
+    seen[:, w.ADJACENT], seen[:, w.NEXT_BESIDE] = seen[:, w.SPEED] - 2.0, seen[:, w.SPEED] - 5.0
+    seen[:, w.ACCELERATION_OF_LATE] = 0.1 - 0.3 * seen[:, w.ACCELERATION]
     windows = replace(windows, seen=seen)
     response, state = ro.respond(seen, windows.driver, theta, ro.PLAIN)
     pulses = linear_pulses(seen, state, pivot=9.0)

@@ -196,9 +196,9 @@ def in_two_lanes(planted: np.ndarray) -> w.Windows:
     """Return followers of whom every second one is in lane 2."""
     windows, theta = followers(ro.PLAIN, np.random.default_rng(3))
     seen = windows.seen.copy()
-    seen[::2, :, w.LANE] = 2.0
+    seen[::2, w.LANE] = 2.0
     x, v = ro.drive(seen, windows.driver, theta, planted, np.zeros(2), ro.NO_PUSH, 0)
-    seen[:, :, w.X], seen[:, :, w.V] = x, v
+    seen[:, w.X], seen[:, w.V] = x, v
     return replace(windows, seen=seen)
 
 

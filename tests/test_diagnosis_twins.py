@@ -29,9 +29,9 @@ def found_again(sd: float, memory: float) -> np.ndarray:
     """Return variances (m²/s⁴) that are found of drivers with this noise, by memory."""
     rng = np.random.default_rng(1)
     windows, theta = followers(ro.PLAIN, rng)
-    noise = pushed(len(windows.seen), windows.seen.shape[1] - 1, sd, memory, rng)
+    noise = pushed(len(windows.seen), windows.seen.shape[2] - 1, sd, memory, rng)
     seen = windows.seen.copy()
-    seen[:, :, w.X], seen[:, :, w.V] = ro.drive(seen, windows.driver, theta, ro.PLAIN, np.zeros(2), noise, 0)
+    seen[:, w.X], seen[:, w.V] = ro.drive(seen, windows.driver, theta, ro.PLAIN, np.zeros(2), noise, 0)
     windows = replace(windows, seen=seen)
     fit = fit_drivers(windows, ro.PLAIN.copy(), np.array([1e-4, 1e-4]), rounds=12)
     return driver_noise(windows, fit, Noises(QUIET, QUIET), rng, is_smooth=True).variance

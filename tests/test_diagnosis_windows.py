@@ -34,15 +34,15 @@ def followers() -> dict[int, w.Floats]:
 
 
 def test_the_time_since_the_entry_is_known_of_who_came_while_it_was_recorded(followers):
-    assert np.isnan(followers[1][:, w.SINCE_ENTRY]).all()
-    np.testing.assert_allclose(followers[3][:, w.SINCE_ENTRY], followers[3][:, w.TIME] - 3.0)
+    assert np.isnan(followers[1][w.SINCE_ENTRY]).all()
+    np.testing.assert_allclose(followers[3][w.SINCE_ENTRY], followers[3][w.TIME] - 3.0)
 
 
 def test_hard_braking_is_remembered_and_a_steady_drive_has_none(followers):
-    since, clock = followers[1][:, w.SINCE_BRAKING], followers[1][:, w.TIME]
+    since, clock = followers[1][w.SINCE_BRAKING], followers[1][w.TIME]
     end = 0.1 * (BRAKES + 15)
     after = clock > end + 2.0
     assert after.any()
     np.testing.assert_allclose(since[after], clock[after] - end, atol=1.0)
     assert (since[clock < 0.1 * BRAKES - 1.0] > 1e5).all()
-    assert (followers[3][:, w.SINCE_BRAKING] > 1e5).all()
+    assert (followers[3][w.SINCE_BRAKING] > 1e5).all()

@@ -119,10 +119,10 @@ class Grid:
 
 def grid_of(windows: w.Windows) -> Grid:
     """Return the grid of a recording."""
-    seen = windows.seen[:, w.LEAD : -1]
+    seen = windows.seen[:, :, w.LEAD : -1]
     return Grid(
-        edges_of(seen[:, :, w.X], PLACE_BIN, MOST_BINS), edges_of(seen[:, :, w.TIME], TIME_BIN, MOST_BINS),
-        np.unique(seen[:, :, w.LANE]), float(seen[:, :, w.V].mean()),
+        edges_of(seen[:, w.X], PLACE_BIN, MOST_BINS), edges_of(seen[:, w.TIME], TIME_BIN, MOST_BINS),
+        np.unique(seen[:, w.LANE]), float(seen[:, w.V].mean()),
     )  # fmt: skip
 
 
@@ -180,18 +180,18 @@ class Scan(NamedTuple):
 
 def _scans(windows: w.Windows, state: Floats, grid: Grid) -> list[Scan]:
     """Return lanes, what falls from lane to lane, places and times, bin by bin."""
-    seen = windows.seen[:, w.LEAD : -1]
+    seen = windows.seen[:, :, w.LEAD : -1]
     place = numbered(np.clip(state[:, :, ro.BASE_X], grid.place[0], grid.place[-1] - 1e-6), grid.place)
-    time = numbered(seen[:, :, w.TIME], grid.time)
+    time = numbered(seen[:, w.TIME], grid.time)
     lanes = grid.lanes if len(grid.lanes) > 1 else grid.lanes[:0]
-    lane = np.searchsorted(grid.lanes, seen[:, :, w.LANE]) if len(lanes) else np.full(time.shape, -1)
+    lane = np.searchsorted(grid.lanes, seen[:, w.LANE]) if len(lanes) else np.full(time.shape, -1)
     by_place = [Atom("location", low=low, high=high) for low, high in itertools.pairwise(grid.place)]
     of_headway = [replace(atom, fixed=((slots.PLACE_HEADWAY, 1.0),)) for atom in by_place]
     by_time = [Atom("time_of_day", low=low, high=high) for low, high in itertools.pairwise(grid.time)]
     by_v0 = state[:, :, ro.BY_V0]
     return [
         Scan([Atom("desired_speed", lane=int(number)) for number in lanes], lane, by_v0),
-        *([_across(seen[:, :, w.LANE], by_v0, lanes[-1])] if len(lanes) >= FALLS_OVER else []),
+        *([_across(seen[:, w.LANE], by_v0, lanes[-1])] if len(lanes) >= FALLS_OVER else []),
         Scan(by_place, place, None),
         Scan(of_headway, place, state[:, :, ro.BY_T]),
         Scan(by_time, time, state[:, :, ro.BY_T]),

@@ -45,7 +45,7 @@ def sharpened(subject: Subject, fit: Fit, names: list[str]) -> Fit:
         is_share = acting[0].is_share
         where, width = _along(subject, answer.state, name)
         value = answer.state[:, :, ro.BY_T] if is_share else np.ones(where.shape)
-        acts = at.acts(by_lane, magnitude)[subject.windows.seen[:, w.LEAD : -1, w.LANE].astype(np.int64)]
+        acts = at.acts(by_lane, magnitude)[subject.windows.seen[:, w.LANE, w.LEAD : -1].astype(np.int64)]
         begin, end = by_lane[0, begins], by_lane[0, ends]
         size = np.log1p(by_lane[0, magnitude]) if is_share else by_lane[0, magnitude]
         slices = _slices(begin, end, width / SLICES)
@@ -59,7 +59,7 @@ def _along(subject: Subject, state: Floats, name: str) -> tuple[Floats, float]:
     """Return the coordinate of each frame, and the width of the scan's bins."""
     if name == "location":
         return state[:, :, ro.BASE_X], _width(subject.grid.place)
-    return subject.windows.seen[:, w.LEAD : -1, w.TIME], _width(subject.grid.time)
+    return subject.windows.seen[:, w.TIME, w.LEAD : -1], _width(subject.grid.time)
 
 
 def _width(edges: Floats) -> float:

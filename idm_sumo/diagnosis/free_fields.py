@@ -207,37 +207,37 @@ class Family:
 
 def covariates(windows: w.Windows, state: Floats) -> dict[str, Floats]:
     """Return the covariates by frame, shape ``(windows, horizon)``; SI units, NaN or far away where unknown."""
-    seen = windows.seen[:, w.LEAD : -1]
+    seen = windows.seen[:, :, w.LEAD : -1]
     x, v = state[:, :, ro.BASE_X], state[:, :, ro.BASE_V]
-    second = np.isfinite(seen[:, :, w.SECOND])
+    second = np.isfinite(seen[:, w.SECOND])
     return {
-        "rear_gap": np.where(np.isfinite(seen[:, :, w.BEHIND]), seen[:, :, w.X] - seen[:, :, w.BEHIND], 1e6),
-        "since_change": seen[:, :, w.SINCE],
-        "until_own_change": seen[:, :, w.UNTIL_OWN],
-        "until_cut_in": seen[:, :, w.UNTIL_CUT_IN],
-        "leader_acceleration": seen[:, :, w.ACCELERATION],
-        "leader_gap": np.where(second, seen[:, :, w.SECOND] - seen[:, :, w.REAR], 1e6),
-        "adjacent_difference": v - seen[:, :, w.ADJACENT],
-        "trucks_beside": seen[:, :, w.TRUCKS_BESIDE],
-        "braking_beside": seen[:, :, w.BRAKING_BESIDE],
-        "truck_behind": (seen[:, :, w.BEHIND_KIND] == TRUCK).astype(np.float64),
-        "truck_second": (seen[:, :, w.SECOND_KIND] == TRUCK).astype(np.float64),
-        "crowd_left": seen[:, :, w.CROWD_LEFT],
-        "crowd_right": seen[:, :, w.CROWD_RIGHT],
-        "abreast": seen[:, :, w.ABREAST],
-        "faster_difference": v - seen[:, :, w.FASTER],
-        "beside_gap": seen[:, :, w.BESIDE_GAP],
-        "nearest_beside": seen[:, :, w.NEAREST_BESIDE],
-        "motorcycles_beside": seen[:, :, w.MOTORCYCLES],
-        "leader_length": seen[:, :, w.LENGTH],
-        "since_standing": seen[:, :, w.SINCE_STANDING],
-        "since_braking": seen[:, :, w.SINCE_BRAKING],
-        "since_entry": seen[:, :, w.SINCE_ENTRY],
-        "unrest": seen[:, :, w.UNREST],
+        "rear_gap": np.where(np.isfinite(seen[:, w.BEHIND]), seen[:, w.X] - seen[:, w.BEHIND], 1e6),
+        "since_change": seen[:, w.SINCE],
+        "until_own_change": seen[:, w.UNTIL_OWN],
+        "until_cut_in": seen[:, w.UNTIL_CUT_IN],
+        "leader_acceleration": seen[:, w.ACCELERATION],
+        "leader_gap": np.where(second, seen[:, w.SECOND] - seen[:, w.REAR], 1e6),
+        "adjacent_difference": v - seen[:, w.ADJACENT],
+        "trucks_beside": seen[:, w.TRUCKS_BESIDE],
+        "braking_beside": seen[:, w.BRAKING_BESIDE],
+        "truck_behind": (seen[:, w.BEHIND_KIND] == TRUCK).astype(np.float64),
+        "truck_second": (seen[:, w.SECOND_KIND] == TRUCK).astype(np.float64),
+        "crowd_left": seen[:, w.CROWD_LEFT],
+        "crowd_right": seen[:, w.CROWD_RIGHT],
+        "abreast": seen[:, w.ABREAST],
+        "faster_difference": v - seen[:, w.FASTER],
+        "beside_gap": seen[:, w.BESIDE_GAP],
+        "nearest_beside": seen[:, w.NEAREST_BESIDE],
+        "motorcycles_beside": seen[:, w.MOTORCYCLES],
+        "leader_length": seen[:, w.LENGTH],
+        "since_standing": seen[:, w.SINCE_STANDING],
+        "since_braking": seen[:, w.SINCE_BRAKING],
+        "since_entry": seen[:, w.SINCE_ENTRY],
+        "unrest": seen[:, w.UNREST],
         "wanted_acceleration": np.abs(state[:, :, ro.BASE_A]),
         "position": x,
-        "time": seen[:, :, w.TIME],
-        "lane": seen[:, :, w.LANE],
+        "time": seen[:, w.TIME],
+        "lane": seen[:, w.LANE],
     }
 
 
@@ -267,7 +267,7 @@ def inside(intervals: Sequence[Interval]) -> Families:
     """Return what yields, of places and times that are in the model, the families that ask whether they act all the time, and everywhere."""
 
     def each(windows: w.Windows, state: Floats, grid: Grid) -> Iterator[tuple[Family, Integers]]:
-        x, t = state[:, :, ro.BASE_X], windows.seen[:, w.LEAD : -1, w.TIME]
+        x, t = state[:, :, ro.BASE_X], windows.seen[:, w.TIME, w.LEAD : -1]
         for interval in intervals:
             held, free, bins = (x, t, grid.time) if interval.axis == HELD[0] else (t, x, grid.place)
             edges, there = _coarser(bins, MOST_BINS), (held >= interval.begin) & (held < interval.end)
@@ -279,7 +279,7 @@ def inside(intervals: Sequence[Interval]) -> Families:
 
 def _moving(windows: w.Windows, state: Floats, grid: Grid) -> Iterator[tuple[Family, Integers]]:
     """Yield bands that move along the road, for each speed."""
-    x, t = state[:, :, ro.BASE_X], windows.seen[:, w.LEAD : -1, w.TIME]
+    x, t = state[:, :, ro.BASE_X], windows.seen[:, w.TIME, w.LEAD : -1]
     place, time = (grid.place[0], grid.place[-1]), (grid.time[0], grid.time[-1])
     for speed in SPEEDS:
         path = Path(speed, place, time)

@@ -32,18 +32,18 @@ class Errors:
 def errors(windows: w.Windows, fit: Fit) -> Errors:
     """Return the errors of closed-loop rollouts with each driver's own parameters."""
     x, v = drive(windows.seen, windows.driver, fit.theta, fit.by_lane, np.zeros(2), np.empty((0, 0)), w.LEAD)
-    seen = windows.seen[:, w.LEAD :]
-    off, gap = seen[:, :, w.X] - x, seen[:, :, w.REAR] - x
+    seen = windows.seen[:, :, w.LEAD :]
+    off, gap = seen[:, w.X] - x, seen[:, w.REAR] - x
 
     def by_driver(value: npt.ArrayLike) -> Floats:
         count = np.bincount(windows.driver, minlength=windows.drivers)
         return np.asarray(np.bincount(windows.driver, np.asarray(value), windows.drivers) / np.maximum(count, 1))
 
-    recorded = seen[:, :, w.REAR] - seen[:, :, w.X]
+    recorded = seen[:, w.REAR] - seen[:, w.X]
     return Errors(
         by_driver(np.abs(off[:, 1:]).mean(1)), by_driver(np.abs(off[:, -1])),
         by_driver(np.abs(np.log(np.maximum(gap, 0.1) / np.maximum(recorded, 0.1)))[:, 1:].mean(1)),
-        by_driver(np.abs(seen[:, 1:, w.V] - v[:, 1:]).mean(1)), by_driver((gap <= 0.0).any(1).astype(np.float64)),
+        by_driver(np.abs(seen[:, w.V, 1:] - v[:, 1:]).mean(1)), by_driver((gap <= 0.0).any(1).astype(np.float64)),
         off[:, w.EVERY :: w.EVERY],
     )  # fmt: skip
 

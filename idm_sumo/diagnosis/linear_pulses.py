@@ -39,7 +39,7 @@ def linear_pulses(seen: Floats, state: Floats, pivot: float) -> Floats:
 
     Parameters
     ----------
-    seen : float64, shape (windows, LEAD + horizon + 1, COLUMNS)
+    seen : float64, shape (windows, COLUMNS, LEAD + horizon + 1)
     state : float64, shape (windows, horizon, 7)
         Of :func:`idm_sumo.diagnosis.rollout.respond`.
     pivot : float
@@ -59,7 +59,7 @@ def linear_pulses(seen: Floats, state: Floats, pivot: float) -> Floats:
 def _fill(first, last, seen, state, pivot, out):  # type: ignore[no-untyped-def]
     for i in range(first, last):
         for k in range(out.shape[1] * BIN):
-            row, to, base = seen[i, w.LEAD + k], out[i, k // BIN], state[i, k]
+            row, to, base = seen[i, :, w.LEAD + k], out[i, k // BIN], state[i, k]
             by_t, a, v, x = base[BY_T], base[BASE_A], base[BASE_V], base[BASE_X]
             leader, of_late = _known(row[w.ACCELERATION]), _known(row[w.ACCELERATION_OF_LATE])
             speed, closing = (v - pivot) / SPEED_UNIT, (v - row[w.SPEED]) / 3.0

@@ -92,7 +92,7 @@ def score(
     answer = at.answer_of(windows, fit, subject.grid.pivot) if answer is None else answer
     line = answer.line
     atoms, columns = build(windows, fit, answer, subject.grid)
-    truck = (windows.seen[:, -1, w.OWN_KIND] == TRUCK)[:, None, None]
+    truck = (windows.seen[:, w.OWN_KIND, -1] == TRUCK)[:, None, None]
     of_trucks = line.jacobian * truck if truck.any() else line.jacobian[:, :, :0]
     common = np.concatenate([line.jacobian, of_trucks, line.shared], axis=2)
     known = common.shape[2]

@@ -86,12 +86,12 @@ class Luck:
 
 def draw(windows: Windows, noises: Noises, rng: np.random.Generator) -> Luck:
     """Return the luck of one twin."""
-    rows, frames = windows.seen.shape[:2]
-    truth, shown = np.empty((2, rows, frames, len(LEADERS)), dtype=np.float32)
+    rows, _, frames = windows.seen.shape
+    truth, shown = np.empty((2, rows, len(LEADERS), frames), dtype=np.float32)
     for begin, parts in ((0, 3), (3, 2)):  # of the first and of the second leader, whose acceleration nobody sees
         one, other = hidden(noises, windows.leaders, rows, frames, rng)
         for number in range(parts):
-            truth[:, :, begin + number], shown[:, :, begin + number] = one[number], other[number]
+            truth[:, begin + number], shown[:, begin + number] = one[number], other[number]
     pushed = noises.driver.draw(rows, frames - 1, rng)
     x, v, _ = measured(noises.measurement, windows.own, rows, frames, rng)
     error = np.asarray(x, dtype=np.float32), np.asarray(v, dtype=np.float32)

@@ -43,7 +43,7 @@ def spectrum(pulses: Pulses) -> Floats:
         pulses.score.shape[1]
     )  # frames from the start to each pulse's middle
     turned = np.exp(2j * np.pi * FRAME_STEP * middle[:, None] / PERIODS)
-    begin = np.exp(2j * np.pi * windows.seen[:, w.LEAD, w.TIME][:, None] / PERIODS)
+    begin = np.exp(2j * np.pi * windows.seen[:, w.TIME, w.LEAD][:, None] / PERIODS)
     power = np.abs(gls.by_driver(begin * (pulses.score @ turned), windows.driver, windows.drivers)) ** 2
     return np.asarray(power / np.maximum(power.sum(axis=1, keepdims=True), 1e-300))
 

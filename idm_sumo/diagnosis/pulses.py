@@ -87,7 +87,7 @@ def pulses_of(windows: w.Windows, fit: Fit, answer: Answer) -> Pulses:
     """Return the scores of all pulses of the windows at a fit."""
     line, response, state = answer.line, tamed(answer.response), answer.state
     form = answer.pulses[:, :, FORM]
-    truck = (windows.seen[:, -1, w.OWN_KIND] == TRUCK)[:, None, None]
+    truck = (windows.seen[:, w.OWN_KIND, -1] == TRUCK)[:, None, None]
     common = [line.jacobian * truck] if truck.any() else []
     parts = (line.error[:, :, None], line.jacobian, response, *common, tamed(response @ form))
     error, own, moved, *rest = (line.whitener @ part for part in parts)

@@ -73,11 +73,11 @@ def _noted(of, n):  # type: ignore[no-untyped-def]
 def _remember(seen, gap, speed, rate, models, begin):  # type: ignore[no-untyped-def]
     """Fill the past with what the recorded twin did before the start; the last axis is of rollouts side by side."""
     for k in range(begin):
-        gap[k] = seen[k, w.REAR] - seen[k, w.X]
-        speed[k] = seen[k, w.V]
-        rate[k] = seen[k, w.V] - seen[k, w.SPEED]
-        if seen[k, w.SINCE] == 0.0:
-            _meet(seen[k], gap, speed, rate, models, k)
+        gap[k] = seen[w.REAR, k] - seen[w.X, k]
+        speed[k] = seen[w.V, k]
+        rate[k] = seen[w.V, k] - seen[w.SPEED, k]
+        if seen[w.SINCE, k] == 0.0:
+            _meet(seen[:, k], gap, speed, rate, models, k)
 
 
 @njit(cache=True, error_model="numpy")
@@ -95,7 +95,7 @@ def _drive(first, last, seen, driver, theta, models, varies, start, pushed, begi
     An array for each quantity, so that the compiler sees loops over rollouts that it can turn into vector instructions;
     ``of_law`` of :func:`idm_sumo.laws.in_the_type` for the same reason, and ``of_kind``, ``STEADY`` or ``VARYING``.
     """
-    frames, beside = seen.shape[1], x.shape[2]
+    frames, beside = seen.shape[2], x.shape[2]
     if first == last or beside == 0:
         return
     remembers = models[:, :, slots.NEW_LEADER_KNOWN].sum() > 0.0  # zero models may stand side by side
@@ -108,9 +108,9 @@ def _drive(first, last, seen, driver, theta, models, varies, start, pushed, begi
     here, fast, more = np.empty(beside), np.empty(beside), np.empty(beside)
     then_gap, then_speed, then_rate = np.empty(beside), np.empty(beside), np.empty(beside)
     of = np.empty((len(BLANK), beside))
-    moment = _moment(seen[first, 0], models[0, 0])  # where none is unlike another, this one is enough
+    moment = _moment(seen[first, :, 0], models[0, 0])  # where none is unlike another, this one is enough
     for n in range(len(models)):
-        _note(_moment(seen[first, 0], models[n, 0]), of, n)
+        _note(_moment(seen[first, :, 0], models[n, 0]), of, n)
     for i in range(first, last):
         one, own = seen[i], theta[driver[i]]
         _remember(one, gap, speed, rate, models, begin)
@@ -118,10 +118,10 @@ def _drive(first, last, seen, driver, theta, models, varies, start, pushed, begi
             who = 0 if same_driver else n
             a[n], headway[n], jam[n], limit[n] = own[0, who], own[2, who], own[3, who], own[4, who]
             weight[n] = idm.closing_weight(own[0, who], own[1, who])
-            here[n], fast[n] = one[begin, w.X] + start[0, n], max(one[begin, w.V] + start[1, n], 0.0)
+            here[n], fast[n] = one[w.X, begin] + start[0, n], max(one[w.V, begin] + start[1, n], 0.0)
             x[i, 0, n], v[i, 0, n] = here[n], fast[n]
         for now in range(begin, frames - 1):
-            row = one[now]
+            row = one[:, now]
             lane = int(row[w.LANE])
             rear, ahead, second, behind = row[w.REAR], row[w.SPEED], row[w.SECOND], row[w.BEHIND]
             push = pushed[i, now - begin] if pushed.shape[0] > 0 else 0.0
@@ -200,7 +200,7 @@ def side_by_side(
     models = models[filled] if len(models) > 1 else models
     theta = np.ascontiguousarray(theta[:, :, filled] if theta.shape[2] > 1 else theta)
     start = np.ascontiguousarray(start[:, filled])
-    shape = (len(seen), 1 + (seen.shape[1] - begin - 1) // every, len(filled))
+    shape = (len(seen), 1 + (seen.shape[2] - begin - 1) // every, len(filled))
     x, v = np.empty(shape), np.empty(shape)
     law = laws.in_the_type(models[:1, 0, slots.LAW].sum())  # of all of them; there may be none
     varies = _vary(models)
@@ -228,7 +228,7 @@ def drive(
 
     Parameters
     ----------
-    seen : float64, shape (windows, LEAD + horizon + 1, COLUMNS)
+    seen : float64, shape (windows, COLUMNS, LEAD + horizon + 1)
     driver : int64, shape (windows,)
     theta : float64, shape (drivers, 5)
     by_lane : float64, shape (9, slots.COUNT)
@@ -261,7 +261,7 @@ def respond(seen: Floats, driver: Integers, theta: Floats, by_lane: Floats) -> t
         Derivatives of the acceleration by log T and log v0 (m/s²), the acceleration, speed and position,
         the derivatives by gap and by own speed.
     """
-    steps = seen.shape[1] - w.LEAD - 1
+    steps = seen.shape[2] - w.LEAD - 1
     response = np.zeros((len(seen), steps // w.EVERY, steps // BIN))
     state = np.empty((len(seen), steps, 7))
     in_threads(_respond, len(seen), seen, driver, theta, by_lane, response, state)
@@ -280,18 +280,18 @@ SOONER = NUDGE * np.array([0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 1.0, -1.0])
 @njit(cache=True, nogil=True, error_model="numpy")
 def _respond(first, last, seen, driver, theta, by_lane, response, state):  # type: ignore[no-untyped-def]
     steps, pulses = state.shape[1], response.shape[2]
-    gap_of, speed_of, rate_of = np.empty((seen.shape[1], 1)), np.empty((seen.shape[1], 1)), np.empty((seen.shape[1], 1))
+    gap_of, speed_of, rate_of = np.empty((seen.shape[2], 1)), np.empty((seen.shape[2], 1)), np.empty((seen.shape[2], 1))
     gaps, speeds, rates = gap_of[:, 0], speed_of[:, 0], rate_of[:, 0]
     models = by_lane.reshape((1, *by_lane.shape))
     looked = np.empty(len(FARTHER))
     for i in range(first, last):
         one, own = seen[i], theta[driver[i]]
         _remember(one, gap_of, speed_of, rate_of, models, w.LEAD)
-        x, v, weight = one[w.LEAD, w.X], one[w.LEAD, w.V], idm.closing_weight(own[0], own[1])
+        x, v, weight = one[w.X, w.LEAD], one[w.V, w.LEAD], idm.closing_weight(own[0], own[1])
         dx, dv = np.zeros((steps + 1, pulses)), np.zeros((steps + 1, pulses))
         for k in range(steps):
             now = w.LEAD + k
-            row = one[now]
+            row = one[:, now]
             m = by_lane[int(row[w.LANE])]
             moment = _moment(row, m)
             gaps[now], speeds[now], rates[now] = row[w.REAR] - x, v, v - row[w.SPEED]

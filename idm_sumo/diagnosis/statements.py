@@ -281,17 +281,17 @@ def scans(evidence: ev.Evidence) -> tuple[Scan, ...]:
 
 def notes(recording: Recording, windows: Windows, measurement: Noise, found: Found) -> tuple[str, ...]:
     """Return what a reader should know about how it was done."""
-    seconds = (windows.seen.shape[1] - 1) * FRAME_STEP
+    seconds = (windows.seen.shape[2] - 1) * FRAME_STEP
     out = [
-        f"{windows.drivers} drivers, {len(windows.seen)} windows of {seconds:g} s, of which the last {min(HORIZON, windows.seen.shape[1]) * FRAME_STEP:g} s or less are simulated",
+        f"{windows.drivers} drivers, {len(windows.seen)} windows of {seconds:g} s, of which the last {min(HORIZON, windows.seen.shape[2]) * FRAME_STEP:g} s or less are simulated",
         f"measurement noise of positions {measurement.deviation:.2g} m (standard deviation, from their spectrum)",
         "memory is merged with time_of_day and speed_dependent_headway: windows of seconds cannot tell them apart",
     ]
-    if (windows.seen[:, :, UNTIL_CUT_IN] < 1e5).any():
+    if (windows.seen[:, UNTIL_CUT_IN] < 1e5).any():
         out.append(
             "vehicles cut in where a gap happens to be large: a small courtesy_yielding may be selection and is not named"
         )
-    if not recording.has_leader_rows or not np.isfinite(windows.seen[:, :, SECOND]).any():
+    if not recording.has_leader_rows or not np.isfinite(windows.seen[:, SECOND]).any():
         out.append("second leaders, adjacent lanes and followers are not in the recording")
     if found.accepted and found.accepted[0].rivals:
         out.append(f"{found.accepted[0].candidate.name} cannot be separated from {', '.join(found.accepted[0].rivals)}")

@@ -28,18 +28,18 @@ def residuals(windows: w.Windows, base: Floats | None, extended: Floats | None) 
     """Return one row a compared moment; see :class:`~idm_sumo.diagnosis.result.Diagnosis`. Empty without rollouts."""
     if base is None or extended is None or not len(windows.seen):
         return pd.DataFrame({name: np.empty(0) for name in COVARIATES})
-    at = windows.seen[:, w.LEAD + w.EVERY :: w.EVERY]
-    moments = at.shape[1]
+    at = windows.seen[:, :, w.LEAD + w.EVERY :: w.EVERY]
+    moments = at.shape[2]
     columns: dict[str, npt.NDArray[Any]] = {
         "vehicle": np.repeat(windows.vehicle[windows.driver], moments),
         "window": np.repeat(np.arange(len(at)), moments),
         "lag": np.tile((1.0 + np.arange(moments)) * w.EVERY * FRAME_STEP, len(at)),
-        "position": at[:, :, w.X].ravel(), "time": at[:, :, w.TIME].ravel(), "speed": at[:, :, w.V].ravel(),
-        "gap": (at[:, :, w.REAR] - at[:, :, w.X]).ravel(), "approach_rate": (at[:, :, w.V] - at[:, :, w.SPEED]).ravel(),
-        "leader_acceleration": at[:, :, w.ACCELERATION].ravel(), "since_change": at[:, :, w.SINCE].ravel(),
-        "lane": at[:, :, w.LANE].astype(np.int64).ravel(), "leader_class": at[:, :, w.KIND].astype(np.int64).ravel(),
-        "adjacent_difference": (at[:, :, w.V] - at[:, :, w.ADJACENT]).ravel(),
-        "rear_gap": (at[:, :, w.X] - at[:, :, w.BEHIND]).ravel(), "base": base.ravel(), "extended": extended.ravel(),
+        "position": at[:, w.X].ravel(), "time": at[:, w.TIME].ravel(), "speed": at[:, w.V].ravel(),
+        "gap": (at[:, w.REAR] - at[:, w.X]).ravel(), "approach_rate": (at[:, w.V] - at[:, w.SPEED]).ravel(),
+        "leader_acceleration": at[:, w.ACCELERATION].ravel(), "since_change": at[:, w.SINCE].ravel(),
+        "lane": at[:, w.LANE].astype(np.int64).ravel(), "leader_class": at[:, w.KIND].astype(np.int64).ravel(),
+        "adjacent_difference": (at[:, w.V] - at[:, w.ADJACENT]).ravel(),
+        "rear_gap": (at[:, w.X] - at[:, w.BEHIND]).ravel(), "base": base.ravel(), "extended": extended.ravel(),
     }  # fmt: skip
     table = pd.DataFrame(columns)
     table.loc[table["since_change"] > 1e5, "since_change"] = np.nan

@@ -34,13 +34,13 @@ def make_twin(
     """
     seen = windows.seen.copy()  # first with what the twins' drivers see, then with what is recorded of it
     in_threads(_add_to_leaders, len(seen), luck.hidden, seen)
-    seen[:, 0, w.X] -= behind
+    seen[:, w.X, 0] -= behind
     x, v = drive(seen, windows.driver, fit.theta, fit.by_lane, np.zeros(2), luck.pushed, 0)
     if not is_smooth:
         x, v, _ = windows.own.within(x, v)
-    seen[:, :, w.LEADERS] = windows.blurred
+    seen[:, w.LEADERS] = windows.blurred
     in_threads(_add_to_leaders, len(seen), luck.shown, seen)
-    seen[:, :, w.X], seen[:, :, w.V] = x + luck.error[0], np.maximum(v + luck.error[1], 0.0)
+    seen[:, w.X], seen[:, w.V] = x + luck.error[0], np.maximum(v + luck.error[1], 0.0)
     return replace(windows, seen=seen)
 
 
@@ -49,12 +49,13 @@ def make_twin(
 @njit(cache=True, nogil=True)
 def _add_to_leaders(first, last, more, seen):  # type: ignore[no-untyped-def]
     for i in range(first, last):
-        for k in range(seen.shape[1]):
-            for n in range(len(w.LEADERS)):
-                seen[i, k, w.LEADERS[n]] += more[i, k, n]
-            for name in (w.SPEED, w.SECOND_SPEED):
-                if seen[i, k, name] < 0.0:  # not of one that is not there (NaN)
-                    seen[i, k, name] = 0.0
+        for n in range(len(w.LEADERS)):
+            for k in range(seen.shape[2]):
+                seen[i, w.LEADERS[n], k] += more[i, n, k]
+        for name in (w.SPEED, w.SECOND_SPEED):
+            for k in range(seen.shape[2]):
+                if seen[i, name, k] < 0.0:  # not of one that is not there (NaN)
+                    seen[i, name, k] = 0.0
 
 
 def drawn_anew(fit: Fit, luck: Luck) -> Fit:
@@ -69,7 +70,7 @@ def drawn_anew(fit: Fit, luck: Luck) -> Fit:
 
 def start_behind(windows: w.Windows, fitted: Fit, drawn: Fit) -> Floats:
     """Return by how much (m) drawn drivers start behind where the recorded ones did: as much as they keep larger gaps."""
-    speed, gap = windows.seen[:, 0, w.V], windows.seen[:, 0, w.REAR] - windows.seen[:, 0, w.X]
+    speed, gap = windows.seen[:, w.V, 0], windows.seen[:, w.REAR, 0] - windows.seen[:, w.X, 0]
     more = _steady_gap(drawn.theta[windows.driver], speed) - _steady_gap(fitted.theta[windows.driver], speed)
     return np.asarray(np.clip(more, -CLOSER * gap, FARTHER * gap))
 

@@ -47,19 +47,20 @@ class Windows:
 
     Attributes
     ----------
-    seen : float64, shape (windows, LEAD + horizon + 1, COLUMNS)
-        By frame: leader's rear (m), speed, acceleration and class; second leader's rear less the leader's length (m, infinite
-        for none) and speed; slower adjacent lane's speed (NaN for none); follower's front plus own length (m, minus
-        infinite for none); jump (m) and time since the last leader change; time until the next cut-in and own
-        change; running mean speed; lane; time (s); own position, speed, class; trucks beside and vehicles that brake in other lanes;
-        own mean absolute acceleration of late; time headway (s) right after the last leader change; follower's class; vehicles near in the
-        left and in the right adjacent lane (NaN without one); adjacent lanes with a vehicle alongside; second leader's class; faster
-        adjacent lane's speed (NaN for none); adjacent lanes with a vehicle beside the own gap; motorcycles beside; leader's length (m, 0
-        if not known); time since the own last standstill; speed of the slower of the next vehicles ahead in the adjacent lanes (NaN for none);
-        leader's mean acceleration of the last seconds; time since the entry (NaN for who was there when the recording began) and since
-        the own last hard braking.
+    seen : float64, shape (windows, COLUMNS, LEAD + horizon + 1)
+        Frames last: a rollout reads a few columns frame by frame. The columns: leader's rear (m), speed, acceleration and
+        class; second leader's rear less the leader's length (m, infinite for none) and speed; slower adjacent lane's speed
+        (NaN for none); follower's front plus own length (m, minus infinite for none); jump (m) and time since the last
+        leader change; time until the next cut-in and own change; running mean speed; lane; time (s); own position, speed,
+        class; trucks beside and vehicles that brake in other lanes; own mean absolute acceleration of late; time headway (s)
+        right after the last leader change; follower's class; vehicles near in the left and in the right adjacent lane (NaN
+        without one); adjacent lanes with a vehicle alongside; second leader's class; faster adjacent lane's speed (NaN for
+        none); adjacent lanes with a vehicle beside the own gap; motorcycles beside; leader's length (m, 0 if not known);
+        time since the own last standstill; speed of the slower of the next vehicles ahead in the adjacent lanes (NaN for
+        none); leader's mean acceleration of the last seconds; time since the entry (NaN for who was there when the recording
+        began) and since the own last hard braking.
         The simulation starts at frame ``LEAD``.
-    blurred : float64, shape (windows, LEAD + horizon + 1, 5)
+    blurred : float64, shape (windows, 5, LEAD + horizon + 1)
         The columns ``LEADERS``, smoothed once more: what a twin's measurement sees.
     driver : int64, shape (windows,)
         Index into ``vehicle`` and ``period``.
@@ -90,12 +91,12 @@ class Windows:
     @property
     def target(self) -> Floats:
         """Recorded positions (m) at the compared moments, shape ``(windows, moments)``."""
-        return np.ascontiguousarray(self.seen[:, LEAD + EVERY :: EVERY, X])
+        return np.ascontiguousarray(self.seen[:, X, LEAD + EVERY :: EVERY])
 
     @property
     def usual_lane(self) -> Integers:
         """The lane in which each driver nearly always is, 0 for who changes; shape ``(drivers,)``."""
-        lane = self.seen[:, LEAD:-1, LANE].astype(np.int64)
+        lane = self.seen[:, LANE, LEAD:-1].astype(np.int64)
         frames = np.zeros((self.drivers, lane.max(initial=0) + 1))
         np.add.at(frames, (self.driver[:, None], lane), 1.0)
         most = frames.argmax(axis=1)
@@ -137,7 +138,7 @@ def cut_windows(recording: Recording, own: Smoother, leaders: Smoother) -> Windo
     moving = table[c.SPEED].to_numpy()[rows].max(axis=1, initial=0.0) > MOVING
     rows = rows[moving]
     blurred = _blurred(shown, ahead, leaders)
-    blurred = np.where(np.isfinite(blurred), blurred, seen[:, LEADERS])
+    blurred = np.where(np.isfinite(blurred), blurred, seen[LEADERS, :])
     keys, driver = np.unique(key[rows[:, LEAD]] if len(rows) else np.empty(0, np.int64), return_inverse=True)
     entry = np.array([np.searchsorted(key, one) for one in keys], dtype=np.int64)
     excluded = {
@@ -146,12 +147,17 @@ def cut_windows(recording: Recording, own: Smoother, leaders: Smoother) -> Windo
     }
     periods = np.asarray(table[c.PERIOD].astype(str))
     return Windows(
-        seen=seen[rows], blurred=blurred[rows], driver=driver.astype(np.int64),
+        seen=_cut(seen, rows), blurred=_cut(blurred, rows), driver=driver.astype(np.int64),
         vehicle=table[c.VEHICLE].to_numpy(np.int64)[entry], period=periods[entry],
         platoon=_platoons(code[entry], table[c.LANE].to_numpy()[entry], table[c.FRAME].to_numpy()[entry]),
         own=own, leaders=leaders,
         excluded={reason: number for reason, number in excluded.items() if number},
     )  # fmt: skip
+
+
+def _cut(columns: Floats, rows: Integers) -> Floats:
+    """Return the columns of each window's rows, one after the other in memory, shape ``(windows, columns, frames)``."""
+    return np.ascontiguousarray(columns[:, rows].transpose(1, 0, 2))
 
 
 def _stretches(good: npt.NDArray[np.bool_], same: npt.NDArray[np.bool_]) -> tuple[Integers, Integers]:
@@ -180,39 +186,39 @@ def _placed(starts: Integers, lengths: Integers, horizon: int) -> Integers:
 
 
 def _columns(recording: Recording, ahead: Ahead) -> Floats:
-    """Return the columns of ``Windows.seen`` for each row."""
+    """Return the columns of ``Windows.seen`` for each row, shape ``(COLUMNS, rows)``."""
     table = recording.table
     same = same_run(table)
     x, v = table[c.X].to_numpy(np.float64), table[c.SPEED].to_numpy(np.float64)
     length = table[c.LENGTH].fillna(CAR_LENGTH).to_numpy(np.float64)
     events = leader_events(table, ahead)
-    seen = np.empty((len(table), COLUMNS))
-    seen[:, [REAR, SPEED, ACCELERATION, KIND]] = np.stack([ahead.rear, ahead.speed, ahead.acceleration, ahead.kind], 1)
-    seen[:, ACCELERATION_OF_LATE] = ahead.acceleration_of_late
-    seen[:, SECOND], seen[:, SECOND_SPEED] = ahead.second_place, ahead.second_speed
-    seen[:, BEHIND] = ahead.follower_front + length
-    seen[:, [JUMP, SINCE, ACCEPTED, UNTIL_CUT_IN, UNTIL_OWN]] = np.stack(events, 1)
-    seen[:, MEAN_SPEED] = running_mean(v, same)
-    seen[:, [ADJACENT, NEXT_BESIDE, FASTER, CROWD_LEFT, CROWD_RIGHT, NEAREST_BESIDE]] = np.nan
-    seen[:, [TRUCKS_BESIDE, BRAKING_BESIDE, ABREAST, BESIDE_GAP, MOTORCYCLES]] = 0.0
+    seen = np.empty((COLUMNS, len(table)))
+    seen[[REAR, SPEED, ACCELERATION, KIND]] = ahead.rear, ahead.speed, ahead.acceleration, ahead.kind
+    seen[ACCELERATION_OF_LATE] = ahead.acceleration_of_late
+    seen[SECOND], seen[SECOND_SPEED] = ahead.second_place, ahead.second_speed
+    seen[BEHIND] = ahead.follower_front + length
+    seen[[JUMP, SINCE, ACCEPTED, UNTIL_CUT_IN, UNTIL_OWN]] = events
+    seen[MEAN_SPEED] = running_mean(v, same)
+    seen[[ADJACENT, NEXT_BESIDE, FASTER, CROWD_LEFT, CROWD_RIGHT, NEAREST_BESIDE]] = np.nan
+    seen[[TRUCKS_BESIDE, BRAKING_BESIDE, ABREAST, BESIDE_GAP, MOTORCYCLES]] = 0.0
     if recording.has_leader_rows:
         beside = OtherLanes(table)
-        seen[:, ADJACENT], seen[:, TRUCKS_BESIDE], seen[:, BRAKING_BESIDE] = (
+        seen[ADJACENT], seen[TRUCKS_BESIDE], seen[BRAKING_BESIDE] = (
             beside.slower_speed(), beside.trucks(), beside.braking()
         )  # fmt: skip
-        seen[:, CROWD_LEFT], seen[:, CROWD_RIGHT] = beside.crowd(-1), beside.crowd(1)
-        seen[:, FASTER], seen[:, ABREAST] = beside.faster_speed(), beside.abreast()
-        seen[:, NEXT_BESIDE], seen[:, NEAREST_BESIDE] = beside.slower_next_speed(), beside.nearest()
-        seen[:, BESIDE_GAP], seen[:, MOTORCYCLES] = beside.beside_gap(ahead.rear - x), beside.motorcycles()
-    seen[:, BEHIND_KIND], seen[:, SECOND_KIND], seen[:, LENGTH] = ahead.follower_kind, ahead.second_kind, ahead.length
-    seen[:, SINCE_STANDING] = since(v < STANDING, same)[0]
+        seen[CROWD_LEFT], seen[CROWD_RIGHT] = beside.crowd(-1), beside.crowd(1)
+        seen[FASTER], seen[ABREAST] = beside.faster_speed(), beside.abreast()
+        seen[NEXT_BESIDE], seen[NEAREST_BESIDE] = beside.slower_next_speed(), beside.nearest()
+        seen[BESIDE_GAP], seen[MOTORCYCLES] = beside.beside_gap(ahead.rear - x), beside.motorcycles()
+    seen[BEHIND_KIND], seen[SECOND_KIND], seen[LENGTH] = ahead.follower_kind, ahead.second_kind, ahead.length
+    seen[SINCE_STANDING] = since(v < STANDING, same)[0]
     own = table[c.ACCELERATION].to_numpy(np.float64)
-    seen[:, UNREST] = running_mean(np.abs(own), same, UNREST_FRAMES)
-    seen[:, SINCE_BRAKING] = since(running_mean(own, same, HARD_FRAMES) < HARD, same)[0]
-    seen[:, LANE] = table[c.LANE].to_numpy(np.float64)
-    seen[:, TIME] = _clock(recording)
-    seen[:, SINCE_ENTRY] = _since_entry(table, seen[:, TIME])
-    seen[:, X], seen[:, V], seen[:, OWN_KIND] = x, v, table[c.CLASS].to_numpy(np.float64)
+    seen[UNREST] = running_mean(np.abs(own), same, UNREST_FRAMES)
+    seen[SINCE_BRAKING] = since(running_mean(own, same, HARD_FRAMES) < HARD, same)[0]
+    seen[LANE] = table[c.LANE].to_numpy(np.float64)
+    seen[TIME] = _clock(recording)
+    seen[SINCE_ENTRY] = _since_entry(table, seen[TIME])
+    seen[X], seen[V], seen[OWN_KIND] = x, v, table[c.CLASS].to_numpy(np.float64)
     return seen
 
 
@@ -237,11 +243,11 @@ def _blurred(shown: Recording, ahead: Ahead, leaders: Smoother) -> Floats:
     if not shown.has_leader_rows or shown.is_smooth:
         return once
     again = look_around(smooth_along(shown, leaders))
-    return np.where((again.identity == ahead.identity)[:, None], _of_leaders(again), once)
+    return np.where(again.identity == ahead.identity, _of_leaders(again), once)
 
 
 def _of_leaders(ahead: Ahead) -> Floats:
-    return np.stack([ahead.rear, ahead.speed, ahead.acceleration, ahead.second_place, ahead.second_speed], axis=1)
+    return np.stack([ahead.rear, ahead.speed, ahead.acceleration, ahead.second_place, ahead.second_speed])
 
 
 def _platoons(period: Integers, lane: npt.NDArray[np.int64], frame: npt.NDArray[np.int64], size: int = 5) -> Integers:
