@@ -141,3 +141,36 @@ def test_where_the_form_of_any_law_is_named_first_the_likeliest_other_law_is_sea
     followed = Followed(found.base, None, {}, FORMS, laws.FULL_VELOCITY_DIFFERENCE)
     chosen = diagnosing._rival(subject.windows, followed, replace(found, accepted=(named,)), np.random.default_rng(0))
     assert chosen == searched
+
+
+@pytest.mark.parametrize("own", [laws.IDM, laws.SMOOTH_VELOCITY_DIFFERENCE])
+@pytest.mark.parametrize("likelier", [None, laws.IDM, laws.FULL_VELOCITY_DIFFERENCE])
+def test_what_is_there_without_gain_may_be_a_cause_beyond_the_law_that_is_likeliest_with_it(
+    monkeypatch, beyond, own, likelier
+):
+    """A smooth optimal velocity had taken up headways that grow with speed, of drivers whose optimal velocity is not smooth."""
+    subject, nothing, _ = beyond
+    base = replace(nothing.fit, by_lane=beneath(nothing.fit.by_lane, of(own)))
+    there = candidate(9.0, "speed_dependent_headway", 0.4)
+    found = replace(nothing, fit=base, base=base, without_gain=(candidate(4.0), there))
+    asked = []
+    monkeypatch.setattr(diagnosing.law, "rival", lambda _, fit, names, *__: asked.append((fit, names)) or likelier)
+    followed = Followed(base, None, {}, FORMS, laws.KRAUSS)
+    chosen = diagnosing._rival(subject.windows, followed, found, np.random.default_rng(0))
+    assert chosen == (likelier if likelier is not None else laws.KRAUSS if own == laws.IDM else laws.IDM)
+    ((fit, names),) = asked
+    assert names == ["speed_dependent_headway"]
+    np.testing.assert_array_equal(fit.by_lane, with_cause(base, there).by_lane)
+
+
+def test_what_is_there_without_gain_is_asked_for_beyond_another_law(monkeypatch, beyond):
+    subject, nothing, _ = beyond
+    found = replace(nothing, without_gain=(candidate(9.0, "speed_dependent_headway", 0.4),))
+    asked = []
+    monkeypatch.setattr(diagnosing.law, "rival", lambda *_: laws.KRAUSS)
+    monkeypatch.setattr(diagnosing, "search", lambda *given: asked.append(given[-1]) or nothing)
+    followed = Followed(nothing.base, None, {}, FORMS, None)
+    diagnosing._by_the_law_with_causes(
+        subject, followed, nothing.base, found, np.random.default_rng(0), lambda *_: None
+    )
+    assert asked == [["speed_dependent_headway"]]

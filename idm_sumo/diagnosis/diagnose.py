@@ -24,7 +24,7 @@ from idm_sumo.diagnosis.look import Subject
 from idm_sumo.diagnosis.result import NAMED, NONE, UNKNOWN, Diagnosis, Gain, Law
 from idm_sumo.diagnosis.rollout import PLAIN
 from idm_sumo.diagnosis.search import Found, left_without_causes, search, with_its_noise
-from idm_sumo.diagnosis.sizes import ROUNDS, without_cause
+from idm_sumo.diagnosis.sizes import ROUNDS, with_cause, without_cause
 from idm_sumo.diagnosis.smoother import Smoother, local_cubic, posterior_mean, window_for
 from idm_sumo.diagnosis.windows import Windows, cut_windows
 from idm_sumo.progress import Progress, silent
@@ -111,18 +111,19 @@ def _by_the_law_with_causes(
 
     The law came first, without any cause, and may have taken up a part of one, or all of it: where nothing is named beyond another law
     than the IDM, causes are looked for beyond the IDM; and where nothing is beyond the IDM, beyond another one that is likelier, but not
-    surely. (Not if what is strange beyond the first, and made up by no law, is strange beyond the other, too.) What is named beyond one
+    surely; and where something is there, but without gain, beyond the law that is likeliest with that. (Not if what is strange beyond the first, and made up by no law, is strange beyond the other, too.) What is named beyond one
     law, and beyond another nothing that would make up for it, is no cause. Nor need the first one be if it is the form of any law: then
     causes are looked for beyond the likeliest other law.
     """
     windows, names = subject.windows, _names(found)
+    asked = names or [one.name for one in found.without_gain]
     rival = _rival(windows, followed, found, rng)
     if rival in (None, law.law_of(found.fit)):
         return followed, found
     base = by_idm
     if rival != laws.IDM:
         base = fit_drivers(windows, followed.forms[rival], by_idm.start_variance, rounds=ROUNDS)
-    again = search(with_its_noise(subject, base, rng), base, rng, progress, names)
+    again = search(with_its_noise(subject, base, rng), base, rng, progress, asked)
     if not names and free_gates.is_still_strange(found.unexplained, again.first):
         return followed, found
     gain = law.likelihood_gain(windows, found.fit, again.fit, rng)
@@ -145,9 +146,25 @@ def _rival(windows: Windows, followed: Followed, found: Found, rng: np.random.Ge
     """Return the law beyond which causes are looked for once more, if any."""
     names = _names(found)
     if not names:
+        likelier = _rival_with_what_gains_nothing(windows, followed, found, rng)
+        if likelier is not None:
+            return likelier
         return followed.runner_up if law.law_of(found.fit) == laws.IDM else laws.IDM
     likelier = law.rival(windows, found.fit, names, followed.forms, rng)
     return followed.runner_up if likelier is None and names[0] == LAWLIKE else likelier
+
+
+def _rival_with_what_gains_nothing(
+    windows: Windows, followed: Followed, found: Found, rng: np.random.Generator
+) -> int | None:
+    """Return the law that drivers more likely follow with what is surely there and without gain, if any: theirs may have taken it up.
+
+    (Headways that grow with speed made a smooth optimal velocity of one that is not, which drove as well without them as the true one with.)
+    """
+    if not found.without_gain:
+        return None
+    surest = max(found.without_gain, key=lambda one: abs(one.z))
+    return law.rival(windows, with_cause(found.fit, surest), [surest.name], followed.forms, rng)
 
 
 def _names(found: Found) -> list[str]:
