@@ -277,7 +277,7 @@ def test_a_pedal_left_alone_is_asked_for_where_small_approach_rates_seem_unnotic
     seen = [Candidate(name, 0.5, 0.01, z, 1e-6, Atom(name, 0.5), 1.0, 0.0)] if name else []
     monkeypatch.setattr(gates, "believed", lambda _: seen)
     one = free("response over wanted_acceleration", -pedal)
-    assert free_gates.is_stood_in_for(one)
+    assert free_gates.is_stood_in_for(one, evidence(0.0, one))
     assert bool(free_gates.outside(evidence(0.0, one))) is stands_out
 
 
@@ -305,8 +305,22 @@ def test_what_changes_with_the_time_since_the_entry_is_told_from_a_place(monkeyp
         for covariate, (begin, z) in (("headway over since_entry", entry), ("position", road))
     )
     monkeypatch.setattr(free_gates, "standing_out", lambda _: (one,))
-    assert free_gates.is_stood_in_for(one)
+    assert free_gates.is_stood_in_for(one, evidence(0.0, one))
     assert bool(free_gates.outside(replace(evidence(0.0, one, along), atoms=bins))) is is_it
+
+
+@pytest.mark.parametrize(("fixed", "place", "z", "stood_in_for"), [
+    (((slots.PERIOD_DRIFT, 1.0),), 6.5, 9.4, False),  # who comes later comes with more
+    (((slots.PERIOD_DRIFT, 1.0),), 9.6, 9.4, True),  # a location says more
+    ((), 6.5, 9.4, True),  # some time
+    (((slots.PERIOD_DRIFT, 1.0),), 0.0, 2.0, True),  # chance
+])  # fmt: skip
+def test_what_changes_with_the_time_since_the_entry_may_be_a_drift(monkeypatch, fixed, place, z, stood_in_for):
+    drift = Candidate("time_of_day", 0.1, 0.01, z, 1e-6 if z > 4.0 else 1.0, Atom("time_of_day", 0.1, fixed), 1.0, 0.0)
+    where = Candidate("location", 0.1, 0.01, place, 1e-6 if place else 1.0, Atom("location", 0.1), 1.0, 0.0)
+    monkeypatch.setattr(gates, "believed", lambda _: [where, drift])
+    entry = free("headway over since_entry", -12.9)
+    assert free_gates.is_stood_in_for(entry, evidence(0.0, entry)) is stood_in_for
 
 
 @pytest.mark.parametrize(

@@ -213,12 +213,16 @@ def only_there_and_then(evidence: ev.Evidence) -> tuple[LeftOver, ...]:
     return tuple(one for one in evidence.free if one.subject in within and one.is_credible and abs(one.z) > FREE_WITHIN)
 
 
-def is_stood_in_for(strange: LeftOver) -> bool:
+def is_stood_in_for(strange: LeftOver, evidence: ev.Evidence) -> bool:
     """Return whether the best cause at its size would only stand in for what is free.
 
-    A dead band does so for a pedal that is left alone, a location for what changes with the time since the entry.
+    A dead band does so for a pedal that is left alone, a location for what changes with the time since the entry. A drift does not: on
+    each driver's way the two are one, but with a drift who comes later comes with more.
     """
-    return strange.covariate == ff.PEDAL or strange.subject == ENTRY
+    if strange.subject == ENTRY:
+        best = max(filter(gates.is_significant, gates.believed(evidence)), key=lambda one: abs(one.z), default=None)
+        return best is None or not hy.is_drift(best.atom)
+    return strange.covariate == ff.PEDAL
 
 
 def is_neither(strange: LeftOver) -> bool:

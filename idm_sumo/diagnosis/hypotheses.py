@@ -269,9 +269,17 @@ def _scans(evidence: Evidence, name: str, rows: list[int], sign: float = 0.0) ->
     return [one for one in each if one is not None]
 
 
+DRIFT = (slots.PERIOD_DRIFT, 1.0)
+
+
+def is_drift(atom: Atom) -> bool:
+    """Return whether a form of the time of day is a drift, from the first moment to the last."""
+    return DRIFT in atom.fixed
+
+
 def _drift(evidence: Evidence, rows: list[int], sign: float) -> Candidate | None:
     """Return the drift over all bins, if it has the sign that is asked for."""
-    drift = _trend(evidence, rows, ((slots.PERIOD_DRIFT, 1.0),))
+    drift = _trend(evidence, rows, (DRIFT,))
     return drift if sign in (0.0, np.sign(drift.value)) else None
 
 

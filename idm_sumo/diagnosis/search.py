@@ -211,7 +211,7 @@ def _outside(
     or a place that is not in the model makes them seem so.
     """
     strange = free_gates.outside(first)
-    if not strange or free_gates.is_neither(strange[0]) or free_gates.is_stood_in_for(strange[0]):
+    if not strange or free_gates.is_neither(strange[0]) or free_gates.is_stood_in_for(strange[0], first):
         return strange
     left, names, evidence = strange, list[str](), first
     for beside in (known, Known()):
