@@ -262,6 +262,20 @@ def test_headways_that_change_with_speed_are_named_beyond_a_safe_speed(seed, siz
 
 
 @pytest.mark.slow
+@pytest.mark.parametrize(
+    ("seed", "effect", "form"), [(81210016, "speed_dependent_headway", "usual"), (81210052, "time_of_day", "third")]
+)
+def test_what_another_law_or_the_time_since_the_entry_had_taken_up_is_named(seed, effect, form, tmp_path):
+    """Headways that grow with speed, and a drift, both of drivers of full velocity difference."""
+    plan = planting.plan(seed, effect=effect, size="large", underlying="fvd", form=form)
+    planting.write(planting.simulate(plan), tmp_path / "recording.parquet")
+    found = checked(diagnose(read_recording(tmp_path / "recording.parquet").recording, seed=seed))
+    assert found.model.law == "full_velocity_difference"
+    assert found.causes[0].name == effect
+    assert better(found)
+
+
+@pytest.mark.slow
 def test_metres_kept_more_behind_trucks_are_told_from_a_longer_headway(tmp_path):
     given = {"underlying": "idm", "density": "light", "form": "other"}
     plan = planting.plan(67810015, effect="leader_class", size="large", **given)
