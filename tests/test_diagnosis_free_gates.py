@@ -318,7 +318,7 @@ def test_what_changes_with_the_time_since_the_entry_is_told_from_a_place(monkeyp
 def test_what_changes_with_the_time_since_the_entry_may_be_a_drift(monkeypatch, fixed, place, z, stood_in_for):
     drift = Candidate("time_of_day", 0.1, 0.01, z, 1e-6 if z > 4.0 else 1.0, Atom("time_of_day", 0.1, fixed), 1.0, 0.0)
     where = Candidate("location", 0.1, 0.01, place, 1e-6 if place else 1.0, Atom("location", 0.1), 1.0, 0.0)
-    monkeypatch.setattr(gates, "believed", lambda _: [where, drift])
+    monkeypatch.setattr(gates, "believed", lambda _: sorted([where, drift], key=lambda one: -abs(one.z)))
     entry = free("headway over since_entry", -12.9)
     assert free_gates.is_stood_in_for(entry, evidence(0.0, entry)) is stood_in_for
 

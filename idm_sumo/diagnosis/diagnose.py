@@ -111,9 +111,10 @@ def _by_the_law_with_causes(
 
     The law came first, without any cause, and may have taken up a part of one, or all of it: where nothing is named beyond another law
     than the IDM, causes are looked for beyond the IDM; and where nothing is beyond the IDM, beyond another one that is likelier, but not
-    surely; and where something is there, but without gain, beyond the law that is likeliest with that. (Not if what is strange beyond the first, and made up by no law, is strange beyond the other, too.) What is named beyond one
-    law, and beyond another nothing that would make up for it, is no cause. Nor need the first one be if it is the form of any law: then
-    causes are looked for beyond the likeliest other law.
+    surely; and where something is there, but without gain, beyond the law that is likeliest with that. (Not if what is strange beyond the
+    first, and made up by no law, is strange beyond the other, too.) What is named beyond one law, and beyond another nothing that would
+    make up for it, is no cause. Nor need the first one be if it is the form of any law: then causes are looked for beyond the likeliest
+    other law.
     """
     windows, names = subject.windows, _names(found)
     asked = names or [one.name for one in found.without_gain]

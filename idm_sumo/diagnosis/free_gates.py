@@ -135,9 +135,14 @@ def _usual(one: LeftOver) -> float:
     return FREE_SURER if surer else FREE_CLEAR
 
 
+def _best(evidence: ev.Evidence) -> Candidate | None:
+    """Return the most significant effect of the catalogue, if any is significant."""
+    return next(filter(gates.is_significant, gates.believed(evidence)), None)
+
+
 def _least_of_pedal(evidence: ev.Evidence) -> float:
     """Return the standard errors from which on a pedal that is left alone stands out."""
-    best = next((c for c in gates.believed(evidence) if gates.is_significant(c)), None)
+    best = _best(evidence)
     if best is None or best.name != UNNOTICED:
         return np.inf
     return max(PEDAL_CLEAR, float(np.sqrt(PEDAL_SHARE)) * abs(best.z))
@@ -220,7 +225,7 @@ def is_stood_in_for(strange: LeftOver, evidence: ev.Evidence) -> bool:
     each driver's way the two are one, but with a drift who comes later comes with more.
     """
     if strange.subject == ENTRY:
-        best = max(filter(gates.is_significant, gates.believed(evidence)), key=lambda one: abs(one.z), default=None)
+        best = _best(evidence)
         return best is None or not hy.is_drift(best.atom)
     return strange.covariate == ff.PEDAL
 
