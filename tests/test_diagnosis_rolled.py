@@ -40,10 +40,12 @@ def test_with_some_drivers_elsewhere_only_they_are_driven_again(fitted):
     own = fit.own.copy()
     own[[2, 9]] += 0.2
     rolled = roll(windows, fit.own, fit.by_lane)
-    some = rolled.with_drivers(np.array([2, 9]), own[[2, 9]])
+    which = np.array([2, 9])
+    some = rolled.with_drivers(which, windows.of_drivers(which), own[which])
     np.testing.assert_array_equal(some.own, own)
     np.testing.assert_array_equal(some.beside, roll(windows, own, fit.by_lane).beside)
-    assert rolled.with_drivers(np.array([], dtype=np.int64), own[:0]) is rolled
+    nobody = which[:0]
+    assert rolled.with_drivers(nobody, windows.of_drivers(nobody), own[nobody]) is rolled
 
 
 @pytest.mark.parametrize("hyper", [True, False])

@@ -215,7 +215,7 @@ def _no_worse(windows: Windows, fit: Fit, line: Linear, proposed: Floats) -> Rol
     some, rows = windows.of_drivers(worse), np.isin(windows.driver, worse)
     parts = np.stack([fit.own[worse] + share * (proposed - fit.own)[worse] for share in SHARES], axis=2)
     best = _left_by(some, fit, line.whitener[rows], here[rows], parts).argmin(axis=1)
-    return rolled.with_drivers(worse, _of_each(parts, best))
+    return rolled.with_drivers(worse, some, _of_each(parts, best))
 
 
 def _left_by(windows: Windows, fit: Fit, whitener: Floats, here: Floats, tried: Floats) -> Floats:
@@ -269,7 +269,8 @@ def elsewhere(windows: Windows, fit: Fit) -> Fit:
     tried = np.concatenate([own[asked], others], axis=2)
     best = _left_by(some, fit, whitener[rows], here[rows], tried).argmin(axis=1)
     gone = best > 0
-    rolled = rolled.with_drivers(asked[gone], _of_each(tried, best)[gone])
+    there = asked[gone]
+    rolled = rolled.with_drivers(there, windows.of_drivers(there), _of_each(tried, best)[gone])
     return replace(fit, own=rolled.own, rolled=rolled)
 
 

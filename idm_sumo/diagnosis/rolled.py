@@ -58,13 +58,23 @@ class Rolled:
         """Their derivatives by the start's place (1) and speed (s), shape ``(windows, moments, 2)``."""
         return np.asarray((self.beside[:, :, 1 + PARAMETERS :] - self.beside[:, :, :1]) / NUDGES)
 
-    def with_drivers(self, which: Integers, own: Floats) -> Rolled:
-        """Return the rollouts with some drivers (ascending numbers) as given, shape ``(some, 5)``; only they are driven again."""
+    def with_drivers(self, which: Integers, some: Windows, own: Floats) -> Rolled:
+        """Return the rollouts with some drivers as given; only they are driven again.
+
+        Parameters
+        ----------
+        which : int64, shape (some,)
+            Their numbers, ascending.
+        some : Windows
+            Theirs.
+        own : float64, shape (some, 5)
+            Log-parameters.
+        """
         if not len(which):
             return self
         every, beside = self.own.copy(), self.beside.copy()
         every[which] = own
-        beside[np.isin(self.windows.driver, which)] = roll(self.windows.of_drivers(which), own, self.by_lane).beside
+        beside[np.isin(self.windows.driver, which)] = roll(some, own, self.by_lane).beside
         return replace(self, own=every, beside=beside)
 
 
