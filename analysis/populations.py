@@ -13,7 +13,7 @@ from idm_sumo import columns as c
 from idm_sumo import road
 from idm_sumo.calibration import calibrate, pooled
 from idm_sumo.cleaning import clean
-from idm_sumo.driver_table import DESIRED_SPEED, read_drivers
+from idm_sumo.driver_table import DESIRED_SPEED, HAS, read_drivers
 from idm_sumo.driving_code import FEATURES, driving_code
 from idm_sumo.effects import ExtendedModel
 from idm_sumo.errors import InputError
@@ -165,8 +165,8 @@ def _known_to(table: pd.DataFrame, demand: pd.DataFrame) -> tuple[npt.NDArray[np
 
 def refitted_for(
     model: ExtendedModel, file: Path, demand: pd.DataFrame, period: str, calibrated: Floats
-) -> tuple[Floats, Floats]:
-    """Return ``a, b, T, d0, d1`` of every vehicle of the demand by an extended model, shape ``(vehicles, 5)``, and desired speeds (m/s).
+) -> tuple[Floats, Floats, npt.NDArray[np.bool_]]:
+    """Return ``a, b, T, d0, d1`` of every vehicle by an extended model, desired speeds (m/s), and who has what only some have.
 
     Those are each driver's own, refitted with the causes, where the table beside the model's ``file`` has it. The others drive as
     ``calibrated`` without; by another law, of which that says nothing, as the model's median driver.
@@ -177,9 +177,9 @@ def refitted_for(
         If the table that the model names is missing or is none.
     """
     theta = calibrated.copy() if model.is_idm else np.tile(model.parameters, (len(demand), 1))
-    limits = np.full(len(demand), model.desired_speed)
+    limits, has = np.full(len(demand), model.desired_speed), model.who_has(demand[c.VEHICLE])
     if not model.drivers:
-        return theta, limits
+        return theta, limits, has
     beside = file.parent / model.drivers
     if not beside.is_file():
         raise InputError(f"{beside}: no such file, and {file} names it; keep what `idm-sumo diagnose` wrote together")
@@ -191,7 +191,9 @@ def refitted_for(
     known, row = _known_to(table, demand)
     theta[known] = table[PARAMETERS].to_numpy()[row]
     limits[known] = table[DESIRED_SPEED].to_numpy()[row]
-    return theta, limits
+    if HAS in table:
+        has[known] = table[HAS].to_numpy(dtype=bool)[row]
+    return theta, limits, has
 
 
 def mean_speed_of(recording: Recording) -> pd.Series:

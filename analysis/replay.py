@@ -90,9 +90,8 @@ def replay_one(
     driven = {f"idm_{origin}": _drive(request, scenes, theta)}
     parameters = {f"idm_{origin}": theta[0].tolist()}
     if model is not None:
+        theta, model = _nearest(scenes, recording.of_period(scenes.period), model, theta, refit=request.drivers is None)
         extension = (recording.of_period(scenes.period), model)
-        if request.drivers is None:
-            theta = fit_extended(scenes, *extension, theta)
         driven["extended"] = _drive(request, scenes, theta, extension)
         parameters["extended"] = theta[0].tolist()
     scores = pd.concat([score(scenes, one).assign(model=name) for name, one in driven.items()], ignore_index=True)
@@ -119,6 +118,23 @@ def _check_drivers(model: ExtendedModel, request: Request) -> None:
             f"{request.model}: its drivers follow {model.law}, not an IDM, whose parameters {request.drivers} holds; "
             "leave --drivers out, and the vehicle is fitted by that law"
         )
+
+
+def _nearest(
+    scenes: Scenes, recording: Recording, model: ExtendedModel, start: npt.NDArray[np.float64], *, refit: bool
+) -> tuple[npt.NDArray[np.float64], ExtendedModel]:
+    """Return the driver's parameters, fitted anew if asked, and the model: of causes that only some drivers have, with or without, as is nearer."""
+    each = [
+        (fit_extended(scenes, recording, one, start) if refit else start, one)
+        for one in ([model] if model.share == 1.0 else [model, model.of_others()])
+    ]
+    return min(each, key=lambda one: _distance(scenes, recording, one[1], one[0]))
+
+
+def _distance(scenes: Scenes, recording: Recording, model: ExtendedModel, theta: npt.NDArray[np.float64]) -> float:
+    """Return how far (m) on average from its recording one driver of an extended model is."""
+    driven = drive_extended(scenes, recording, model, theta, desired_speed=model.desired_speed)
+    return float(np.abs(driven.x - scenes.x[:, scenes.start : scenes.start + scenes.window.horizon + 1]).mean())
 
 
 def fit_extended(

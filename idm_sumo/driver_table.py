@@ -17,6 +17,7 @@ KEYS = (c.PERIOD, c.VEHICLE)
 PARAMETERS = idm.IDMParameters._fields
 STATUS, OK = "status", "ok"  # what became of the fit; absent in tables made by hand
 DESIRED_SPEED = "desired_speed_m_s"
+HAS = "has_what_some_have"  # 1 if a driver has those causes of an extended model, too, that only some have, else 0
 TOLERANCE = 1e-9  # relative, of a bound: a table may have been through text
 
 # Where, when and as what a driver enters, as `idm_sumo.departures.departures` writes it.
@@ -27,7 +28,7 @@ _RANGES = {
     DEPART: (0.0, np.inf), LANE: (1, 8), X: (-np.inf, np.inf), Y: (-np.inf, np.inf), SPEED: (0.0, 70.0),
     LENGTH: (0.5, 40.0), WIDTH: (0.3, 5.0), CLASS: (0, 3),
 }  # fmt: skip
-_WHOLE = (c.VEHICLE, FIRST_FRAME, LANE, CLASS)
+_WHOLE = (c.VEHICLE, FIRST_FRAME, LANE, CLASS, HAS)
 
 
 def read_drivers(path: Path | str) -> pd.DataFrame:
@@ -89,6 +90,8 @@ def check_drivers(table: pd.DataFrame, *, source: str = "drivers") -> pd.DataFra
     table = _checked(table, bounds, source, exempt=_without_fit(table))
     if FIRST_FRAME in table:
         table = _checked(table, {FIRST_FRAME: (-np.inf, np.inf)}, source)
+    if HAS in table:
+        table = _checked(table, {HAS: (0, 1)}, source)
     if (twice := table.duplicated(key_columns(table))).any():
         raise InputError(f"{source}: {_where(table, _first(twice))} is there twice; keep one row a driver")
     return table

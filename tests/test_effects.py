@@ -307,6 +307,24 @@ def test_a_model_survives_its_file(tmp_path):
     assert list(tmp_path.iterdir()) == [tmp_path / "model.json"]
 
 
+def test_a_cause_of_some_drivers_survives_its_file_and_the_others_are_without_it():
+    late, place = (
+        Cause("reaction_delay", {"tau": 0.8}, share=0.4),
+        Cause("location", {"alpha": -0.1, "x_1": 2.0, "x_2": 9.0}),
+    )
+    model = ExtendedModel.from_json(
+        ExtendedModel(IDMParameters(1.1, 1.7, 1.2, 2.0, 0.0), causes=(late, place)).to_json()
+    )
+    assert model.causes[0].share == model.share == 0.4
+    assert [cause.name for cause in model.of_others().causes] == ["location"]
+    assert model.of_others().share == 1.0
+    assert model.who_has(np.arange(1000)).mean() == pytest.approx(0.4, abs=0.01)
+    assert model.of_others().who_has(np.arange(1000)).all()
+    for share in ("0", "1.2", "NaN"):
+        with pytest.raises(InputError, match=r"reaction_delay.*share"):
+            ExtendedModel.from_json(model.to_json().replace('"share": 0.4', f'"share": {share}'))
+
+
 def test_a_model_of_another_law_survives_its_file_and_an_older_file_is_an_idm(tmp_path):
     model = ExtendedModel(
         IDMParameters(1.1, 1.7, 1.2, 2.0, 0.0), 27.0, (Cause("reaction_delay", {"tau": 0.4}),), "here", "krauss", 0.8

@@ -74,6 +74,23 @@ def test_a_drift_is_expressed_by_departure(tmp_path) -> None:
     assert "times 0.8 at 0 s to 1.2 at 10 s" in result.notes[-1]
 
 
+@pytest.mark.parametrize("known", [True, False])
+def test_a_cause_of_some_drivers_is_in_their_types_only(known, tmp_path) -> None:
+    table = drivers()
+    model = model_of(Cause("reaction_delay", {"tau": 0.4}, share=0.5), Cause("desired_speed", {"delta": 0.1}))
+    has = np.arange(len(table)) % 3 == 0 if known else model.who_has(table["vehicle"])
+    assert 0 < has.sum() < len(table)
+    if known:
+        table = table.assign(has_what_some_have=has.astype(int))
+    result = export_routes(table, tmp_path / "us101.rou.xml", model=model)
+    kinds = types_of(result.route_file)
+    names = table["period"] + "." + table["vehicle"].astype(str)
+    np.testing.assert_array_equal([kinds[name]["actionStepLength"] == "0.8" for name in names], has)
+    assert all(kinds[name]["speedFactor"] == "1.1" for name in names)
+    (said,) = (note for note in result.notes if note.startswith("reaction_delay"))
+    assert f"{has.sum()} of {len(table)} drivers have it" in said
+
+
 def test_a_cause_of_some_lanes_is_not_expressed_for_all(tmp_path) -> None:
     result = export_routes(
         drivers(), tmp_path / "us101.rou.xml", model=model_of(Cause("reaction_delay", {"tau": 0.6}, (2, 3)))

@@ -13,7 +13,7 @@ from threadpoolctl import threadpool_limits
 
 from idm_sumo import laws
 from idm_sumo.diagnosis import atoms as at
-from idm_sumo.diagnosis import free_gates, law, luck, statements, tables
+from idm_sumo.diagnosis import free_gates, law, luck, some_drivers, statements, tables
 from idm_sumo.diagnosis import noise as no
 from idm_sumo.diagnosis.artefact import find_seam, repaired
 from idm_sumo.diagnosis.fit import Fit, first_guess, fit_drivers, for_rollouts
@@ -23,7 +23,7 @@ from idm_sumo.diagnosis.law import Followed
 from idm_sumo.diagnosis.look import Subject
 from idm_sumo.diagnosis.result import NAMED, NONE, UNKNOWN, Diagnosis, Gain, Law
 from idm_sumo.diagnosis.rollout import PLAIN
-from idm_sumo.diagnosis.search import Found, left_without_causes, search, with_its_noise
+from idm_sumo.diagnosis.search import Found, left_without_causes, search, search_among_some, with_its_noise
 from idm_sumo.diagnosis.sizes import ROUNDS, with_cause, without_cause
 from idm_sumo.diagnosis.smoother import Smoother, local_cubic, posterior_mean, window_for
 from idm_sumo.diagnosis.windows import Windows, cut_windows
@@ -93,6 +93,7 @@ def _diagnose(recording: Recording, rng: np.random.Generator, progress: Progress
     subject = with_its_noise(Subject(train, noises, at.grid_of(windows), recording.is_smooth), base, rng)
     found = search(subject, base, rng, progress)
     followed, found = _by_the_law_with_causes(subject, followed, by_idm, found, rng, progress)
+    found = search_among_some(subject, found, rng, progress)
     clock.append(("search", time.perf_counter()))
     progress("measuring the gain", 0, 1)
     told = _told(recording, windows, held, found, measurement, clock, rng)
@@ -198,7 +199,8 @@ def _confirmed(found: Found, held: Windows, rng: np.random.Generator) -> tuple[F
 def _refused(found: Found) -> Found:
     """Return what was found, its causes as there without gain."""
     there = (*found.without_gain, *(cause.candidate for cause in found.accepted))
-    return replace(found, fit=found.base, accepted=(), without_gain=there, unexplained=left_without_causes(found.first))
+    left = left_without_causes(found.first)
+    return replace(found, fit=found.base, accepted=(), without_gain=there, unexplained=left, share=None)
 
 
 def _split(windows: Windows, rng: np.random.Generator) -> tuple[Windows, Windows]:
@@ -233,6 +235,9 @@ def _told(
     clock: list[tuple[str, float]], rng: np.random.Generator,
 ) -> Diagnosis:  # fmt: skip
     """Measure the gain on the held-out drivers and put everything into words."""
+    if found.share is not None:
+        held = some_drivers.by_their_other_windows(held, found.fit, found.share)
+        windows = some_drivers.by_their_windows(windows, found.fit, found.share)
     found, base, extended, gains = _confirmed(found, held, rng)
     shares = _shares(held, found, base.ade_m.mean(), extended.ade_m.mean())
     verdict = NAMED if found.accepted else UNKNOWN if found.unexplained else NONE
@@ -250,7 +255,7 @@ def _told(
         ruled_out=statements.ruled_out(found),
         untestable=statements.untestable(recording, windows, found),
         power=statements.power(found),
-        model=statements.model_of(found.fit, found.accepted, recording.source),
+        model=statements.model_of(found.fit, found.accepted, recording.source, found.share),
         base_model=statements.model_of(found.base, (), recording.source),
         residuals=tables.residuals(held, base.residual, extended.residual),
         drivers=tables.drivers(windows, for_rollouts(windows, found.fit), known),

@@ -56,8 +56,8 @@ class Fit:
     weight : float64, shape (windows,)
     start_variance : float64, shape (2,)
         Of the recorded start: m², m²/s².
-    by_lane : float64, shape (9, slots.COUNT)
-        Accepted magnitudes.
+    by_lane : float64, shape (9, slots.COUNT) or (18, slots.COUNT)
+        Accepted magnitudes by lane number; the second half, if there is one, of drivers without what only some have.
     rolled : Rolled or None
         Rollouts that the last step ended with: the next one begins there.
     """
@@ -319,5 +319,14 @@ def for_rollouts(windows: Windows, fit: Fit, *, known: bool = False) -> Fit:
     fit = replace(fit, own=own, residual=alike, weight=np.ones(len(windows.seen)), start_variance=exact)
     fit = elsewhere(windows, fit)
     for _ in range(3 if known else 6):
+        fit = improve(windows, fit, hyper=False, new_mean=False)
+    return fit
+
+
+def fit_to_population(windows: Windows, fit: Fit, *, rounds: int = 6) -> Fit:
+    """Fit each driver by the likelihood of a fit's population, which may be of others; no window counts less than another."""
+    own = np.tile(fit.mean, (windows.drivers, 1))
+    fit = replace(fit, own=own, weight=np.ones(len(windows.seen)))
+    for _ in range(rounds):
         fit = improve(windows, fit, hyper=False, new_mean=False)
     return fit

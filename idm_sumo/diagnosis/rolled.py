@@ -29,7 +29,7 @@ class Rolled:
     windows : Windows
     own : float64, shape (drivers, 5)
         Log-parameters.
-    by_lane : float64, shape (9, slots.COUNT)
+    by_lane : float64, shape (rows, slots.COUNT)
     beside : float64, shape (windows, moments, 8)
         m: as they are, with each parameter moved, with the start moved.
     """

@@ -50,6 +50,14 @@ def _moment(row, m):  # type: ignore[no-untyped-def]
 
 
 BLANK = Moment(*[0.0] * len(Moment._fields))
+ROWS = 9  # of a model's magnitudes: the lane numbers. Where only some drivers have a cause, as many follow, of those without it.
+
+
+@njit(cache=True, error_model="numpy", forceinline=True)
+def _row_of(row, rows):  # type: ignore[no-untyped-def]
+    """Return which of so many rows of magnitudes counts in a frame."""
+    lane = int(row[w.LANE])
+    return lane + ROWS if rows > ROWS and row[w.WITHOUT] > 0.0 else lane
 
 
 @njit(cache=True, error_model="numpy", forceinline=True)
@@ -84,7 +92,7 @@ def _remember(seen, gap, speed, rate, models, begin):  # type: ignore[no-untyped
 def _meet(row, gap, speed, rate, models, now):  # type: ignore[no-untyped-def]
     """Rewrite the past of those who know where a frame's leader, who is new, was."""
     for n in range(gap.shape[1]):
-        if knows_new_leader(models[n if len(models) > 1 else 0, int(row[w.LANE])]):
+        if knows_new_leader(models[n if len(models) > 1 else 0, _row_of(row, models.shape[1])]):
             follow_another(gap[:, n], speed[:, n], rate[:, n], now, FRAME_STEP)
 
 
@@ -122,7 +130,7 @@ def _drive(first, last, seen, driver, theta, models, varies, start, pushed, begi
             x[i, 0, n], v[i, 0, n] = here[n], fast[n]
         for now in range(begin, frames - 1):
             row = one[:, now]
-            lane = int(row[w.LANE])
+            lane = _row_of(row, models.shape[1])
             rear, ahead, second, behind = row[w.REAR], row[w.SPEED], row[w.SECOND], row[w.BEHIND]
             push = pushed[i, now - begin] if pushed.shape[0] > 0 else 0.0
             for n in range(beside):
@@ -185,8 +193,8 @@ def side_by_side(
     seen, driver, pushed, begin
         As in :func:`drive`.
     theta : float64, shape (drivers, 5, rollouts) or (drivers, 5, 1)
-    models : float64, shape (rollouts, 9, slots.COUNT) or (1, 9, slots.COUNT)
-        Magnitudes by lane number.
+    models : float64, shape (rollouts, rows, slots.COUNT) or (1, rows, slots.COUNT)
+        Magnitudes by lane number, :data:`ROWS`, or as many again for drivers without what only some have.
     start : float64, shape (2, rollouts)
     every : int
         Frames between those that are returned.
@@ -231,8 +239,8 @@ def drive(
     seen : float64, shape (windows, COLUMNS, LEAD + horizon + 1)
     driver : int64, shape (windows,)
     theta : float64, shape (drivers, 5)
-    by_lane : float64, shape (9, slots.COUNT)
-        Magnitudes by lane number.
+    by_lane : float64, shape (rows, slots.COUNT)
+        Magnitudes by lane number; see :func:`side_by_side`.
     start : float64, shape (2,)
         Added to the recorded start: m, m/s.
     pushed : float64, shape (windows, horizon) or (0, 0)
@@ -292,7 +300,7 @@ def _respond(first, last, seen, driver, theta, by_lane, response, state):  # typ
         for k in range(steps):
             now = w.LEAD + k
             row = one[:, now]
-            m = by_lane[int(row[w.LANE])]
+            m = by_lane[_row_of(row, len(by_lane))]
             moment = _moment(row, m)
             gaps[now], speeds[now], rates[now] = row[w.REAR] - x, v, v - row[w.SPEED]
             if row[w.SINCE] == 0.0:
@@ -334,7 +342,7 @@ def _respond(first, last, seen, driver, theta, by_lane, response, state):  # typ
 
 
 NO_PUSH = np.empty((0, 0))
-PLAIN = np.zeros((9, slots.COUNT))
+PLAIN = np.zeros((ROWS, slots.COUNT))
 
 
 def positions(windows: w.Windows, theta: Floats, by_lane: Floats) -> Floats:

@@ -12,12 +12,14 @@ from idm_sumo.diagnosis import choice, free_gates, gates
 from idm_sumo.diagnosis import evidence as ev
 from idm_sumo.diagnosis import free_fields as ff
 from idm_sumo.diagnosis import hypotheses as hy
+from idm_sumo.diagnosis import some_drivers as sd
 from idm_sumo.diagnosis.atoms import Atom
 from idm_sumo.diagnosis.choice import Accepted, Known
 from idm_sumo.diagnosis.edges import sharpened
 from idm_sumo.diagnosis.fit import Fit
 from idm_sumo.diagnosis.hypotheses import Candidate
 from idm_sumo.diagnosis.left_over import LeftOver, told
+from idm_sumo.diagnosis.likelihood import log_likelihood
 from idm_sumo.diagnosis.look import Subject
 from idm_sumo.diagnosis.luck import Luck, draws
 from idm_sumo.diagnosis.one_lane import place_in_one_lane
@@ -27,6 +29,7 @@ from idm_sumo.diagnosis.together import two_together
 from idm_sumo.diagnosis.twins import driver_noise
 from idm_sumo.effects import BY_NAME, slots
 from idm_sumo.progress import Progress, silent
+from idm_sumo.threads import each_in_threads
 
 Floats = npt.NDArray[np.float64]
 
@@ -39,7 +42,7 @@ SHADOW = 0.65  # of the support of what was refused: with less, another may be n
 
 @dataclass(frozen=True)
 class Found:
-    """Outcome of a search."""
+    """Outcome of a search; ``share`` of the drivers have what only some have, and None says that nothing is so."""
 
     base: Fit
     fit: Fit
@@ -48,6 +51,7 @@ class Found:
     first: ev.Evidence
     last: ev.Evidence
     unexplained: tuple[LeftOver, ...]
+    share: float | None = None
 
 
 @dataclass(frozen=True)
@@ -86,22 +90,80 @@ def search(
     return found
 
 
+def search_among_some(subject: Subject, found: Found, rng: np.random.Generator, progress: Progress) -> Found:
+    """Find a cause that only some drivers have, and what is there beside it, or return what was ``found``.
+
+    It is asked for where nothing is named, or something that may as well be another. Those who have it are examined alone, as all were, and
+    must show it so surely that it passes every gate.
+    """
+    if found.unexplained or (found.accepted and not found.accepted[0].rivals):
+        return found
+    progress("looking for what some drivers have", 0, 1)
+    some = sd.some_who_differ(subject.windows, found.base, found.fit)
+    cause = None if some is None else _as_they_show_it(subject, found.base, some, rng, progress)
+    if some is None or cause is None:
+        return found
+    gain = sd.gain_of_each(subject.windows, cause.tried.fit)  # now that it has its size
+    share = sd.mixture(gain).share
+    subject = _told_apart(subject, sd.has(gain, share))
+    begin = replace(cause, tried=replace(cause.tried, fit=anew(subject, cause.tried.fit)))
+    again = _search(subject, found.base, found.first, (), [], Known(), Brief(rng, progress), (begin,))
+    if isinstance(again, NoInterval) or some.name not in {one.candidate.name for one in again.accepted}:
+        return found
+    return replace(again, share=share)
+
+
+def _as_they_show_it(
+    subject: Subject, base: Fit, some: sd.Some, rng: np.random.Generator, progress: Progress
+) -> Accepted | None:
+    """Return the cause as those show it who seem to have it, if it passes every gate there, its fit of all drivers.
+
+    Of its forms at their sizes the one by which all drivers are likeliest: near the edge of stability, where some are so late, the integral
+    over the way there says less.
+    """
+    theirs = replace(subject, windows=subject.windows.of_drivers(np.flatnonzero(some.has)))
+    if theirs.windows.drivers < sd.LEAST_DRIVERS:
+        return None
+    own = anew(theirs, base)
+    theirs = with_its_noise(theirs, own, rng)
+    lucks = draws(theirs.windows, theirs.noises, _twins_of(theirs, FIRST_TWINS), rng)
+    evidence = ev.examine(theirs, own, lucks, progress=progress, stage="looking at those who seem to have it")
+    there, known = gates.believed(evidence), Known()
+    forms = [form for c in there if c.name == some.name for form in hy.forms(evidence, c)]
+    cause = choice.judged(theirs, own, forms, None, there, lucks, rng, known)[1] if forms else None
+    if cause is None:
+        return None
+    everybody = _told_apart(subject, some.has)
+
+    def of_all(tried: Tried) -> Tried:
+        return replace(tried, fit=anew(everybody, sd.of_two_kinds(tried.fit, base)))
+
+    each = each_in_threads(of_all, [tried for tried in known.values() if gates.is_there(tried)])
+    return replace(cause, tried=max(each, key=lambda tried: float(log_likelihood(everybody.windows, tried.fit).sum())))
+
+
+def _told_apart(subject: Subject, has: npt.NDArray[np.bool_]) -> Subject:
+    """Return the subject with the windows of drivers who have not what others have told apart."""
+    return replace(subject, windows=subject.windows.without(~has[subject.windows.driver]))
+
+
 def _search(
     subject: Subject, base: Fit, first: ev.Evidence, strange: tuple[LeftOver, ...], lucks: list[Luck], known: Known, brief: Brief,
+    begin: tuple[Accepted, ...] = (),
 ) -> Found | NoInterval:  # fmt: skip
-    """Find the causes after the first look, what was strange in it, and what climbed."""
+    """Find the causes after the first look, what was strange in it, and what climbed; or beside those with which to ``begin``."""
     fit, last, rng, progress = base, first, brief.rng, brief.progress
     accepted: list[Accepted] = []
     without: list[Candidate] = []
     while len(accepted) < MOST_CAUSES:
-        chosen = (
+        chosen = begin or (
             _in_one_lane(subject, fit, strange, rng)
             if strange
             else _next(subject, fit, last, accepted, without, lucks, brief, known)
         )
         if not chosen:
             break
-        strange, known = (), Known()
+        strange, known, begin = (), Known(), ()
         accepted += chosen
         newest = chosen[-1]
         progress(f"refining {newest.candidate.name}", 0, 1)

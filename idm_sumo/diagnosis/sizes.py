@@ -19,6 +19,7 @@ from idm_sumo.diagnosis.look import Look, Subject
 from idm_sumo.diagnosis.luck import Luck
 from idm_sumo.diagnosis.recovery import recovered
 from idm_sumo.diagnosis.result import Gain
+from idm_sumo.diagnosis.rollout import ROWS
 from idm_sumo.diagnosis.windows import Windows
 from idm_sumo.effects import BY_NAME, Parameter
 from idm_sumo.threads import each_in_threads
@@ -43,8 +44,9 @@ FAR = {DELAY: (0.2, 0.4, 0.8), "desired_speed": (0.1, 0.2, 0.3)}
 def with_cause(fit: Fit, candidate: Candidate, value: float | None = None) -> Fit:
     """Return the fit with a cause in its magnitudes, the drivers not yet refitted."""
     by_lane = fit.by_lane.copy()
+    of_each_kind = by_lane.reshape(-1, ROWS, by_lane.shape[1])  # of drivers who may have another cause, or not
     for number, (slot, size) in enumerate(hy.slots_of(candidate)):
-        by_lane[hy.lanes_of(candidate), slot] = size if number or value is None else value
+        of_each_kind[:, hy.lanes_of(candidate), slot] = size if number or value is None else value
     return replace(fit, by_lane=by_lane)
 
 

@@ -17,6 +17,7 @@ from idm_sumo.diagnosis.hypotheses import Candidate
 from idm_sumo.diagnosis.law import law_of, reaction_of
 from idm_sumo.diagnosis.noise import Noise
 from idm_sumo.diagnosis.result import Z95, CauseFound, Estimate, OtherLaw, Power, Region, RuledOut, Scan, Unexplained
+from idm_sumo.diagnosis.rollout import ROWS
 from idm_sumo.diagnosis.search import Found
 from idm_sumo.diagnosis.windows import HORIZON, SECOND, UNTIL_CUT_IN, Windows
 from idm_sumo.effects import BY_NAME, Cause, ExtendedModel, in_words, slots
@@ -25,6 +26,7 @@ from idm_sumo.recording import Recording
 from idm_sumo.road import FRAME_STEP
 
 NAMES = tuple(BY_NAME)
+SHARE = "share"  # of the drivers, who have a cause: given with its parameters where not all do
 SHARE_SEEN = 0.8  # probability of the power statement
 Z80 = 0.84
 # Of a size, standard deviation: how far sizes were from the truth in blind trials beyond their statistical error. An effect has
@@ -37,10 +39,22 @@ SEAM_WIDTH = 4.0  # m
 SEAM_DOUBT = 0.08  # of its shift: smoothing blurs it
 
 
-def model_of(fit: Fit, accepted: tuple[Accepted, ...], source: str) -> ExtendedModel:
-    """Return the median driver's model with the accepted causes."""
+def of_some(fit: Fit, name: str) -> bool:
+    """Return whether an effect that acts in a fit is one that only some drivers have."""
+    others = fit.by_lane[ROWS:, BY_NAME[name].acting(fit.by_lane[0])[0].slot]
+    return bool(len(others) and not others.any())
+
+
+def model_of(fit: Fit, accepted: tuple[Accepted, ...], source: str, share: float | None = None) -> ExtendedModel:
+    """Return the median driver's model with the accepted causes; ``share`` of the drivers have what only some have."""
     a, b, headway, gap, limit = (float(v) for v in np.exp(fit.mean))
-    causes = tuple(Cause(c.candidate.name, _values(fit, c.candidate.name), c.candidate.only_lanes) for c in accepted)
+    names = [c.candidate.name for c in accepted]
+    causes = tuple(
+        Cause(
+            name, _values(fit, name), c.candidate.only_lanes, share if share is not None and of_some(fit, name) else 1.0
+        )
+        for name, c in zip(names, accepted, strict=True)
+    )
     law = laws.NAMES[law_of(fit)]
     return ExtendedModel(IDMParameters(a, b, headway, gap, 0.0), limit, causes, source, law, reaction_of(fit))
 
@@ -92,7 +106,13 @@ def _cause(found: Found, accepted: Accepted, share: float, doubt: float) -> Caus
         within = max(value - slack, parameter.lower), min(value + slack, parameter.upper)
         parameters[parameter.symbol] = Estimate(value, parameter.unit, within)
     region = _region(candidate, _edges(fit, candidate))
-    return CauseFound(candidate.name, parameters, region, candidate.p, share, _sentence(accepted), accepted.rivals)
+    sentence = _sentence(accepted)
+    if found.share is not None and of_some(fit, candidate.name):
+        half = Z95 * float(np.sqrt(found.share * (1.0 - found.share) / len(fit.own)))
+        within = max(found.share - half, 0.0), min(found.share + half, 1.0)
+        parameters[SHARE] = Estimate(found.share, "1", within)
+        sentence += f"; {found.share:.0%} of the drivers have it, the others are likelier without"
+    return CauseFound(candidate.name, parameters, region, candidate.p, share, sentence, accepted.rivals)
 
 
 EDGES = ("x_1", "x_2", "t_1", "t_2")

@@ -12,7 +12,7 @@ import pandas as pd
 from idm_sumo import idm
 from idm_sumo.diagnosis import windows as w
 from idm_sumo.diagnosis.fit import Fit
-from idm_sumo.driver_table import DESIRED_SPEED
+from idm_sumo.driver_table import DESIRED_SPEED, HAS
 from idm_sumo.road import FRAME_STEP
 
 Floats = npt.NDArray[np.float64]
@@ -56,6 +56,9 @@ def drivers(windows: w.Windows, own: Fit, held: Mapping[str, Any]) -> pd.DataFra
         "windows": np.bincount(windows.driver, minlength=windows.drivers),
         **dict(zip(FITTED, theta.T, strict=True)), "d1": 0.0,
     })  # fmt: skip
+    without = windows.seen[:, w.WITHOUT, 0] > 0.0
+    if without.any():
+        table[HAS] = (np.bincount(windows.driver, ~without, windows.drivers) > 0.0).astype(np.int64)
     if not held:
         return table.assign(held_out=False, base_ade=np.nan, extended_ade=np.nan)
     known = pd.DataFrame({

@@ -33,8 +33,8 @@ REAR, SPEED, ACCELERATION, KIND, SECOND, SECOND_SPEED, ADJACENT, BEHIND = range(
 JUMP, SINCE, UNTIL_CUT_IN, UNTIL_OWN, MEAN_SPEED, LANE, TIME, X, V, OWN_KIND = range(8, 18)
 TRUCKS_BESIDE, BRAKING_BESIDE, UNREST, ACCEPTED, BEHIND_KIND, CROWD_LEFT, CROWD_RIGHT = range(18, 25)
 ABREAST, SECOND_KIND, FASTER, BESIDE_GAP, MOTORCYCLES, LENGTH, SINCE_STANDING, NEXT_BESIDE = range(25, 33)
-ACCELERATION_OF_LATE, NEAREST_BESIDE, SINCE_ENTRY, SINCE_BRAKING = range(33, 37)
-COLUMNS = 37
+ACCELERATION_OF_LATE, NEAREST_BESIDE, SINCE_ENTRY, SINCE_BRAKING, WITHOUT = range(33, 38)
+COLUMNS = 38
 LEADERS = (REAR, SPEED, ACCELERATION, SECOND, SECOND_SPEED)  # of which a recording shows what smoothing leaves
 
 Floats = npt.NDArray[np.float64]
@@ -58,7 +58,8 @@ class Windows:
         none); adjacent lanes with a vehicle beside the own gap; motorcycles beside; leader's length (m, 0 if not known);
         time since the own last standstill; speed of the slower of the next vehicles ahead in the adjacent lanes (NaN for
         none); leader's mean acceleration of the last seconds; time since the entry (NaN for who was there when the recording
-        began) and since the own last hard braking.
+        began) and since the own last hard braking; 1 where the driver is without a cause that only some have (0 until such a
+        cause is found).
         The simulation starts at frame ``LEAD``.
     blurred : float64, shape (windows, 5, LEAD + horizon + 1)
         The columns ``LEADERS``, smoothed once more: what a twin's measurement sees.
@@ -101,6 +102,16 @@ class Windows:
         np.add.at(frames, (self.driver[:, None], lane), 1.0)
         most = frames.argmax(axis=1)
         return np.where(frames.max(axis=1) > NEARLY_ALWAYS * frames.sum(axis=1), most, 0)
+
+    def of_rows(self, rows: Integers) -> Windows:
+        """Return some of the windows; their drivers keep their numbers, and may have none."""
+        return replace(self, seen=self.seen[rows], blurred=self.blurred[rows], driver=self.driver[rows])
+
+    def without(self, which: npt.NDArray[np.bool_]) -> Windows:
+        """Return the windows, of which some are driven without what only some drivers have."""
+        seen = self.seen.copy()
+        seen[:, WITHOUT] = which[:, None]
+        return replace(self, seen=seen)
 
     def of_drivers(self, which: Integers) -> Windows:
         """Return the windows of some drivers, renumbered in their order."""
@@ -200,7 +211,7 @@ def _columns(recording: Recording, ahead: Ahead) -> Floats:
     seen[[JUMP, SINCE, ACCEPTED, UNTIL_CUT_IN, UNTIL_OWN]] = events
     seen[MEAN_SPEED] = running_mean(v, same)
     seen[[ADJACENT, NEXT_BESIDE, FASTER, CROWD_LEFT, CROWD_RIGHT, NEAREST_BESIDE]] = np.nan
-    seen[[TRUCKS_BESIDE, BRAKING_BESIDE, ABREAST, BESIDE_GAP, MOTORCYCLES]] = 0.0
+    seen[[TRUCKS_BESIDE, BRAKING_BESIDE, ABREAST, BESIDE_GAP, MOTORCYCLES, WITHOUT]] = 0.0
     if recording.has_leader_rows:
         beside = OtherLanes(table)
         seen[ADJACENT], seen[TRUCKS_BESIDE], seen[BRAKING_BESIDE] = (

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import json
 import os
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from pathlib import Path
 
 import numpy as np
@@ -19,6 +19,7 @@ from idm_sumo.idm import IDMParameters
 
 FORMAT = "idm-sumo extended model 1"
 LANES = 8  # lane numbers of a recording
+GOLDEN = (5**0.5 - 1.0) / 2.0  # multiples of it leave remainders that fill the unit interval evenly
 
 
 @dataclass(frozen=True)
@@ -33,11 +34,14 @@ class Cause:
         By symbol; a symbol left out takes its typical value.
     lanes : tuple of int
         The lanes in which it acts; empty for all.
+    share : float
+        Of the drivers, that have it.
     """
 
     name: str
     values: dict[str, float]
     lanes: tuple[int, ...] = ()
+    share: float = 1.0
 
     def fill(self, m: npt.NDArray[np.float64]) -> None:
         """Write the values into a vector of magnitudes."""
@@ -79,6 +83,19 @@ class ExtendedModel:
         """Whether the law is the IDM, whose parameters `calibrate` and `predict` give."""
         return self.law == laws.NAMES[laws.IDM]
 
+    @property
+    def share(self) -> float:
+        """Of the drivers, that have what only some have; 1 if all have every cause."""
+        return min((cause.share for cause in self.causes), default=1.0)
+
+    def of_others(self) -> ExtendedModel:
+        """Return the model of the drivers without what only some have."""
+        return replace(self, causes=tuple(cause for cause in self.causes if cause.share == 1.0))
+
+    def who_has(self, vehicles: npt.ArrayLike) -> npt.NDArray[np.bool_]:
+        """Return which of the numbered vehicles are taken to have what only some have, where nobody knows: always the same, evenly spread."""
+        return np.asarray(np.modf(np.asarray(vehicles, dtype=np.float64) * GOLDEN)[0] < self.share)
+
     def magnitudes(self, lane: int = 0) -> npt.NDArray[np.float64]:
         """Return the flat vector of magnitudes in a lane, shape ``(slots.COUNT,)``; 0 ignores the causes' lanes."""
         m = np.zeros(slots.COUNT)
@@ -102,6 +119,7 @@ class ExtendedModel:
                     for p in BY_NAME[cause.name].named_by(cause.values)
                 },
                 "lanes": list(cause.lanes),
+                "share": cause.share,
             }
             for cause in self.causes
         ]
@@ -182,5 +200,8 @@ def _cause(entry: dict[str, object], name: str) -> Cause:
             raise InputError(
                 f"{name}: cause {label!r}: {symbol} = {in_words(value, p.unit, 6)}; give it from {p.lower:g} to {p.upper:g}"
             )
+    share = float(entry.get("share", 1.0))  # type: ignore[arg-type]
+    if not 0.0 < share <= 1.0:
+        raise InputError(f"{name}: cause {label!r}: share = {share:g} of the drivers; give it above 0 and up to 1")
     lanes = entry.get("lanes") or ()
-    return Cause(label, values, tuple(int(n) for n in lanes))  # type: ignore[attr-defined]
+    return Cause(label, values, tuple(int(n) for n in lanes), share)  # type: ignore[attr-defined]

@@ -116,7 +116,7 @@ def export_routes(
     if model is None:
         model = ExtendedModel(TEXTBOOK)
     held = express(model, table, theta, table[d.DESIRED_SPEED].to_numpy(dtype=np.float64))
-    root = _routes(table.iloc[order], held._replace(theta=held.theta[order], maximum_speed=held.maximum_speed[order]))
+    root = _routes(table.iloc[order], held.of(order))
     files = _write(Path(path), root, net, integration)
     vehicles = table.iloc[order][[c.PERIOD, c.VEHICLE, "id", "depart"]].rename(columns={"depart": d.DEPART})
     return Exported(*files, vehicles.reset_index(drop=True), fit_notes + notes + speed_notes + held.notes)
@@ -226,8 +226,8 @@ def _routes(table: pd.DataFrame, held: Expressed) -> Element:
     for way, name in names.items():
         SubElement(root, "route", id=name, edges=" ".join(network.route(str(way[0]), str(way[1]))))
     rows = [row for _, row in table.iterrows()]
-    for row, values, fastest in zip(rows, held.theta, held.maximum_speed.tolist(), strict=True):
-        type_element(driver_type(row, row["id"], values, fastest), root, **held.extra)
+    for row, values, fastest, extra in zip(rows, held.theta, held.maximum_speed.tolist(), held.extra, strict=True):
+        type_element(driver_type(row, row["id"], values, fastest), root, **extra)
     for row, end in zip(rows, ends, strict=True):
         SubElement(
             root, "vehicle", id=row["id"], type=row["id"], route=names[row["edge"], end], depart=number(row["depart"]),

@@ -70,6 +70,8 @@ class ModelDrivers:
         ``a, b, T, d0, d1`` of each vehicle of the demand.
     desired_speed : float or array, shape (vehicles,)
         m/s.
+    has : bool array, shape (vehicles,), optional
+        Which drivers have what only some have; by default so many as in the model, by their numbers.
 
     Notes
     -----
@@ -85,10 +87,13 @@ class ModelDrivers:
         demand: pd.DataFrame,
         theta: Floats,
         desired_speed: float | Floats = road.SPEED_LIMIT,
+        has: npt.NDArray[np.bool_] | None = None,
     ) -> None:
         n = len(demand)
         self._place = {str(vehicle): i for i, vehicle in enumerate(demand[c.VEHICLE])}
-        self._magnitudes = np.ascontiguousarray(model.magnitudes_by_lane())
+        has = model.who_has(demand[c.VEHICLE]) if has is None else has
+        self._without = (~has).astype(np.int64)
+        self._magnitudes = np.stack([model.magnitudes_by_lane(), model.of_others().magnitudes_by_lane()])
         self._theta = np.ascontiguousarray(theta, dtype=np.float64)
         self._limit = np.full(n, desired_speed, dtype=np.float64)
         self._length = demand[d.LENGTH].fillna(road.CAR_LENGTH).to_numpy(dtype=np.float64)
@@ -126,7 +131,7 @@ class ModelDrivers:
         others = Others(*self._accelerations(place, speed), self._class[place], place + 1)
         return np.asarray(
             _decide_all(
-                place, x, speed, self._length[place], lane, offsets, others, self._memory, self._magnitudes, self._theta,
+                place, x, speed, self._length[place], lane, offsets, others, self._memory, self._magnitudes, self._without, self._theta,
                 self._limit, step * road.FRAME_STEP,
             )
         )  # fmt: skip
@@ -155,13 +160,13 @@ class ModelDrivers:
 
 
 @njit(cache=True)
-def _decide_all(place, x, speed, length, lane, offsets, others, memory, magnitudes, theta, limit, now):  # type: ignore[no-untyped-def]
+def _decide_all(place, x, speed, length, lane, offsets, others, memory, magnitudes, without, theta, limit, now):  # type: ignore[no-untyped-def]
     acceleration = np.empty(len(place))
     for i in range(len(place)):
         row, gap = perceive(lane[i] - 1, x[i], others.who[i], offsets, x, length, others.who)
         leader_speed = speed[row] if row != NOBODY else speed[i]
         vehicle = place[i]
-        m, own, past = magnitudes[lane[i]], theta[vehicle], memory.past[vehicle]
+        m, own, past = magnitudes[without[vehicle], lane[i]], theta[vehicle], memory.past[vehicle]
         who = others.who[row] if row != NOBODY else 0
         _remember(vehicle, gap, speed[i], speed[i] - leader_speed, who, now, memory, m)
         see = look(

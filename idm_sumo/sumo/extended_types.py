@@ -17,6 +17,7 @@ and with a second leader of weight 0.2 the IDM without it is 0.37 m off, the EID
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from typing import NamedTuple
 
 import numpy as np
@@ -32,6 +33,7 @@ from idm_sumo.effects.time_of_day import drifted
 from idm_sumo.sumo.vtypes import number
 
 Floats = npt.NDArray[np.float64]
+Booleans = npt.NDArray[np.bool_]
 
 LOOP = "only our own loop: `idm-sumo replay --model`, `idm-sumo interactive --model`"
 
@@ -44,16 +46,21 @@ class Expressed(NamedTuple):
     theta : float64, shape (drivers, 5)
     maximum_speed : float64, shape (drivers,)
         m/s.
-    extra : dict of str to str
-        Attributes of every type.
+    extra : sequence of dict of str to str, shape (drivers,)
+        Further attributes of each type.
     notes : tuple of str
         One line a cause: how it is expressed, or that it is not.
     """
 
     theta: Floats
     maximum_speed: Floats
-    extra: dict[str, str]
+    extra: Sequence[dict[str, str]]
     notes: tuple[str, ...]
+
+    def of(self, order: npt.NDArray[np.int64]) -> Expressed:
+        """Return the drivers in another order."""
+        extra = [self.extra[n] for n in order]
+        return self._replace(theta=self.theta[order], maximum_speed=self.maximum_speed[order], extra=extra)
 
 
 def express(model: ExtendedModel, table: pd.DataFrame, theta: Floats, maximum_speed: Floats) -> Expressed:
@@ -63,7 +70,7 @@ def express(model: ExtendedModel, table: pd.DataFrame, theta: Floats, maximum_sp
     ----------
     model : ExtendedModel
     table : pandas.DataFrame
-        Drivers: ``period``, ``vehicle_class`` and ``depart_s``.
+        Drivers: ``period``, ``vehicle``, ``vehicle_class``, ``depart_s``, and, if known, ``has_what_some_have``.
     theta : array, shape (drivers, 5)
         ``a, b, T, d0, 0``.
     maximum_speed : array, shape (drivers,)
@@ -72,14 +79,20 @@ def express(model: ExtendedModel, table: pd.DataFrame, theta: Floats, maximum_sp
     no_idm = (
         f"law {model.law}: the types are IDM ones of the drivers as given, its causes on top; the law itself is {LOOP}"
     )
-    held = Expressed(theta.copy(), maximum_speed.copy(), {}, () if model.is_idm else (no_idm,))
+    none: list[dict[str, str]] = [{} for _ in theta]
+    held = Expressed(theta.copy(), maximum_speed.copy(), none, () if model.is_idm else (no_idm,))
+    some = table[d.HAS].to_numpy(dtype=bool) if d.HAS in table else model.who_has(table[c.VEHICLE])
     for cause in model.causes:
         how = None if cause.lanes else _HOW.get(cause.name)
         if how is None:
             where = f" in lane {', '.join(map(str, cause.lanes))}" if cause.lanes else ""
             held = held._replace(notes=(*held.notes, f"{cause.name}{where}: no SUMO vehicle type has it; {LOOP}"))
         else:
-            held = how(held, cause, table)
+            which = some if cause.share < 1.0 else np.ones(len(table), dtype=bool)
+            held = how(held, cause, table, which)
+            if cause.share < 1.0:
+                said = f"{held.notes[-1]}; {which.sum()} of {len(which)} drivers have it"
+                held = held._replace(notes=(*held.notes[:-1], said))
     return held
 
 
@@ -89,7 +102,7 @@ def _size(cause: Cause, symbol: str) -> float:
     return float(m[next(p.slot for p in BY_NAME[cause.name].parameters if p.symbol == symbol)])
 
 
-def _delay(held: Expressed, cause: Cause, _: pd.DataFrame) -> Expressed:
+def _delay(held: Expressed, cause: Cause, _: pd.DataFrame, which: Booleans) -> Expressed:
     r"""Let drivers look every :math:`2\tau`: what they act on is then :math:`\tau` old on average."""
     tau = _size(cause, "tau")
     steps = max(round(2.0 * tau / road.FRAME_STEP), 1)
@@ -99,22 +112,28 @@ def _delay(held: Expressed, cause: Cause, _: pd.DataFrame) -> Expressed:
         f"reaction_delay: actionStepLength = {every} s, whose mean age is half of it, for tau = {tau:.3g} s (give "
         f"--integration ballistic, or SUMO warns of it){known}; exactly it is {LOOP}"
     )
-    return held._replace(extra={**held.extra, "actionStepLength": every}, notes=(*held.notes, note))
+    return _with_attribute(held, which, "actionStepLength", every, note)
 
 
-def _own_class(held: Expressed, cause: Cause, table: pd.DataFrame) -> Expressed:
-    truck = table[d.CLASS].to_numpy() == TRUCK if d.CLASS in table else np.zeros(len(table), dtype=bool)
+def _with_attribute(held: Expressed, which: Booleans, name: str, value: str, note: str) -> Expressed:
+    """Return the drivers, some of whose types have one more attribute."""
+    extra = [{**one, name: value} if has else one for one, has in zip(held.extra, which, strict=True)]
+    return held._replace(extra=extra, notes=(*held.notes, note))
+
+
+def _own_class(held: Expressed, cause: Cause, table: pd.DataFrame, which: Booleans) -> Expressed:
+    truck = which & (table[d.CLASS].to_numpy() == TRUCK) if d.CLASS in table else np.zeros(len(table), dtype=bool)
     share = _size(cause, "theta")
     note = f"vehicle_class: tau of {truck.sum()} trucks times {1 + share:.3g}"
     return _longer(held, truck, share, note)
 
 
-def _period(held: Expressed, cause: Cause, table: pd.DataFrame) -> Expressed:
+def _period(held: Expressed, cause: Cause, table: pd.DataFrame, which: Booleans) -> Expressed:
     since = table[d.DEPART] - table.groupby(c.PERIOD)[d.DEPART].transform("min")
     begin, end, share = (_size(cause, symbol) for symbol in ("t_1", "t_2", "theta"))
     if "delta" in cause.values:
-        return _drift(held, since.to_numpy(np.float64), cause.values["delta"], begin, end)
-    inside = ((since >= begin) & (since < end)).to_numpy()
+        return _drift(held, since.to_numpy(np.float64), cause.values["delta"], begin, end, which)
+    inside = ((since >= begin) & (since < end)).to_numpy() & which
     note = (
         f"time_of_day: tau of {inside.sum()} drivers who depart between {begin:g} and {end:g} s times {1 + share:.3g}; who is on "
         f"the road then keeps its headway; exactly it is {LOOP}"
@@ -122,13 +141,13 @@ def _period(held: Expressed, cause: Cause, table: pd.DataFrame) -> Expressed:
     return _longer(held, inside, share, note)
 
 
-def _drift(held: Expressed, since: npt.NDArray[np.float64], drift: float, begin: float, end: float) -> Expressed:
+def _drift(held: Expressed, since: Floats, drift: float, begin: float, end: float, which: Booleans) -> Expressed:
     share = np.array([drifted(t, drift, begin, end) for t in since]) - 1.0
     note = (
         f"time_of_day: tau of drivers by departure times {1.0 - drift:.3g} at {begin:g} s to {1.0 + drift:.3g} at {end:g} s; "
         f"each then keeps its headway; exactly it is {LOOP}"
     )
-    return _longer(held, np.ones(len(since), dtype=bool), share, note)
+    return _longer(held, which, share[which], note)
 
 
 def _longer(
@@ -140,13 +159,13 @@ def _longer(
     return held._replace(theta=theta, notes=(*held.notes, note))
 
 
-def _desired(held: Expressed, cause: Cause, _: pd.DataFrame) -> Expressed:
+def _desired(held: Expressed, cause: Cause, _: pd.DataFrame, which: Booleans) -> Expressed:
     if _size(cause, "lane") != 0.0 or _size(cause, "n") != 0.0:
         return held._replace(notes=(*held.notes, f"desired_speed by lane: no SUMO vehicle type has it; {LOOP}"))
     factor = 1.0 + _size(cause, "delta")
-    extra = {**held.extra, "speedFactor": number(max(factor, 1.0))}
     note = f"desired_speed: maxSpeed times {factor:.3g}" + (f", speedFactor {factor:.3g}" if factor > 1.0 else "")
-    return held._replace(maximum_speed=held.maximum_speed * factor, extra=extra, notes=(*held.notes, note))
+    held = held._replace(maximum_speed=np.where(which, held.maximum_speed * factor, held.maximum_speed))
+    return _with_attribute(held, which, "speedFactor", number(max(factor, 1.0)), note)
 
 
 _HOW = {
