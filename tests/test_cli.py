@@ -345,6 +345,18 @@ def test_replay_with_an_extended_model_is_the_same_in_both_back_ends(
     assert not (tmp_path / "no").exists()
 
 
+def test_replay_takes_a_driver_for_one_without_what_some_have_if_that_is_nearer(
+    recording: Path, tmp_path: Path
+) -> None:
+    model, given = tmp_path / "model.json", ["replay", str(recording), "--vehicle", "4", "--backend", "kernel"]
+    stops = Cause("location", {"alpha": -1.4, "x_1": 0.0, "x_2": 1000.0}, share=0.3)
+    late = Cause("reaction_delay", {"tau": 0.5})
+    ExtendedModel(TEXTBOOK, causes=(stops, late)).write(model)
+    main([*given, "--model", str(model), "-o", str(tmp_path / "out")])
+    kept = json.loads((tmp_path / "out" / "manifest.json").read_text())
+    assert [cause["name"] for cause in kept["model_file"]["causes"]] == ["reaction_delay"]
+
+
 def test_drivers_of_an_idm_are_refused_where_the_model_follows_another_law(
     recording: Path, drivers: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:

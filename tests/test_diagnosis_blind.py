@@ -135,6 +135,29 @@ def test_what_sumos_drivers_do_at_a_place_or_for_a_time_is_named(effect, model, 
     assert found.causes[0].parameters["theta"].value == pytest.approx(0.25, rel=0.3)
 
 
+def test_what_some_drivers_have_is_named_with_how_many_they_are(tmp_path):
+    late_ones(checked(diagnose(hidden(tmp_path, 30, "reaction_delay", share=0.4, form="usual"))))
+
+
+@pytest.mark.slow
+def test_some_who_are_late_under_another_law_are_not_taken_for_an_asymmetry_of_all(tmp_path):
+    plan = planting.plan(81210034, effect="reaction_delay", size="large", underlying="fvd", share=0.4)
+    planting.write(planting.simulate(plan), tmp_path / "recording.parquet")
+    late_ones(checked(diagnose(read_recording(tmp_path / "recording.parquet").recording, seed=81210034)))
+
+
+def late_ones(found: Diagnosis) -> None:
+    """Two in five are late by 0.8 s: it is said so, and of the drivers' table who."""
+    (cause,) = found.causes
+    assert cause.name == "reaction_delay"
+    assert cause.parameters["tau"].value == pytest.approx(0.8, rel=0.2)
+    share = cause.parameters["share"]
+    assert share.ci95[0] < 0.4 < share.ci95[1]
+    assert found.model.share == share.value
+    assert found.drivers["has_what_some_have"].mean() == pytest.approx(share.value, abs=0.1)
+    assert better(found)
+
+
 def test_what_is_hidden_in_one_lane_only_is_named_there(tmp_path):
     recording = hidden(tmp_path, 20, "location", form="usual", only_lane=1)
     found = checked(diagnose(recording))

@@ -55,6 +55,9 @@ def test_the_share_of_those_who_surely_have_it_is_found(share, seed):
     found = sd.mixture(np.where(has_it, 30.0, -30.0))
     assert found.share == pytest.approx(has_it.mean(), abs=1e-3)
     np.testing.assert_array_equal(sd.has(np.where(has_it, 30.0, -30.0), found.share), has_it)
+    # As of draws from two kinds, where each driver surely says of which it is.
+    half = 1.96 * np.sqrt(found.share * (1.0 - found.share) / 400)
+    assert found.ci95 == pytest.approx((found.share - half, found.share + half), abs=0.01)
 
 
 @given(st.lists(st.floats(-40.0, 40.0), min_size=2, max_size=30))

@@ -4,19 +4,22 @@ from __future__ import annotations
 
 from dataclasses import replace
 
+import numpy as np
 import pytest
 
 from idm_sumo import laws
+from idm_sumo.diagnosis import rollout as ro
 from idm_sumo.diagnosis.atoms import Atom
 from idm_sumo.diagnosis.choice import Accepted
 from idm_sumo.diagnosis.law import beneath, of
-from idm_sumo.diagnosis.result import Gain
+from idm_sumo.diagnosis.result import Estimate, Gain
 from idm_sumo.diagnosis.search import Found
 from idm_sumo.diagnosis.statements import (
     FORM_DOUBT,
     LAW_DOUBT,
     causes,
     form_doubt,
+    model_of,
     other_law,
     ruled_out,
     why_not,
@@ -45,6 +48,22 @@ def found(*named, left=()):
     gain = Gain("ade_m", 1.0, 0.9, 0.1, (0.05, 0.15), 10, False)
     accepted = tuple(Accepted(one, one.candidate.value, 0.01, gain, ()) for one in named)
     return Found(FIT, FIT, accepted, (), evidence(2.0), evidence(2.0), left)
+
+
+def test_what_some_drivers_have_is_told_with_how_many_they_are_and_is_in_the_model_so():
+    late, place = tried(9.0, "reaction_delay", 0.8), tried(9.0, "location", -0.1)
+    by_lane = np.tile(ro.PLAIN, (2, 1))
+    by_lane[: ro.ROWS, slots.DELAY] = 0.8
+    by_lane[:, slots.PLACE] = -0.1
+    share = Estimate(0.4, "1", (0.35, 0.45))
+    several = replace(found(late, place), fit=replace(FIT, by_lane=by_lane), share=share)
+    some, everybody = causes(several, {"reaction_delay": 0.7, "location": 0.3})
+    assert next(iter(some.parameters)) == "tau"
+    assert some.parameters["share"] == share
+    assert "40% of the drivers have it" in some.evidence
+    assert "share" not in everybody.parameters
+    model = model_of(several.fit, several.accepted, "", share)
+    assert {cause.name: cause.share for cause in model.causes} == {"reaction_delay": 0.4, "location": 1.0}
 
 
 NOTHING, PLACE, STRANGE = found(), found(tried(20.0, "location")), found(left=(free("position", 8.0),))

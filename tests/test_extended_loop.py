@@ -4,10 +4,12 @@ import numpy as np
 import pandas as pd
 import pytest
 
+from analysis.populations import refitted_for
 from idm_sumo import columns as c
 from idm_sumo import road
 from idm_sumo.cli import main
 from idm_sumo.effects import Cause, ExtendedModel
+from idm_sumo.errors import InputError
 from idm_sumo.idm import TEXTBOOK
 from idm_sumo.reading import write_parquet
 from idm_sumo.sumo import closed_loop, populations
@@ -23,7 +25,7 @@ def recorded():
     return recording(*cars, period="0750-0752")
 
 
-def drive(folder, recorded, *causes, ours=True) -> tuple[pd.DataFrame, closed_loop.Outcome, int]:
+def drive(folder, recorded, *causes, ours=True, has=None) -> tuple[pd.DataFrame, closed_loop.Outcome, int]:
     """Return the frames of a run, its outcome, and how many vehicle-steps were ours."""
     demand = demand_of(recorded)
     rng = np.random.default_rng(1)
@@ -31,7 +33,8 @@ def drive(folder, recorded, *causes, ours=True) -> tuple[pd.DataFrame, closed_lo
     lane_change = populations.lane_change_attributes("LC2013", {"lcSpeedGain": "0", "lcStrategic": "-1"})
     types = populations.calibrated_types(demand, theta, lane_change)
     files = closed_loop.write_run(folder / "simulation", "extended", recorded, demand, types, downstream=None)
-    drivers = ModelDrivers(ExtendedModel(TEXTBOOK, causes=causes), demand, theta) if ours else None
+    has = None if has is None else np.full(len(demand), has)
+    drivers = ModelDrivers(ExtendedModel(TEXTBOOK, causes=causes), demand, theta, has=has) if ours else None
     outcome = closed_loop.run(files, folder / "run.parquet", ours=drivers)
     frames = closed_loop.as_recording(outcome, recorded, demand, "run").table
     return frames, outcome, 0 if drivers is None else drivers.driven_steps
@@ -64,6 +67,41 @@ def test_a_place_that_brakes_slows_everybody_there(tmp_path, recorded, plain) ->
     assert speed(slow, 400, 450) < speed(plain[0], 400, 450) - 1.0
     assert speed(slow, 50, 150) == pytest.approx(speed(plain[0], 50, 150), abs=0.5)
     assert outcome.collisions == 0
+
+
+def test_who_has_not_what_some_have_drives_without(tmp_path, recorded, plain) -> None:
+    place = Cause("location", {"alpha": -0.4, "x_1": 300.0, "x_2": 450.0}, share=0.5)
+    nobody, _, _ = drive(tmp_path / "nobody", recorded, place, has=False)
+    pd.testing.assert_frame_equal(nobody, plain[0])
+    slow, _, _ = drive(tmp_path / "some", recorded, place)
+    last = (
+        slow[slow[c.X] > 450.0].groupby(c.VEHICLE)[c.FRAME].min()
+        - plain[0][plain[0][c.X] > 450.0].groupby(c.VEHICLE)[c.FRAME].min()
+    )
+    first = last[last.index % 5 == 4].to_numpy()  # of each lane, who has nobody ahead
+    assert (first > 0).tolist() == ExtendedModel(TEXTBOOK, causes=(place,)).who_has([14, 19]).tolist()
+
+
+@pytest.mark.parametrize("known", [True, False])
+def test_who_has_what_some_have_is_as_the_drivers_table_says(known, tmp_path) -> None:
+    model = ExtendedModel(TEXTBOOK, causes=(Cause("reaction_delay", {"tau": 0.4}, share=0.5),), drivers="drivers.csv")
+    vehicles = np.arange(1, 9)
+    own = pd.DataFrame({
+        "period": "p", "vehicle": vehicles[:5], "a": 1.0, "b": 1.5, "T": 1.2, "d0": 2.0, "d1": 0.0, "desired_speed_m_s": 30.0,
+    })  # fmt: skip
+    if known:
+        own["has_what_some_have"] = [1, 0, 0, 1, 1]
+    own.to_csv(tmp_path / "drivers.csv", index=False)
+    demand = pd.DataFrame({"vehicle": vehicles})
+    _, _, has = refitted_for(model, tmp_path / "model.json", demand, "p", np.ones((8, 5)))
+    expected = model.who_has(vehicles)
+    if known:
+        expected[:5] = own["has_what_some_have"]
+    np.testing.assert_array_equal(has, expected)
+    own["has_what_some_have"] = 2
+    own.to_csv(tmp_path / "drivers.csv", index=False)
+    with pytest.raises(InputError, match="has_what_some_have = 2 is impossible"):
+        refitted_for(model, tmp_path / "model.json", demand, "p", np.ones((8, 5)))
 
 
 def test_accelerations_are_of_the_step_before_and_of_late(recorded) -> None:

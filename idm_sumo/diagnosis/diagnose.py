@@ -236,8 +236,8 @@ def _told(
 ) -> Diagnosis:  # fmt: skip
     """Measure the gain on the held-out drivers and put everything into words."""
     if found.share is not None:
-        held = some_drivers.by_their_other_windows(held, found.fit, found.share)
-        windows = some_drivers.by_their_windows(windows, found.fit, found.share)
+        held = some_drivers.by_their_other_windows(held, found.fit, found.share.value)
+        windows = some_drivers.by_their_windows(windows, found.fit, found.share.value)
     found, base, extended, gains = _confirmed(found, held, rng)
     shares = _shares(held, found, base.ade_m.mean(), extended.ade_m.mean())
     verdict = NAMED if found.accepted else UNKNOWN if found.unexplained else NONE

@@ -24,6 +24,7 @@ from idm_sumo.diagnosis.look import Subject
 from idm_sumo.diagnosis.luck import Luck, draws
 from idm_sumo.diagnosis.one_lane import place_in_one_lane
 from idm_sumo.diagnosis.recovery import is_over_at_once
+from idm_sumo.diagnosis.result import Estimate
 from idm_sumo.diagnosis.sizes import Tried, anew, magnitude_of, refined, without_cause
 from idm_sumo.diagnosis.together import two_together
 from idm_sumo.diagnosis.twins import driver_noise
@@ -51,7 +52,7 @@ class Found:
     first: ev.Evidence
     last: ev.Evidence
     unexplained: tuple[LeftOver, ...]
-    share: float | None = None
+    share: Estimate | None = None
 
 
 @dataclass(frozen=True)
@@ -104,13 +105,13 @@ def search_among_some(subject: Subject, found: Found, rng: np.random.Generator, 
     if some is None or cause is None:
         return found
     gain = sd.gain_of_each(subject.windows, cause.tried.fit)  # now that it has its size
-    share = sd.mixture(gain).share
-    subject = _told_apart(subject, sd.has(gain, share))
+    mixed = sd.mixture(gain)
+    subject = _told_apart(subject, sd.has(gain, mixed.share))
     begin = replace(cause, tried=replace(cause.tried, fit=anew(subject, cause.tried.fit)))
     again = _search(subject, found.base, found.first, (), [], Known(), Brief(rng, progress), (begin,))
     if isinstance(again, NoInterval) or some.name not in {one.candidate.name for one in again.accepted}:
         return found
-    return replace(again, share=share)
+    return replace(again, share=Estimate(mixed.share, "1", mixed.ci95))
 
 
 def _as_they_show_it(

@@ -44,7 +44,8 @@ LARGE: tuple[at.Atom, ...] = tuple(
 )
 LEAST_DRIVERS = 24  # who seem to have it, to look at them alone
 FEW_ROUNDS = 8  # of the fits that are compared
-LEAST_SHARE = 1e-4
+LEAST_SHARE, SHARES = 1e-4, np.linspace(0.002, 0.998, 250)
+RARELY = 3.84  # twice the log-likelihood, that chance takes off a share in one of twenty cases
 # Twice the log-likelihood that a mixture gains, from which on some drivers may have a cause; and by how many times more it must be than what
 # all of them gain, by having it or by what is named, and than what a mixture of any other effect gains. (Of 12 recordings with nothing hidden
 # the surest had 91; of those some of whose drivers had something, 130 to 9600, with 1.3 to 24 times what others had.)
@@ -52,10 +53,14 @@ SURE, TIMES = 100.0, 2.0
 
 
 class Mixture(NamedTuple):
-    """A share of the drivers, and twice the log-likelihood that they gain if so many have a cause, and the others not."""
+    """A share of the drivers, and twice the log-likelihood that they gain if so many have a cause, and the others not.
+
+    Within ``ci95`` a share is not so much less likely that chance would rarely have it so (the likelihood's own 95 % interval).
+    """
 
     share: float
     support: float
+    ci95: tuple[float, float]
 
 
 class Some(NamedTuple):
@@ -73,7 +78,8 @@ def mixture(gain: Floats) -> Mixture:
         return -2.0 * float(np.logaddexp(np.log1p(-share), np.log(share) + gain).sum())
 
     found = minimize_scalar(unlikely, bounds=(LEAST_SHARE, 1.0 - LEAST_SHARE), method="bounded")
-    return Mixture(float(found.x), -float(found.fun))
+    within = [share for share in (*SHARES, found.x) if unlikely(share) - found.fun <= RARELY]
+    return Mixture(float(found.x), -float(found.fun), (float(min(within)), float(max(within))))
 
 
 def has(gain: Floats, share: float) -> Booleans:

@@ -45,13 +45,16 @@ def of_some(fit: Fit, name: str) -> bool:
     return bool(len(others) and not others.any())
 
 
-def model_of(fit: Fit, accepted: tuple[Accepted, ...], source: str, share: float | None = None) -> ExtendedModel:
+def model_of(fit: Fit, accepted: tuple[Accepted, ...], source: str, share: Estimate | None = None) -> ExtendedModel:
     """Return the median driver's model with the accepted causes; ``share`` of the drivers have what only some have."""
     a, b, headway, gap, limit = (float(v) for v in np.exp(fit.mean))
     names = [c.candidate.name for c in accepted]
     causes = tuple(
         Cause(
-            name, _values(fit, name), c.candidate.only_lanes, share if share is not None and of_some(fit, name) else 1.0
+            name,
+            _values(fit, name),
+            c.candidate.only_lanes,
+            share.value if share is not None and of_some(fit, name) else 1.0,
         )
         for name, c in zip(names, accepted, strict=True)
     )
@@ -108,10 +111,8 @@ def _cause(found: Found, accepted: Accepted, share: float, doubt: float) -> Caus
     region = _region(candidate, _edges(fit, candidate))
     sentence = _sentence(accepted)
     if found.share is not None and of_some(fit, candidate.name):
-        half = Z95 * float(np.sqrt(found.share * (1.0 - found.share) / len(fit.own)))
-        within = max(found.share - half, 0.0), min(found.share + half, 1.0)
-        parameters[SHARE] = Estimate(found.share, "1", within)
-        sentence += f"; {found.share:.0%} of the drivers have it, the others are likelier without"
+        parameters[SHARE] = found.share
+        sentence += f"; {found.share.value:.0%} of the drivers have it, the others are likelier without"
     return CauseFound(candidate.name, parameters, region, candidate.p, share, sentence, accepted.rivals)
 
 
