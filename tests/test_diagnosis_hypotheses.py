@@ -130,8 +130,8 @@ def test_a_headway_at_a_place_must_be_larger_than_a_push(kind, value, large):
     assert one.large_enough is large
 
 
-@pytest.mark.parametrize(("kind", "value", "large"), [((), 0.14, False), (((slots.COURTESY_BRAKING, 1.0),), 0.09, True),
-                                                      (((slots.COURTESY_BRAKING, 1.0),), 0.07, False)])  # fmt: skip
+@pytest.mark.parametrize(("kind", "value", "large"), [((), 0.14, False), (((slots.COURTESY_BRAKING, 1.0),), 0.21, True),
+                                                      (((slots.COURTESY_BRAKING, 1.0),), 0.18, False)])  # fmt: skip
 def test_braking_before_a_lane_change_has_a_least_size_of_its_own(kind, value, large):
     one = hy.Candidate("courtesy_yielding", value, 0.01, 9.0, 1e-9, Atom("courtesy_yielding", fixed=kind))
     assert one.large_enough is large
