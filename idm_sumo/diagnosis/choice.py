@@ -55,7 +55,11 @@ def judged(
     subject: Subject, fit: Fit, forms: list[Candidate], first: Tried | None, there: list[Candidate], lucks: list[Luck],
     rng: np.random.Generator, known: Known | None = None,
 ) -> tuple[Tried, Accepted | None]:  # fmt: skip
-    """Return the best of several candidates, and it as a cause if it passes every gate beside all that is there."""
+    """Return the best of several candidates, and it as a cause if it passes every gate beside all that is there.
+
+    What says less than the best, both at their sizes, is not held against it, however sure it looked near zero.
+    """
+    known = {} if known is None else known
     best, rivals = strongest(subject, fit, forms, lucks, rng, known)
     gain = gain_of(subject, fit, best.fit, rng)
     candidate = best.candidate
@@ -66,9 +70,17 @@ def judged(
     passes = (
         wanted
         and gates.is_there(best)
-        and gain_gates.is_worth_it(gain, best, first, gates.surest_beside(candidate, there))
+        and gain_gates.is_worth_it(gain, best, first, gates.surest_beside(candidate, _not_outdone(there, best, known)))
     )
     return best, Accepted(best, candidate.value, candidate.error, gain, rivals) if passes else None
+
+
+def _not_outdone(there: list[Candidate], best: Tried, known: Known) -> list[Candidate]:
+    """Return what is there without the effects that have been brought to their sizes and say less there than the best, in any form."""
+    support: dict[str, float] = {}
+    for tried in known.values():
+        support[tried.candidate.name] = max(tried.support, support.get(tried.candidate.name, -np.inf))
+    return [c for c in there if support.get(c.name, np.inf) >= best.support]
 
 
 def strongest(

@@ -8,7 +8,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 import numpy.typing as npt
 
-from idm_sumo.diagnosis import choice, free_gates, gates
+from idm_sumo.diagnosis import choice, free_gates, gain_gates, gates
 from idm_sumo.diagnosis import evidence as ev
 from idm_sumo.diagnosis import free_fields as ff
 from idm_sumo.diagnosis import hypotheses as hy
@@ -25,7 +25,7 @@ from idm_sumo.diagnosis.luck import Luck, draws
 from idm_sumo.diagnosis.one_lane import place_in_one_lane
 from idm_sumo.diagnosis.recovery import is_over_at_once
 from idm_sumo.diagnosis.result import Estimate
-from idm_sumo.diagnosis.sizes import Tried, anew, magnitude_of, refined, without_cause
+from idm_sumo.diagnosis.sizes import Tried, anew, gain_of, magnitude_of, refined, without_cause
 from idm_sumo.diagnosis.together import two_together
 from idm_sumo.diagnosis.twins import driver_noise
 from idm_sumo.effects import BY_NAME, slots
@@ -186,7 +186,19 @@ def _search(
         accepted = [_measured(cause, fit, last) for cause in accepted]
     left = told(strange) if strange or accepted else left_without_causes(first)
     found = Found(base, fit, tuple(accepted), tuple(without), first, last, left)
-    return _without(found, free_gates.only_there_and_then(last), subject, lucks, brief)
+    found = _without_taken_up(found, subject, lucks, brief)
+    return _without(found, free_gates.only_there_and_then(found.last), subject, lucks, brief)
+
+
+def _without_taken_up(found: Found, subject: Subject, lucks: list[Luck], brief: Brief) -> Found:
+    """Return what was found without an asymmetry that later causes have taken up: beside them it is worth too little for a name."""
+    lawlike = next((one for one in found.accepted[:-1] if one.candidate.name == gain_gates.LAWLIKE), None)
+    if lawlike is None:
+        return found
+    others = anew(subject, without_cause(found.fit, lawlike.candidate.name))
+    if not gain_gates.is_taken_up(gain_of(subject, others, found.fit, brief.rng)):
+        return found
+    return _kept(found, [one for one in found.accepted if one is not lawlike], others, subject, lucks, brief)
 
 
 def _examined(
@@ -223,10 +235,15 @@ def _without(
     for cause in found.accepted:
         if cause not in kept:
             fit = without_cause(fit, cause.candidate.name)
-    fit = refined(subject, anew(subject, fit), [cause.candidate.name for cause in kept], lucks, brief.rng)
+    found = replace(found, unexplained=there_and_then)
+    return _kept(found, kept, anew(subject, fit), subject, lucks, brief)
+
+
+def _kept(found: Found, kept: list[Accepted], fit: Fit, subject: Subject, lucks: list[Luck], brief: Brief) -> Found:
+    """Return what was found with some of the causes only, refined and examined anew; the fit is of these."""
+    fit = refined(subject, fit, [cause.candidate.name for cause in kept], lucks, brief.rng)
     last = _examined(subject, fit, kept, lucks, brief.progress)
-    measured = tuple(_measured(cause, fit, last) for cause in kept)
-    return replace(found, fit=fit, accepted=measured, last=last, unexplained=there_and_then)
+    return replace(found, fit=fit, accepted=tuple(_measured(cause, fit, last) for cause in kept), last=last)
 
 
 def _twins_of(subject: Subject, most: int) -> int:
