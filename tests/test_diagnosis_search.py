@@ -203,7 +203,7 @@ def test_where_one_interval_does_not_hold_it_the_other_sign_in_another_is_tried(
         fails = which_holds is None or len(left_out) - 1 < which_holds
         return search.NoInterval((less, more)[len(left_out) - 1], (candidate(5.0),)) if fails else found
 
-    monkeypatch.setattr(search, "_search", answer)
+    monkeypatch.setattr(search, "search_on", answer)
     result = search.search(subject, base, np.random.default_rng(0), lambda *_: None)
     assert left_out == [(), (less,)][: 1 if which_holds == 0 else 2]
     assert (result is found) is (which_holds is not None)

@@ -23,7 +23,8 @@ from idm_sumo.diagnosis.law import Followed
 from idm_sumo.diagnosis.look import Subject
 from idm_sumo.diagnosis.result import NAMED, NONE, UNKNOWN, Diagnosis, Gain, Law
 from idm_sumo.diagnosis.rollout import PLAIN
-from idm_sumo.diagnosis.search import Found, left_without_causes, search, search_among_some, with_its_noise
+from idm_sumo.diagnosis.search import Found, left_without_causes, search, with_its_noise
+from idm_sumo.diagnosis.search_among_some import search_among_some
 from idm_sumo.diagnosis.sizes import ROUNDS, with_cause, without_cause
 from idm_sumo.diagnosis.smoother import Smoother, local_cubic, posterior_mean, window_for
 from idm_sumo.diagnosis.windows import Windows, cut_windows

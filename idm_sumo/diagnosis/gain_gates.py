@@ -115,11 +115,6 @@ def _may_be_a_law(tried: Tried, strongest: float) -> bool:
     return law_of(tried.fit) != laws.IDM or (z < strongest and not is_unlike_laws(tried.candidate))
 
 
-def is_taken_up(gain: Gain) -> bool:
-    """Return whether an asymmetry is worth too little for a name beside causes that were found after it."""
-    return not gain.is_likely or gain.difference < LAWLIKE_GAIN * gain.base
-
-
 def is_clear(gain: Gain) -> bool:
     """Return whether rollouts are clearly better, and by as much as asked of what may be another's shape."""
     return gain.ci95[0] > 0.0 and gain.difference >= FAINT_GAIN * gain.base

@@ -8,29 +8,26 @@ from dataclasses import dataclass, replace
 import numpy as np
 import numpy.typing as npt
 
-from idm_sumo.diagnosis import choice, free_gates, gain_gates, gates
+from idm_sumo.diagnosis import choice, free_gates, gates
 from idm_sumo.diagnosis import evidence as ev
 from idm_sumo.diagnosis import free_fields as ff
 from idm_sumo.diagnosis import hypotheses as hy
-from idm_sumo.diagnosis import some_drivers as sd
 from idm_sumo.diagnosis.atoms import Atom
 from idm_sumo.diagnosis.choice import Accepted, Known
 from idm_sumo.diagnosis.edges import sharpened
 from idm_sumo.diagnosis.fit import Fit
 from idm_sumo.diagnosis.hypotheses import Candidate
 from idm_sumo.diagnosis.left_over import LeftOver, told
-from idm_sumo.diagnosis.likelihood import log_likelihood
 from idm_sumo.diagnosis.look import Subject
 from idm_sumo.diagnosis.luck import Luck, draws
 from idm_sumo.diagnosis.one_lane import place_in_one_lane
 from idm_sumo.diagnosis.recovery import is_over_at_once
 from idm_sumo.diagnosis.result import Estimate
-from idm_sumo.diagnosis.sizes import Tried, anew, gain_of, magnitude_of, refined, without_cause
+from idm_sumo.diagnosis.sizes import Tried, anew, magnitude_of, refined, without_cause
 from idm_sumo.diagnosis.together import two_together
 from idm_sumo.diagnosis.twins import driver_noise
 from idm_sumo.effects import BY_NAME, slots
 from idm_sumo.progress import Progress, silent
-from idm_sumo.threads import each_in_threads
 
 Floats = npt.NDArray[np.float64]
 
@@ -38,8 +35,6 @@ MOST_CAUSES = 3
 CLOSE = 0.3  # of the best's squared z: from there on causes are brought to their sizes and compared
 FIRST_TWINS, TWINS = 5, 3  # whether anything is there at all is looked at more closely than how much
 MANY = 750  # drivers; of more, fewer twins say as much
-# What drivers some of whom are late seem to have on average. (Of four such recordings one had each of them, without a rival.)
-STAND_INS = ("acceleration_asymmetry", "hysteresis")
 SHADOW = 0.65  # of the support of what was refused: with less, another may be no more than its shadow
 
 
@@ -79,79 +74,21 @@ def search(
     subject: Subject, base: Fit, rng: np.random.Generator, progress: Progress, asked: Container[str] = ()
 ) -> Found:
     """Find the causes, strongest first; those that are ``asked`` for, as named beyond another law, are tried however sure they are."""
-    lucks = draws(subject.windows, subject.noises, _twins_of(subject, FIRST_TWINS), rng)
+    lucks = draws(subject.windows, subject.noises, twins_of(subject, FIRST_TWINS), rng)
     first = ev.examine(subject, base, lucks, progress=progress, stage="looking for causes", free=ff.families)
     known = Known()
     strange = _outside(subject, base, first, lucks, known, progress)
     brief = Brief(rng, progress, asked)
-    found = _search(subject, base, first, strange, lucks, known, brief)
+    found = search_on(subject, base, first, strange, lucks, known, brief)
     # Less there may have been meant where more elsewhere had been put, or the reverse.
     if isinstance(found, NoInterval):
-        found = _search(subject, base, first, strange, lucks, known, replace(brief, but=(found.form,)))
+        found = search_on(subject, base, first, strange, lucks, known, replace(brief, but=(found.form,)))
     if isinstance(found, NoInterval):
         return Found(base, base, (), found.without_gain, first, first, left_without_causes(first))
     return found
 
 
-def search_among_some(subject: Subject, found: Found, rng: np.random.Generator, progress: Progress) -> Found:
-    """Find a cause that only some drivers have, and what is there beside it, or return what was ``found``.
-
-    It is asked for where nothing is named, or something that may as well be another, or stand in for it. Those who have it are examined alone, as all were, and
-    must show it so surely that it passes every gate.
-    """
-    first = found.accepted[0] if found.accepted else None
-    if found.unexplained or (first is not None and not first.rivals and first.candidate.name not in STAND_INS):
-        return found
-    progress("looking for what some drivers have", 0, 1)
-    some = sd.some_who_differ(subject.windows, found.base, found.fit)
-    cause = None if some is None else _as_they_show_it(subject, found.base, some, rng, progress)
-    if some is None or cause is None:
-        return found
-    gain = sd.gain_of_each(subject.windows, cause.tried.fit)  # now that it has its size
-    mixed = sd.mixture(gain)
-    subject = _told_apart(subject, sd.has(gain, mixed.share))
-    begin = replace(cause, tried=replace(cause.tried, fit=anew(subject, cause.tried.fit)))
-    again = _search(subject, found.base, found.first, (), [], Known(), Brief(rng, progress), (begin,))
-    if isinstance(again, NoInterval) or some.name not in {one.candidate.name for one in again.accepted}:
-        return found
-    return replace(again, share=Estimate(mixed.share, "1", mixed.ci95))
-
-
-def _as_they_show_it(
-    subject: Subject, base: Fit, some: sd.Some, rng: np.random.Generator, progress: Progress
-) -> Accepted | None:
-    """Return the cause as those show it who seem to have it, if it passes every gate there, its fit of all drivers.
-
-    Of its forms at their sizes the one by which all drivers are likeliest: near the edge of stability, where some are so late, the integral
-    over the way there says less.
-    """
-    theirs = replace(subject, windows=subject.windows.of_drivers(np.flatnonzero(some.has)))
-    if theirs.windows.drivers < sd.LEAST_DRIVERS:
-        return None
-    own = anew(theirs, base)
-    theirs = with_its_noise(theirs, own, rng)
-    lucks = draws(theirs.windows, theirs.noises, _twins_of(theirs, FIRST_TWINS), rng)
-    evidence = ev.examine(theirs, own, lucks, progress=progress, stage="looking at those who seem to have it")
-    there, known = gates.believed(evidence), Known()
-    forms = [form for c in there if c.name == some.name for form in hy.forms(evidence, c)]
-    cause = choice.judged(theirs, own, forms, None, there, lucks, rng, known)[1] if forms else None
-    if cause is None:
-        return None
-    everybody = _told_apart(subject, some.has)
-
-    def of_all(tried: Tried) -> Tried:
-        return replace(tried, fit=anew(everybody, sd.of_two_kinds(tried.fit, base)))
-
-    each = each_in_threads(of_all, [tried for tried in known.values() if gates.is_there(tried)])
-    return replace(cause, tried=max(each, key=lambda tried: float(log_likelihood(everybody.windows, tried.fit).sum())))
-
-
-def _told_apart(subject: Subject, has: npt.NDArray[np.bool_]) -> Subject:
-    """Return the subject with the windows of drivers who have not what others have told apart."""
-    return replace(subject, windows=subject.windows.without(~has[subject.windows.driver]))
-
-
-def _search(
+def search_on(
     subject: Subject, base: Fit, first: ev.Evidence, strange: tuple[LeftOver, ...], lucks: list[Luck], known: Known, brief: Brief,
     begin: tuple[Accepted, ...] = (),
 ) -> Found | NoInterval:  # fmt: skip
@@ -172,7 +109,7 @@ def _search(
         newest = chosen[-1]
         progress(f"refining {newest.candidate.name}", 0, 1)
         subject = with_its_noise(subject, newest.tried.fit, rng)
-        count = _twins_of(subject, TWINS)
+        count = twins_of(subject, TWINS)
         lucks = draws(subject.windows, subject.noises, count, rng)  # not the luck that had a hand in the choice
         smaller = fit
         fit = refined(subject, newest.tried.fit, [cause.candidate.name for cause in accepted], lucks, rng)
@@ -186,19 +123,7 @@ def _search(
         accepted = [_measured(cause, fit, last) for cause in accepted]
     left = told(strange) if strange or accepted else left_without_causes(first)
     found = Found(base, fit, tuple(accepted), tuple(without), first, last, left)
-    found = _without_taken_up(found, subject, lucks, brief)
-    return _without(found, free_gates.only_there_and_then(found.last), subject, lucks, brief)
-
-
-def _without_taken_up(found: Found, subject: Subject, lucks: list[Luck], brief: Brief) -> Found:
-    """Return what was found without an asymmetry that later causes have taken up: beside them it is worth too little for a name."""
-    lawlike = next((one for one in found.accepted[:-1] if one.candidate.name == gain_gates.LAWLIKE), None)
-    if lawlike is None:
-        return found
-    others = anew(subject, without_cause(found.fit, lawlike.candidate.name))
-    if not gain_gates.is_taken_up(gain_of(subject, others, found.fit, brief.rng)):
-        return found
-    return _kept(found, [one for one in found.accepted if one is not lawlike], others, subject, lucks, brief)
+    return _without(found, free_gates.only_there_and_then(last), subject, lucks, brief)
 
 
 def _examined(
@@ -235,18 +160,13 @@ def _without(
     for cause in found.accepted:
         if cause not in kept:
             fit = without_cause(fit, cause.candidate.name)
-    found = replace(found, unexplained=there_and_then)
-    return _kept(found, kept, anew(subject, fit), subject, lucks, brief)
-
-
-def _kept(found: Found, kept: list[Accepted], fit: Fit, subject: Subject, lucks: list[Luck], brief: Brief) -> Found:
-    """Return what was found with some of the causes only, refined and examined anew; the fit is of these."""
-    fit = refined(subject, fit, [cause.candidate.name for cause in kept], lucks, brief.rng)
+    fit = refined(subject, anew(subject, fit), [cause.candidate.name for cause in kept], lucks, brief.rng)
     last = _examined(subject, fit, kept, lucks, brief.progress)
-    return replace(found, fit=fit, accepted=tuple(_measured(cause, fit, last) for cause in kept), last=last)
+    measured = tuple(_measured(cause, fit, last) for cause in kept)
+    return replace(found, fit=fit, accepted=measured, last=last, unexplained=there_and_then)
 
 
-def _twins_of(subject: Subject, most: int) -> int:
+def twins_of(subject: Subject, most: int) -> int:
     """Return how many twins to hear: the more drivers, the surer is each."""
     return int(np.clip(round(most * MANY / subject.windows.drivers), 2, most))
 
