@@ -40,6 +40,8 @@ TRUCK_DISTANCE, TRUCK_DISTANCE_ELSEWHERE = 9.0 * 1.25, 15.0
 GAIN_BOUNDS = (0.05, 0.02)  # of ADE
 GAIN_CLASSES = ("5 % or more", "2 to 5 %", "below 2 %")
 SIZED = ["name", "form", "underlying", "planted", "estimate", "low", "high", "error", "covered", "seed"]
+SOME = "some drivers"
+SIZED_GROUPS = ("single", "pair", "one lane", "in SUMO", SOME)
 SIGMA_CLASSES = ("0.1-0.2 m", "0.2-0.35 m", "0.35-0.5 m")
 
 
@@ -123,17 +125,15 @@ def shows(trial: Mapping[str, Any]) -> bool:
 def sized(trials: pd.DataFrame) -> pd.DataFrame:
     """Return one row a hidden effect that was named: planted and found size, and whether the 95 % interval holds the planted one.
 
-    Effects that some drivers have only are left out: there the size of all drivers is another.
+    Of effects that some drivers have only, those are left out that were found of all: there the size of all drivers is another.
     """
-    everybodys = (
-        trial for trial in trials.to_dict("records") if trial["group"] in ("single", "pair", "one lane", "in SUMO")
-    )
-    return pd.DataFrame([row for trial in everybodys for row in _sizes(trial)], columns=SIZED)
+    sizes = [row for trial in trials.to_dict("records") for row in _sizes(trial) if trial["group"] in SIZED_GROUPS]
+    return pd.DataFrame(sizes, columns=SIZED)
 
 
 def _sizes(trial: dict[str, Any]) -> Iterator[dict[str, Any]]:
     for cause in trial["found"]["causes"]:
-        if cause["name"] in trial["effects"]:
+        if cause["name"] in trial["effects"] and (trial["group"] != SOME or "share" in cause["parameters"]):
             truth, form = abs(trial["effects"][cause["name"]]), trial["plan"]["form"]
             if "ell" in cause["parameters"]:  # a share of the headway is more or less metres, by the speed
                 form = "other"

@@ -71,6 +71,10 @@ def test_sizes_and_gains():
     assert sizes["name"].tolist() == ["location", "hysteresis", "location"]
     assert sizes["error"].tolist() == pytest.approx([0.2, 0.0, 1.0])
     assert sizes["covered"].tolist() == [True, True, True]  # an interval across zero begins there
+    of_some = cause("location")
+    of_some["parameters"]["share"] = {"value": 0.4, "unit": "1", "ci95": [0.3, 0.5]}
+    sizes = sized(pd.DataFrame([trial("some drivers", {"location": 0.5}, [of_some])]))
+    assert sizes["error"].tolist() == pytest.approx([0.2])
 
 
 def test_metres_behind_trucks_are_held_against_metres():

@@ -199,3 +199,13 @@ def test_of_causes_with_nearly_as_much_support_the_one_that_drives_best_is_taken
     best, rivals = strongest(subject, base, [one.candidate for one in each], [], np.random.default_rng(0))
     assert best.candidate.name == chosen
     assert rivals == (("perception_threshold",) if chosen == "hysteresis" else ())
+
+
+def test_what_says_less_at_its_size_is_not_held_against_the_best():
+    late = Tried(candidate(10.3, "reaction_delay"), None, 333.0)
+    tried = [late, Tried(candidate(10.8, "acceleration_asymmetry"), None, 310.0), Tried(candidate(7.0), None, 400.0),
+             Tried(candidate(9.0, "hysteresis"), None, 50.0), Tried(candidate(9.0, "hysteresis", fixed=((1, 1.0),)), None, 340.0)]  # fmt: skip
+    there = [one.candidate for one in tried] + [candidate(6.0, "location")]
+    left = choice._not_outdone(there, late, {one.candidate: one for one in tried})
+    # Some form of a hysteresis says more, nobody has brought the place to its size, and it is itself no rival of its own.
+    assert {one.name for one in left} == {"reaction_delay", "perception_threshold", "hysteresis", "location"}
