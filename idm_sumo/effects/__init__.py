@@ -2,7 +2,8 @@
 
 How to drive with an extended model, step by step (0.1 s):
 
-1. ``model = ExtendedModel.read(path)``; ``m = model.magnitudes_by_lane()[lane]`` (row 0: no lane limits).
+1. ``model = ExtendedModel.read(path)``; ``m = model.magnitudes_by_lane()[lane]`` (row 0: no lane limits). Where only some drivers
+   have a cause (``model.share`` is below 1), those without it drive by ``model.of_others()``; ``model.who_has`` says who, where no table does.
 2. Per vehicle keep ``past``, float64 of shape ``(rows, 3)``: gap (m, infinite without a leader), speed, approach
    rate (m/s), one row a step, the first rows from the recorded twin's observed frames, so that a delay has something to recall
    (:data:`reaction_delay.LONGEST` seconds are enough). A rollout may keep all its steps.

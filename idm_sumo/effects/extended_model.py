@@ -97,7 +97,7 @@ class ExtendedModel:
         return np.asarray(np.modf(np.asarray(vehicles, dtype=np.float64) * GOLDEN)[0] < self.share)
 
     def magnitudes(self, lane: int = 0) -> npt.NDArray[np.float64]:
-        """Return the flat vector of magnitudes in a lane, shape ``(slots.COUNT,)``; 0 ignores the causes' lanes."""
+        """Return the flat vector of magnitudes in a lane, shape ``(slots.COUNT,)``, of who has every cause; 0 ignores the causes' lanes."""
         m = np.zeros(slots.COUNT)
         m[slots.LAW], m[slots.REACTION_CHANGE] = laws.NAMES.index(self.law), self.reaction - laws.REACTION
         for cause in self.causes:
