@@ -22,7 +22,7 @@ from idm_sumo.diagnosis.sizes import Tried, anew
 from idm_sumo.progress import Progress
 from idm_sumo.threads import each_in_threads
 
-# What drivers some of whom are late seem to have on average. (Of four such recordings one had each of them, without a rival.)
+# What drivers some of whom are late may seem to have on average. (In one of five such recordings the asymmetry had no rival.)
 STAND_INS = ("acceleration_asymmetry", "hysteresis")
 
 

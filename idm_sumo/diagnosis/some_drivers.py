@@ -49,8 +49,8 @@ LEAST_SHARE, SHARES = 1e-4, np.linspace(0.002, 0.998, 250)
 RARELY = 3.84  # twice the log-likelihood, that chance takes off a share in one of twenty cases
 # Twice the log-likelihood that a mixture gains, from which on some drivers may have a cause; by how many times more it must be than what
 # all of them gain, by having it or by what is named, and than what a mixture of any other effect gains; and their least share: a few whom no
-# law fits say whatever is asked. (Of 36 recordings with nothing hidden, all that had more than 125 was of 5 to 14 %. Of nine some of whose
-# drivers had a delay, a relaxation or watched a second leader, the surest mixture was of that, 130 to 9600, and of 17 to 46 %.)
+# law fits say whatever is asked. (Of 29 recordings with nothing hidden, all that had more than 125 was of 5 to 14 %. Of eleven some of whose
+# drivers had a delay, a relaxation or watched a second leader, the surest mixture was of that, 130 to 9600, and of 17 to 42 %.)
 SURE, TIMES, FEWEST = 150.0, 2.0, 0.15
 
 
