@@ -127,8 +127,8 @@ def sized(trials: pd.DataFrame) -> pd.DataFrame:
 
     Of effects that some drivers have only, those are left out that were found of all: there the size of all drivers is another.
     """
-    sizes = [row for trial in trials.to_dict("records") for row in _sizes(trial) if trial["group"] in SIZED_GROUPS]
-    return pd.DataFrame(sizes, columns=SIZED)
+    chosen = (trial for trial in trials.to_dict("records") if trial["group"] in SIZED_GROUPS)
+    return pd.DataFrame([row for trial in chosen for row in _sizes(trial)], columns=SIZED)
 
 
 def _sizes(trial: dict[str, Any]) -> Iterator[dict[str, Any]]:

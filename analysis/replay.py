@@ -90,8 +90,9 @@ def replay_one(
     driven = {f"idm_{origin}": _drive(request, scenes, theta)}
     parameters = {f"idm_{origin}": theta[0].tolist()}
     if model is not None:
-        theta, model = _nearest(scenes, recording.of_period(scenes.period), model, theta, refit=request.drivers is None)
-        extension = (recording.of_period(scenes.period), model)
+        recorded = recording.of_period(scenes.period)
+        theta, model = _nearest(scenes, recorded, model, theta, refit=request.drivers is None)
+        extension = (recorded, model)
         driven["extended"] = _drive(request, scenes, theta, extension)
         parameters["extended"] = theta[0].tolist()
     scores = pd.concat([score(scenes, one).assign(model=name) for name, one in driven.items()], ignore_index=True)
@@ -124,10 +125,10 @@ def _nearest(
     scenes: Scenes, recording: Recording, model: ExtendedModel, start: npt.NDArray[np.float64], *, refit: bool
 ) -> tuple[npt.NDArray[np.float64], ExtendedModel]:
     """Return the driver's parameters, fitted anew if asked, and the model: of causes that only some drivers have, with or without, as is nearer."""
-    each = [
-        (fit_extended(scenes, recording, one, start) if refit else start, one)
-        for one in ([model] if model.share == 1.0 else [model, model.of_others()])
-    ]
+    kinds = [model] if model.share == 1.0 else [model, model.of_others()]
+    each = [(fit_extended(scenes, recording, one, start) if refit else start, one) for one in kinds]
+    if len(each) == 1:
+        return each[0]
     return min(each, key=lambda one: _distance(scenes, recording, one[1], one[0]))
 
 

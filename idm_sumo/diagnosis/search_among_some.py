@@ -5,7 +5,6 @@ from __future__ import annotations
 from dataclasses import replace
 
 import numpy as np
-import numpy.typing as npt
 
 from idm_sumo.diagnosis import choice, gates
 from idm_sumo.diagnosis import evidence as ev
@@ -42,7 +41,7 @@ def search_among_some(subject: Subject, found: Found, rng: np.random.Generator, 
         return found
     gain = sd.gain_of_each(subject.windows, cause.tried.fit)  # now that it has its size
     mixed = sd.mixture(gain)
-    subject = _told_apart(subject, sd.has(gain, mixed.share))
+    subject = replace(subject, windows=sd.told_apart(subject.windows, sd.has(gain, mixed.share)))
     begin = replace(cause, tried=replace(cause.tried, fit=anew(subject, cause.tried.fit)))
     again = search_on(subject, found.base, found.first, (), [], Known(), Brief(rng, progress), (begin,))
     if isinstance(again, NoInterval) or some.name not in {one.candidate.name for one in again.accepted}:
@@ -70,15 +69,10 @@ def _as_they_show_it(
     cause = choice.judged(theirs, own, forms, None, there, lucks, rng, known)[1] if forms else None
     if cause is None:
         return None
-    everybody = _told_apart(subject, some.has)
+    everybody = replace(subject, windows=sd.told_apart(subject.windows, some.has))
 
     def of_all(tried: Tried) -> Tried:
         return replace(tried, fit=anew(everybody, sd.of_two_kinds(tried.fit, base)))
 
     each = each_in_threads(of_all, [tried for tried in known.values() if gates.is_there(tried)])
     return replace(cause, tried=max(each, key=lambda tried: float(log_likelihood(everybody.windows, tried.fit).sum())))
-
-
-def _told_apart(subject: Subject, has: npt.NDArray[np.bool_]) -> Subject:
-    """Return the subject with the windows of drivers who have not what others have told apart."""
-    return replace(subject, windows=subject.windows.without(~has[subject.windows.driver]))

@@ -136,9 +136,14 @@ def gain_of_each(windows: Windows, fit: Fit) -> Floats:
     return np.asarray(with_it - without)
 
 
+def told_apart(windows: Windows, having: Booleans) -> Windows:
+    """Return the windows, those of drivers who have not the cause driven without it; ``having`` of shape ``(drivers,)``."""
+    return windows.without(~having[windows.driver])
+
+
 def by_their_windows(windows: Windows, fit: Fit, share: float) -> Windows:
     """Return the windows, those of drivers who are likelier without the cause driven without it."""
-    return windows.without(~has(gain_of_each(windows, fit), share)[windows.driver])
+    return told_apart(windows, has(gain_of_each(windows, fit), share))
 
 
 def by_their_other_windows(windows: Windows, fit: Fit, share: float) -> Windows:
