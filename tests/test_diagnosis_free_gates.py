@@ -48,8 +48,12 @@ def test_a_place_of_the_model_that_is_so_for_a_while_only_is_told(covariate, z, 
         ("delay over position in lane 2", 6.0, False),  # a response that changes: most looks
         ("delay over time", 6.2, False),
         ("delay over time", 7.0, True),
-        ("delay over position", 5.4, False),
-        ("delay over position", 6.2, True),  # late beside an accident
+        ("delay over position", 4.4, False),
+        ("delay over position", 4.6, True),  # late beside an accident
+        ("delay over position", -6.2, False),  # nobody is early
+        ("own oscillation in time, period 9.1 s", 3.9, False),
+        ("own oscillation in time, periods around 9.1 s", 3.3, False),
+        ("own oscillation in time, periods around 9.1 s", 3.5, True),
         ("response over position", 6.2, False),
         ("headway over leader_gap", 6.0, False),  # another car-following model looks like it
         ("headway over leader_gap", 7.0, True),
@@ -60,8 +64,8 @@ def test_a_place_of_the_model_that_is_so_for_a_while_only_is_told(covariate, z, 
     ],
 )
 def test_what_is_looked_at_more_must_stand_out_more(covariate, z, stands_out):
-    assert bool(free_gates.standing_out(evidence(0.0, free(covariate, -z)))) is stands_out
-    assert not free_gates.standing_out(evidence(0.0, free(covariate, z, is_credible=False)))
+    assert bool(free_gates.standing_out(evidence(0.0, free(covariate, z)))) is stands_out
+    assert not free_gates.standing_out(evidence(0.0, free(covariate, -z, is_credible=False)))
 
 
 @pytest.mark.parametrize(

@@ -271,7 +271,7 @@ def test_oscillations_of_drivers_who_are_seen_for_two_periods_are_a_swell_and_a_
         power = rng.exponential(periods ** (1.0 + slope), (300, len(periods))) + swing * periods * np.exp(-(off**2))
         return power / power.sum(axis=1, keepdims=True)
 
-    twins = spectra(0.0, 0.0).mean(axis=0)
+    twins = [spectra(0.0, 0.0) for _ in range(3)]
     found = oscillation.swell(spectra(1.5, 0.0), twins)
     assert found.is_strong
     assert found.low < 9.0 < found.high

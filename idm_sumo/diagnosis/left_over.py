@@ -25,6 +25,7 @@ Integers = npt.NDArray[np.int64]
 Range = tuple[float, float]
 
 SWING = "own oscillation in time"
+SWELL = f"{SWING}, periods around"
 UNSTEADY = "variance"
 NO_TWIN = "rear_gap"  # the follower answers the real driver, not the twin
 NARROWEST, WIDEST = 2, 0.7  # bins; share of the road, of the time, of both
@@ -167,11 +168,11 @@ def left_over(
     named = [_named(one, looks[one.family.is_around]) for one in _with_one_path(found)]
     spectrum, twins = oscillation.spectrum(pulses), [one.spectrum for one in fitted]
     usual = np.mean([one.mean(axis=0) for one in twins], axis=0)
-    line, swell = oscillation.line(spectrum, usual), oscillation.swell(spectrum, usual)
+    line, swell = oscillation.line(spectrum, usual), oscillation.swell(spectrum, twins)
     swings = [
-        _swinging(line, f"period {np.sqrt(line.low * line.high):.3g} s", grid),
-        _swinging(oscillation.own_lines(spectrum, twins), "each driver's own period", grid),
-        _swinging(swell, f"periods around {np.sqrt(swell.low * swell.high):.2g} s", grid),
+        _swinging(line, f"{SWING}, period {np.sqrt(line.low * line.high):.3g} s", grid),
+        _swinging(oscillation.own_lines(spectrum, twins), f"{SWING}, each driver's own period", grid),
+        _swinging(swell, f"{SWELL} {np.sqrt(swell.low * swell.high):.2g} s", grid),
     ]
     return sorted([*named, *unsteady, *swings], key=rank)
 
@@ -300,11 +301,10 @@ def _unsteady(family: ff.Family, most: variance.Unsteady) -> LeftOver:
     return LeftOver(f"{UNSTEADY} over {family.covariate}", edges, place, time, most.ratio, most.z, p, is_credible)
 
 
-def _swinging(swing: oscillation.Line, period: str, grid: Grid) -> LeftOver:
+def _swinging(swing: oscillation.Line, covariate: str, grid: Grid) -> LeftOver:
     """Return an oscillation in words."""
     whole = (float(grid.time[0]), float(grid.time[-1]))
     p = float(min(1.0, len(oscillation.PERIODS) * norm.sf(swing.z)))
-    covariate = f"{SWING}, {period}"
     return LeftOver(covariate, (swing.low, swing.high), None, whole, swing.ratio, swing.z, p, swing.is_strong)
 
 

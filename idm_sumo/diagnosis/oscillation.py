@@ -3,7 +3,7 @@
 A throttle that swings with a period of its own has no mean along any covariate, and its phase is every driver's own. But within
 a driver it keeps its phase over all windows, which noise of some memory does not: its power gathers in one line. Where each has
 another period, no line stands out on average, but each driver's strongest one does. Where each is seen for two or three periods only, as in
-light traffic, no line of one driver is narrow, but that of all together is a swell around the periods that they have.
+light traffic, no line of one driver is narrow, but those of all together are a swell around the periods that they have.
 """
 
 from __future__ import annotations
@@ -28,11 +28,11 @@ LEAST_BESIDE = 3  # of them, on each side: at the end of a falling spectrum anyt
 # Of a line to what is around it, and of the drivers' strongest lines to the twins'. (Of 118 recordings with nothing hidden the largest were
 # 1.20 and 1.05.)
 LEAST_RATIO, LEAST_OWN_RATIO = 1.22, 1.07
-# The factor of a period up to which a swell reaches; periods near it, and up to which it is compared; its power to that of either side. (Of 20
-# recordings with nothing hidden the largest was 1.16, of US-101 and the surrogate 0.92; of five in which each driver of light traffic had a
-# period of its own three had 1.38 to 1.57, and two 1.08 and 1.11.)
-SWELL, NEAR_SWELL, AROUND_SWELL = 1.2, 6, 16
-LEAST_SWELL = 1.28
+# Of a swell: its width, of the logarithm of a period; periods in which it may have its middle, and among which it is looked for; and how much
+# it must be of the power around it. (Of @@N recordings with nothing hidden the largest was @@L, with @@Z standard errors; of seven in which each
+# driver of light traffic had a period of its own five had 0.29 to 0.53, with 4.0 to 6.9, and two less than 0.14, with less than 2.)
+SWELL_WIDTH, SWELLS, AROUND_SWELL = 0.22, np.geomspace(6.5, 12.0, 10), (PERIODS > 4.5) & (PERIODS < 30.0)
+LEAST_SWELL = 0.25
 OWN_BAND = (PERIODS > 5.0) & (PERIODS < 14.0)  # in which each driver may have a period of its own
 
 
@@ -108,17 +108,33 @@ def own_lines(found: Floats, twins: Sequence[Floats]) -> Line:
     return Line(float(low), float(high), float(np.exp(more)), float(z), bool(np.exp(more) > LEAST_OWN_RATIO))
 
 
-def swell(found: Floats, twins: Floats) -> Line:
-    """Return the strongest swell: periods around which there is more than far off on either side; of the same as :func:`line`."""
-    excess = found.mean(axis=0) / np.maximum(twins, 1e-300)
-    usual, periods = _beside(excess, NEAR_SWELL, AROUND_SWELL)[OWN_BAND], PERIODS[OWN_BAND]
-    inside = np.abs(np.log(PERIODS[:, None] / periods)) < np.log(SWELL)
-    core = inside / inside.sum(axis=0)
-    each = (found @ core) / np.maximum((twins @ core) * usual, 1e-300)
-    best = int(np.argmax(each.mean(axis=0)))
-    ratio, error = float(each[:, best].mean()), float(each[:, best].std() / np.sqrt(len(each)))
-    low, high = float(periods[best] / SWELL), float(periods[best] * SWELL)
-    return Line(low, high, ratio, (ratio - 1.0) / max(error, 1e-300), ratio > LEAST_SWELL)
+def swell(found: Floats, twins: Sequence[Floats]) -> Line:
+    """Return the surest swell: what is more around some period than a smooth spectrum, of the same as :func:`own_lines`.
+
+    Noise of some memory may be another's than the twins' have, but it is smooth: a parabola, over the logarithm of the period.
+    """
+    usual = np.mean([twin.mean(axis=0) for twin in twins], axis=0)
+    each = _flat(found, usual) / np.mean([_flat(twin, usual).mean(axis=0) for twin in twins], axis=0)
+    weights = np.array([_weights_of_swell(np.log(PERIODS[AROUND_SWELL] / middle)) for middle in SWELLS])
+    shares = each[:, AROUND_SWELL] @ weights.T
+    size, error = shares.mean(axis=0), np.maximum(shares.std(axis=0) / np.sqrt(len(shares)), 1e-300)
+    best = int(np.argmax(size / error))
+    low, high = SWELLS[best] * np.exp([-SWELL_WIDTH, SWELL_WIDTH])
+    return Line(
+        float(low), float(high), float(1.0 + size[best]), float(size[best] / error[best]), bool(size[best] > LEAST_SWELL)
+    )
+
+
+def _flat(power: Floats, usual: Floats) -> Floats:
+    """Return each driver's power over what is usual at its period, and over its mean."""
+    excess = power / np.maximum(usual, 1e-300)
+    return np.asarray(excess / np.maximum(excess.mean(axis=1, keepdims=True), 1e-300))
+
+
+def _weights_of_swell(far: Floats) -> Floats:
+    """Return the weights by which periods so far (of the logarithm) from a middle say how large a swell there is, beside a parabola."""
+    swell = np.exp(-0.5 * (far / SWELL_WIDTH) ** 2)
+    return np.asarray(np.linalg.pinv(np.column_stack([swell, np.ones_like(far), far, far**2]))[0])
 
 
 def _log_peaks(power: Floats) -> Floats:
