@@ -40,20 +40,22 @@ def test_the_cause_that_drives_clearly_nearer_is_chosen():
     assert gain_of(subject, base, best.fit, rng).ci95[0] > 0.0
 
 
-def test_which_of_two_places_is_meant_support_alone_decides(monkeypatch):
+def test_which_of_two_places_is_meant_support_decides_unless_both_have_it(monkeypatch):
     windows, _ = followers(ro.PLAIN, np.random.default_rng(5))
     base = fit_drivers(windows, ro.PLAIN.copy(), np.array([1e-4, 1e-4]), rounds=2)
     worse = with_cause(base, candidate(9.0, "acceleration_asymmetry", 0.8))
     subject = Subject(windows, Noises(QUIET, QUIET), at.grid_of(windows), True)
     rng = np.random.default_rng(0)
 
-    def chosen(*names):
+    def chosen(*names, support=20.0):
         each = [Tried(candidate(9.0, name, value), fit, support) for name, (value, fit, support) in zip(
-            names, ((-0.2, worse, 50.0), (0.1, base, 20.0)), strict=True)]  # fmt: skip
+            names, ((-0.2, worse, 50.0), (0.1, base, support)), strict=True)]  # fmt: skip
         monkeypatch.setattr(choice, "climbed", lambda *_: each.pop(0))
         return strongest(subject, base, [one.candidate for one in each], [], rng)[0].candidate
 
     assert chosen("location", "location").value == -0.2
+    assert chosen("location", "location", support=40.0).value == -0.2
+    assert chosen("location", "location", support=45.0).value == 0.1  # drives clearly nearer
     assert chosen("location", "time_of_day").value == 0.1  # drives clearly nearer
 
 

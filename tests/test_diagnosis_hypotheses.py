@@ -51,18 +51,30 @@ def test_where_less_is_done_at_a_place_more_is_done_beside_it():
     assert sorted([one.atom.low for one in both]) == pytest.approx([0.0, 20 * WIDTH], abs=WIDTH)
 
 
-def test_a_place_is_looked_for_as_braking_and_as_headway():
-    braking = evidence(place(10, 20, -1.0), 0.0)
-    shift = ((slots.PLACE_HEADWAY, 1.0),)
-    atoms = [*braking.atoms, *(replace(atom, fixed=shift) for atom in braking.atoms)]
-    # What braking does there a longer headway does in part, and the other way round.
+SHIFT = ((slots.PLACE_HEADWAY, 1.0),)
+
+
+def with_braking(headway: Evidence) -> Evidence:
+    """Return evidence of headways at places with that of braking: what one does there the other does in part, with the other sign."""
+    atoms = [*headway.atoms, *(replace(atom, fixed=SHIFT) for atom in headway.atoms)]
     alike = np.array([[1.0, -0.8], [-0.8, 1.0]])
-    headway = evidence(place(10, 20, 1.0), 0.0)
-    u = np.hstack([-0.8 * headway.u, headway.u])
-    gram, twins = np.kron(alike, braking.gram), np.hstack([-0.8 * headway.twins, headway.twins])
-    both = Evidence(atoms, u, twins, gram, np.hstack([braking.part] * 2), braking.block)
+    u, twins = np.hstack([-0.8 * headway.u, headway.u]), np.hstack([-0.8 * headway.twins, headway.twins])
+    return Evidence(atoms, u, twins, np.kron(alike, headway.gram), np.hstack([headway.part] * 2), headway.block)
+
+
+def test_where_more_is_done_beside_a_place_it_is_so_of_braking_and_of_headway():
+    both = with_braking(evidence(place(20, 40, 1.0), 1.0))
+    best, *others = hy.forms(both, hy.candidates(both)[0])
+    assert best.atom.fixed == SHIFT
+    assert sorted((one.atom.fixed == SHIFT, np.sign(one.value)) for one in [best, *others]) == [
+        (False, -1.0), (False, 1.0), (True, -1.0), (True, 1.0)]  # fmt: skip
+
+
+def test_a_place_is_looked_for_as_braking_and_as_headway():
+    both = with_braking(evidence(place(10, 20, 1.0), 0.0))
+    u, twins, gram = both.u, both.twins, both.gram
     found = hy.candidates(both)[0]
-    assert (found.name, found.atom.fixed, found.value > 0.0) == ("location", shift, True)
+    assert (found.name, found.atom.fixed, found.value > 0.0) == ("location", SHIFT, True)
     assert [p.symbol for p in hy.acting_of(found)] == ["theta", "x_1", "x_2"]
     assert hy.slots_of(found)[0] == (slots.PLACE_HEADWAY, found.value)
     other = hy.forms(both, found)[-1]

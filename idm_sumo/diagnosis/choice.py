@@ -92,8 +92,8 @@ def strongest(
     Of an effect's forms those count that are significant and large enough at their size, if any is. The best has most support,
     unless another drives the vehicles clearly better: where no form is quite right, the likelihood may hold on to how errors vary
     together more than to where the vehicles are. Of causes with nearly as much support the one that drives them best is taken.
-    Which of two places (or times) is meant, support alone decides: what one has too much the other has too little. So it does
-    between what has far less and what has more, and between a delay and the hysteresis that it looks like.
+    Which of two places (or times) is meant, support alone decides unless both have nearly as much: what one has too much the other has too
+    little. So it does between what has far less and what has more, and between a delay and the hysteresis that it looks like.
     Those that it does not decide between are compared at rest.
     """
     each = at_sizes(subject, fit, close, lucks, {} if known is None else known)
@@ -173,7 +173,8 @@ def _is_wanted(form: Form, support: Mapping[Form, float]) -> bool:
 def _support_decides(other: Tried, best: Tried) -> bool:
     """Return whether support alone decides between two candidates.
 
-    So it is with places or times, with forms that have far less, and with what is easily taken for a delay: in drivers of another law it
+    So it is with places or times of which one has clearly less (less braking before a place, and braking at it, had 136 and 124 of support, and
+    drove 0.304 and 0.279 m off), with forms that have far less, and with what is easily taken for a delay: in drivers of another law it
     may drive a little better than the delay they have, with less of what a delay alone explains. Where few drivers have a delay, one
     for all of them drives the others worse, and an asymmetry with a fourth of its support does not. Nor does a follower's place, which tells of its
     leader's noise, decide against what says far more.
@@ -183,7 +184,8 @@ def _support_decides(other: Tried, best: Tried) -> bool:
         if best.candidate.name == DELAY:
             return far_less or other.candidate.name == gates.LIKE_A_DELAY
         return far_less and other.candidate.name in ev.ENDOGENOUS
-    return best.candidate.name in hy.SCANNED or other.support < FORM * best.support
+    enough = RIVAL if best.candidate.name in hy.SCANNED else FORM
+    return other.support < enough * best.support
 
 
 def most_supported(

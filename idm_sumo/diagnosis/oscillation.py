@@ -121,7 +121,11 @@ def swell(found: Floats, twins: Sequence[Floats]) -> Line:
     best = int(np.argmax(size / error))
     low, high = SWELLS[best] * np.exp([-SWELL_WIDTH, SWELL_WIDTH])
     return Line(
-        float(low), float(high), float(1.0 + size[best]), float(size[best] / error[best]), bool(size[best] > LEAST_SWELL)
+        float(low),
+        float(high),
+        float(1.0 + size[best]),
+        float(size[best] / error[best]),
+        bool(size[best] > LEAST_SWELL),
     )
 
 
