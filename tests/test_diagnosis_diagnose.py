@@ -88,6 +88,20 @@ def test_where_nothing_is_named_beyond_another_law_causes_beyond_the_idm_may_be(
 
 
 @pytest.mark.parametrize(
+    ("name", "likelier", "taken"),
+    [("courtesy_yielding", 2.5, True), ("courtesy_yielding", 1.5, False), ("location", 2.5, False)],
+)
+def test_what_no_law_looks_like_need_not_be_surely_likelier_beyond_the_idm(monkeypatch, beyond, name, likelier, taken):
+    """Full velocity difference had taken up room made for others: with it an IDM was likelier by 2.9 standard errors."""
+    subject, nothing, by_idm = beyond
+    (cause,) = by_idm.accepted
+    again = replace(by_idm, accepted=(replace(cause, tried=replace(cause.tried, candidate=candidate(8.0, name, 0.4))),))
+    other = replace(nothing, fit=replace(nothing.fit, by_lane=beneath(nothing.fit.by_lane, of(laws.KRAUSS))))
+    after = asked_again(monkeypatch, subject, other, again, likelier, laws.KRAUSS if taken else None)
+    assert after is (again if taken else other)
+
+
+@pytest.mark.parametrize(
     ("runner_up", "likelier", "rival", "taken"),
     [
         (laws.KRAUSS, 5.0, None, True),

@@ -18,7 +18,7 @@ from idm_sumo.diagnosis import noise as no
 from idm_sumo.diagnosis.artefact import find_seam, repaired
 from idm_sumo.diagnosis.fit import Fit, first_guess, fit_drivers, for_rollouts
 from idm_sumo.diagnosis.gain import Errors, all_gains, compare, driven, typical_gain
-from idm_sumo.diagnosis.gain_gates import LAWLIKE, is_confirmed
+from idm_sumo.diagnosis.gain_gates import LAWLIKE, NO_SHAPE, is_confirmed
 from idm_sumo.diagnosis.law import Followed
 from idm_sumo.diagnosis.look import Subject
 from idm_sumo.diagnosis.result import NAMED, NONE, UNKNOWN, Diagnosis, Gain, Law
@@ -114,7 +114,8 @@ def _by_the_law_with_causes(
     The law came first, without any cause, and may have taken up a part of one, or all of it: where nothing is named beyond another law
     than the IDM, causes are looked for beyond the IDM; and where nothing is beyond the IDM, beyond another one that is likelier, but not
     surely; and where something is there, but without gain, beyond the law that is likeliest with that. (Not if what is strange beyond the
-    first, and made up by no law, is strange beyond the other, too.) What is named beyond one law, and beyond another nothing that would
+    first, and made up by no law, is strange beyond the other, too. They must be surely likelier than what is there, likelier if the first of
+    them is what no law looks like.) What is named beyond one law, and beyond another nothing that would
     make up for it, is no cause. Nor need the first one be if it is the form of any law: then causes are looked for beyond the likeliest
     other law.
     """
@@ -132,9 +133,10 @@ def _by_the_law_with_causes(
     gain = law.likelihood_gain(windows, found.fit, again.fit, rng)
     if names and not again.accepted and gain.difference > 0.0:
         return followed, _refused(found)  # what another law, likelier without any cause, does by itself
-    if not law.is_sure(gain):
+    no_law = _is_of_no_law(again)
+    if not (law.is_sure(gain) or (no_law and gain.ci95[0] > 0.0)):
         return followed, found
-    if not names and law.rival(windows, again.fit, _names(again), followed.forms, rng) is not None:
+    if not (names or no_law) and law.rival(windows, again.fit, _names(again), followed.forms, rng) is not None:
         return followed, found  # causes that an IDM needs to come near to another law
     likelier = None
     if rival != laws.IDM:
@@ -168,6 +170,11 @@ def _rival_with_what_gains_nothing(
         return None
     surest = max(found.without_gain, key=lambda one: abs(one.z))
     return law.rival(windows, with_cause(found.fit, surest), [surest.name], followed.forms, rng)
+
+
+def _is_of_no_law(found: Found) -> bool:
+    """Return whether the first cause is who is ahead, or a lane change to come: no law of car-following looks like it."""
+    return bool(found.accepted) and found.accepted[0].candidate.name in NO_SHAPE
 
 
 def _names(found: Found) -> list[str]:
