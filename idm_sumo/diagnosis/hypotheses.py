@@ -175,15 +175,11 @@ def forms(evidence: Evidence, candidate: Candidate) -> list[Candidate]:
     if candidate.name in SCANNED:
         # That it is there at all, the surest kind says; of which sign and where, each interval for itself.
         kind, sign = candidate.atom.fixed, np.sign(candidate.value)
-        opposite, alike = _scans(evidence, candidate.name, rows, -sign), _scans(evidence, candidate.name, rows, sign)
-        each = [
-            *(c for c in opposite if c.atom.fixed == kind),
-            *(c for c in [*alike, *opposite] if c.atom.fixed != kind),
-        ]
-        resembling = [
-            c for c in each if c.z**2 >= RESEMBLING * candidate.z**2 and (c.atom.fixed == kind or c.near_enough)
-        ]
-        return [candidate, *(c if c.atom.fixed == kind else _as_sure(c, candidate) for c in resembling)]
+        each = [c for s in (sign, -sign) for c in _scans(evidence, candidate.name, rows, s)]
+        resembling = [c for c in each if c.z**2 >= RESEMBLING * candidate.z**2]
+        reverse = [c for c in resembling if c.atom.fixed == kind and c.value * sign < 0.0]
+        kinds = [_as_sure(c, candidate) for c in resembling if c.atom.fixed != kind and c.near_enough]
+        return [candidate, *reverse, *kinds]
     inside = evidence.of(evidence.lane == candidate.atom.lane) if candidate.only_lanes else evidence
     own = None if candidate.only_lanes else _companions(candidate)  # it has its size and, if it is in one, its lane
     by_companions = _by_companions(each_form(inside, candidate.name, rows)).items()

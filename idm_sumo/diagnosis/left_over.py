@@ -167,8 +167,7 @@ def left_over(
     looks = _looks(found)
     named = [_named(one, looks[one.family.is_around]) for one in _with_one_path(found)]
     spectrum, twins = oscillation.spectrum(pulses), [one.spectrum for one in fitted]
-    usual = np.mean([one.mean(axis=0) for one in twins], axis=0)
-    line, swell = oscillation.line(spectrum, usual), oscillation.swell(spectrum, twins)
+    line, swell = oscillation.line(spectrum, oscillation.usual(twins)), oscillation.swell(spectrum, twins)
     swings = [
         _swinging(line, f"{SWING}, period {np.sqrt(line.low * line.high):.3g} s", grid),
         _swinging(oscillation.own_lines(spectrum, twins), f"{SWING}, each driver's own period", grid),
