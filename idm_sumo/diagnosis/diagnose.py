@@ -115,7 +115,7 @@ def _by_the_law_with_causes(
     than the IDM, causes are looked for beyond the IDM; and where nothing is beyond the IDM, beyond another one that is likelier, but not
     surely; and where something is there, but without gain, beyond the law that is likeliest with that. (Not if what is strange beyond the
     first, and made up by no law, is strange beyond the other, too. They must be surely likelier than what is there, likelier if the first of
-    them is what no law looks like.) What is named beyond one law, and beyond another nothing that would
+    them is what no law looks like, and was not there.) What is named beyond one law, and beyond another nothing that would
     make up for it, is no cause. Nor need the first one be if it is the form of any law: then causes are looked for beyond the likeliest
     other law.
     """
@@ -133,10 +133,10 @@ def _by_the_law_with_causes(
     gain = law.likelihood_gain(windows, found.fit, again.fit, rng)
     if names and not again.accepted and gain.difference > 0.0:
         return followed, _refused(found)  # what another law, likelier without any cause, does by itself
-    no_law = _is_of_no_law(again)
-    if not (law.is_sure(gain) or (no_law and gain.ci95[0] > 0.0)):
+    taken_up = _is_of_no_law(again) and _names(again)[0] not in names
+    if not (law.is_sure(gain) or (taken_up and gain.ci95[0] > 0.0)):
         return followed, found
-    if not (names or no_law) and law.rival(windows, again.fit, _names(again), followed.forms, rng) is not None:
+    if not (names or taken_up) and law.rival(windows, again.fit, _names(again), followed.forms, rng) is not None:
         return followed, found  # causes that an IDM needs to come near to another law
     likelier = None
     if rival != laws.IDM:
