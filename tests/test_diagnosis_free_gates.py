@@ -159,8 +159,11 @@ def test_what_cannot_be_elsewhere_is_no_reason_to_doubt_a_response(place, lane, 
         (0.0, "trucks_beside", 6.0, True),
         (0.0, "unrest", 6.0, False),  # is of the driver's own motion
         (0.0, "unrest", 7.0, True),
-        (6.0, "unrest", 8.0, False),  # less than one and a half times the delay's, and 25
-        (6.0, "unrest", 9.5, True),
+        (6.0, "leader_gap", 8.0, False),  # less than one and a half times the delay's, and 25
+        (6.0, "leader_gap", 9.5, True),
+        (6.0, "unrest", 7.2, False),  # what a driver did of late needs no 25 more
+        (6.0, "unrest", 7.5, True),
+        (0.0, "since_braking", 8.9, False),  # of which its noise tells
         (6.0, "position", 9.5, False),  # location holds it
         (6.0, "delay over time", 7.0, True),  # what changes needs half of the delay's, and 25
         (6.0, "variance over position", 7.5, False),  # no cause makes drivers less steady: as much as it, and 25
