@@ -27,7 +27,7 @@ from idm_sumo.progress import Progress, silent
 from idm_sumo.recording import Recording
 from idm_sumo.rollout import Trajectories, drive_idm
 from idm_sumo.scenes import Scenes, Window, build_scenes
-from idm_sumo.sight import what_is_seen
+from idm_sumo.sight import Others, Twin, what_is_seen
 
 from .animation import animate
 from .figures import time_space
@@ -129,35 +129,40 @@ def _nearest(
     each = [(fit_extended(scenes, recording, one, start) if refit else start, one) for one in kinds]
     if len(each) == 1:
         return each[0]
-    return min(each, key=lambda one: _distance(scenes, recording, one[1], one[0]))
+    seen = what_is_seen(recording, scenes)
+    return min(each, key=lambda one: _ade(_off(scenes, seen, one[1], one[0])))
 
 
-def _distance(scenes: Scenes, recording: Recording, model: ExtendedModel, theta: npt.NDArray[np.float64]) -> float:
-    """Return how far (m) on average from its recording one driver of an extended model is."""
-    driven = drive_extended(scenes, recording, model, theta, desired_speed=model.desired_speed)
-    return float(np.abs(driven.x - scenes.x[:, scenes.start : scenes.start + scenes.window.horizon + 1]).mean())
+def _off(
+    scenes: Scenes, seen: tuple[Others, Twin], model: ExtendedModel, theta: npt.NDArray[np.float64]
+) -> npt.NDArray[np.float64]:
+    """Return how far (m) one driver of an extended model is from its recording, at every frame of the horizon."""
+    driven = drive_extended(scenes, seen, model, theta, desired_speed=model.desired_speed)
+    return np.asarray((driven.x - scenes.x[:, scenes.start : scenes.start + scenes.window.horizon + 1])[0])
+
+
+def _ade(off: npt.NDArray[np.float64]) -> float:
+    return float(np.abs(off).mean())
 
 
 def fit_extended(
     scenes: Scenes, recording: Recording, model: ExtendedModel, start: npt.NDArray[np.float64]
 ) -> npt.NDArray[np.float64]:
     """Return the parameters, shape (1, 5), with which one driver of an extended model stays nearest to its recording."""
-    span = slice(scenes.start, scenes.start + scenes.window.horizon + 1)
     lower, upper, seen = np.array(LOWER), np.array(UPPER), what_is_seen(recording, scenes)
 
-    def distances(theta: npt.NDArray[np.float64]) -> npt.NDArray[np.float64]:
-        driven = drive_extended(scenes, seen, model, theta, desired_speed=model.desired_speed)
-        return np.asarray((driven.x - scenes.x[:, span])[0])
+    def off(theta: npt.NDArray[np.float64]) -> npt.NDArray[np.float64]:
+        return _off(scenes, seen, model, theta)
 
     found = []
     for begin in (start[0], np.array(model.parameters)):
         inside = np.clip(begin, lower + 1e-6, upper - 1e-6)
         # Nearly the sum of distances, as the plain fit: squares would favour the end of the horizon.
         fit = least_squares(
-            distances, inside, bounds=(lower, upper), x_scale=upper - lower, loss="soft_l1", f_scale=0.05, max_nfev=200
+            off, inside, bounds=(lower, upper), x_scale=upper - lower, loss="soft_l1", f_scale=0.05, max_nfev=200
         )
         found += [inside, fit.x]
-    return np.asarray(min(found, key=lambda theta: float(np.abs(distances(theta)).mean())))[None]
+    return np.asarray(min(found, key=lambda theta: _ade(off(theta))))[None]
 
 
 def _scene_of(recording: Recording, request: Request) -> Scenes:
