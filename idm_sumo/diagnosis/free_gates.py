@@ -40,8 +40,8 @@ ENTRY, ENTRY_SHARE = "since_entry", 0.55
 # place, or with time, is what goes beyond the same change everywhere, and has to be only half as sure as that.
 # No cause makes drivers less steady at its place or time: that has to be as sure.
 FREE_EXCESS, FREE_CHANGE, FREE_ALIKE, FREE_MORE = 1.5, 0.5, 1.0, 25.0
-# What a driver did of late needs no more than that. (Of drivers weary of unrest it said 1.7 and 1.8 times what a place did, which they come
-# to where traffic is unsteady; in 66 recordings with an effect of the catalogue at most 0.8, or 1.1 beside the wrong law.)
+# Of what a driver did of late the excess is enough, without the rest. (Where drivers are weary of unrest it said 1.7 and 1.8 times what a place
+# did, as traffic is unsteady at some; in 66 recordings with an effect of the catalogue at most 0.8, or 1.1 beside the wrong law.)
 OF_LATE = ("unrest", AFTER_BRAKING)
 # Of its squared z, that must be left with the best cause of the catalogue in the model. Less of a place and time: what a place does at
 # all times a location takes away, and what a location leaves there is not its form.
@@ -60,7 +60,7 @@ DRAWN, SLOWED = "faster_difference", "adjacent_lane_friction"
 # times: 1.6 to 3.3 with all causes in the model; glare, which is at a place for a while: 12.)
 FREE_WITHIN = FREE_REGION
 # What neither an effect of the catalogue nor another law makes up.
-UNLIKE_ANY = (STARTING, ENTRY, AFTER_BRAKING, "unrest", *ff.AROUND)
+UNLIKE_ANY = (STARTING, ENTRY, *OF_LATE, *ff.AROUND)
 # Times the squared z of the effect that it shows, from which on something free is more than that. Long cars that are no trucks: trucks left
 # the leader's length 0.7 to 1.0 of who is ahead, cars behind vans 2.7 and 7.5. And who drives beside: who makes room for others does so behind
 # them, and less than elsewhere right beside them; that had 1.2 and 1.9 of the room made before a cut-in. (Who shuns driving abreast, or lets
