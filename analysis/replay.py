@@ -126,10 +126,10 @@ def _nearest(
 ) -> tuple[npt.NDArray[np.float64], ExtendedModel]:
     """Return the driver's parameters, fitted anew if asked, and the model: of causes that only some drivers have, with or without, as is nearer."""
     kinds = [model] if model.share == 1.0 else [model, model.of_others()]
-    each = [(fit_extended(scenes, recording, one, start) if refit else start, one) for one in kinds]
-    if len(each) == 1:
-        return each[0]
+    if len(kinds) == 1 and not refit:
+        return start, model
     seen = what_is_seen(recording, scenes)
+    each = [(fit_extended(scenes, seen, one, start) if refit else start, one) for one in kinds]
     return min(each, key=lambda one: _ade(_off(scenes, seen, one[1], one[0])))
 
 
@@ -146,10 +146,10 @@ def _ade(off: npt.NDArray[np.float64]) -> float:
 
 
 def fit_extended(
-    scenes: Scenes, recording: Recording, model: ExtendedModel, start: npt.NDArray[np.float64]
+    scenes: Scenes, seen: tuple[Others, Twin], model: ExtendedModel, start: npt.NDArray[np.float64]
 ) -> npt.NDArray[np.float64]:
     """Return the parameters, shape (1, 5), with which one driver of an extended model stays nearest to its recording."""
-    lower, upper, seen = np.array(LOWER), np.array(UPPER), what_is_seen(recording, scenes)
+    lower, upper = np.array(LOWER), np.array(UPPER)
 
     def off(theta: npt.NDArray[np.float64]) -> npt.NDArray[np.float64]:
         return _off(scenes, seen, model, theta)
