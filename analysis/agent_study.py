@@ -8,10 +8,10 @@ from pathlib import Path
 import numpy as np
 import pandas as pd
 
-from idm_sumo.errors import InputError
 from idm_sumo.irl.learning import learn_reward, lessons_of
-from idm_sumo.outputs import new_file
-from idm_sumo.progress import Progress, silent
+from idm_sumo.runtime.errors import InputError
+from idm_sumo.runtime.files import new_file
+from idm_sumo.runtime.progress import Progress, silent
 
 from . import agent_figures, agents
 from .drivers import Drivers

@@ -13,7 +13,6 @@ import pandas as pd
 from joblib import Parallel, cpu_count, delayed
 
 from idm_sumo import risk
-from idm_sumo.errors import InputError
 from idm_sumo.irl import approaches, simulation
 from idm_sumo.irl.demonstrations import Demonstrations, rollout
 from idm_sumo.irl.learning import (
@@ -29,9 +28,10 @@ from idm_sumo.irl.learning import (
 from idm_sumo.irl.policy import Policy, drive_policy
 from idm_sumo.irl.trajectory import step_features
 from idm_sumo.metrics import summary
-from idm_sumo.outputs import new_file
-from idm_sumo.progress import Progress, silent
 from idm_sumo.rollout import Trajectories
+from idm_sumo.runtime.errors import InputError
+from idm_sumo.runtime.files import new_file
+from idm_sumo.runtime.progress import Progress, silent
 
 from .builtin import cache_folder
 from .drivers import Drivers

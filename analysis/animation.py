@@ -13,9 +13,9 @@ from matplotlib.transforms import Affine2D
 
 from idm_sumo import columns as c
 from idm_sumo import road
-from idm_sumo.progress import Progress, silent
 from idm_sumo.recording import Recording
 from idm_sumo.rollout import Trajectories
+from idm_sumo.runtime.progress import Progress, silent
 from idm_sumo.scenes import LEADER_OF_TWIN, Scenes
 
 from .style import METHOD_COLOURS, RECORDED, TRAFFIC, new_figure

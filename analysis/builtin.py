@@ -8,8 +8,8 @@ from pathlib import Path
 
 from platformdirs import user_cache_path
 
-from idm_sumo.outputs import new_folder
-from idm_sumo.progress import Progress, silent
+from idm_sumo.runtime.files import new_folder
+from idm_sumo.runtime.progress import Progress, silent
 from idm_sumo.sumo import network
 
 from .warm import compile_beside

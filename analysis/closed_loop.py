@@ -18,10 +18,10 @@ from idm_sumo import driver_table as d
 from idm_sumo import road
 from idm_sumo.comparison import compare_portraits, portray
 from idm_sumo.effects import ExtendedModel
-from idm_sumo.errors import InputError
-from idm_sumo.outputs import MANIFEST, new_folder
-from idm_sumo.progress import Progress, silent
 from idm_sumo.recording import Recording
+from idm_sumo.runtime.errors import InputError
+from idm_sumo.runtime.files import MANIFEST, new_folder
+from idm_sumo.runtime.progress import Progress, silent
 from idm_sumo.smoothing import smooth
 from idm_sumo.sumo.closed_loop import Measured, run_and_measure, write_run
 from idm_sumo.sumo.demand import boundary_speeds, demand_of

@@ -11,11 +11,11 @@ import pandas as pd
 
 from idm_sumo import columns as c
 from idm_sumo.comparison import ALL_PERIODS, RECORDING, Comparison, compare, matched_periods
-from idm_sumo.errors import InputError
-from idm_sumo.outputs import MANIFEST, new_folder
-from idm_sumo.progress import Progress, silent
 from idm_sumo.reading import read_recording
 from idm_sumo.recording import Recording
+from idm_sumo.runtime.errors import InputError
+from idm_sumo.runtime.files import MANIFEST, new_folder
+from idm_sumo.runtime.progress import Progress, silent
 
 from .builtin import cached_surrogate
 from .manifest import manifest, write_manifest

@@ -16,10 +16,10 @@ from idm_sumo.cleaning import clean
 from idm_sumo.departures import departures
 from idm_sumo.diagnosis import CauseFound, Diagnosis, Gain, RuledOut
 from idm_sumo.diagnosis.diagnose import diagnose
-from idm_sumo.outputs import MANIFEST, new_folder
-from idm_sumo.progress import Progress, silent
 from idm_sumo.reading import read_recording
 from idm_sumo.recording import Recording
+from idm_sumo.runtime.files import MANIFEST, new_folder
+from idm_sumo.runtime.progress import Progress, silent
 
 from . import diagnosis_figures as figures
 from . import diagnosis_words as words

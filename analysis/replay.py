@@ -18,14 +18,14 @@ from idm_sumo import road
 from idm_sumo.calibration import calibrate
 from idm_sumo.driver_table import read_drivers
 from idm_sumo.effects import ExtendedModel
-from idm_sumo.errors import InputError
 from idm_sumo.extended_rollout import drive_extended
 from idm_sumo.idm import LOWER, UPPER
 from idm_sumo.metrics import score
-from idm_sumo.outputs import MANIFEST, new_folder
-from idm_sumo.progress import Progress, silent
 from idm_sumo.recording import Recording
 from idm_sumo.rollout import Trajectories, drive_idm
+from idm_sumo.runtime.errors import InputError
+from idm_sumo.runtime.files import MANIFEST, new_folder
+from idm_sumo.runtime.progress import Progress, silent
 from idm_sumo.scenes import Scenes, Window, build_scenes
 from idm_sumo.sight import Others, Twin, what_is_seen
 

@@ -10,10 +10,10 @@ import pandas as pd
 
 from idm_sumo import columns as c
 from idm_sumo.accounting import Accounting, Ledger
-from idm_sumo.errors import InputError
 from idm_sumo.leaders import row_ahead, row_of
 from idm_sumo.recording import Recording
 from idm_sumo.road import FRAME_STEP, MAIN_LANES
+from idm_sumo.runtime.errors import InputError
 
 LEADER_FRAMES = 10  # frames with a wrong leader from which a vehicle is not modelled
 LANE_CHANGE_MARGIN = 20  # frames before and after a lane change in which labels are not judged

@@ -13,7 +13,7 @@ from typing import IO, cast
 import pandas as pd
 
 from idm_sumo.accounting import Ledger
-from idm_sumo.errors import InputError
+from idm_sumo.runtime.errors import InputError
 
 OFFICIAL = (
     "Vehicle_ID", "Frame_ID", "Total_Frames", "Global_Time", "Local_X", "Local_Y", "Global_X", "Global_Y",

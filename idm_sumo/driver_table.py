@@ -10,7 +10,7 @@ import pandas as pd
 
 from idm_sumo import columns as c
 from idm_sumo import idm
-from idm_sumo.errors import InputError
+from idm_sumo.runtime.errors import InputError
 
 FIRST_FRAME = "first_frame"  # of the calibration window; part of the key where it is given
 KEYS = (c.PERIOD, c.VEHICLE)

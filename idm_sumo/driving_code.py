@@ -24,8 +24,8 @@ import numpy.typing as npt
 import pandas as pd
 
 from idm_sumo import road
-from idm_sumo.errors import InputError
 from idm_sumo.perception import leaders_along
+from idm_sumo.runtime.errors import InputError
 from idm_sumo.scenes import Scenes
 
 SPEED = "mean_speed_m_s"  # not the speed at departure, which a driver table holds too

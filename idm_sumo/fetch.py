@@ -12,11 +12,11 @@ import pooch
 import pyarrow.parquet as pq
 from pydantic import BaseModel, ConfigDict, ValidationError
 
-from idm_sumo.errors import InputError
 from idm_sumo.inspection import Inspection, inspect_recording
-from idm_sumo.outputs import new_file
 from idm_sumo.portal import DEFAULT_URL, PAGE_ROWS, ChangedError, Portal, Stand, parse_page, schema
-from idm_sumo.progress import Progress, silent
+from idm_sumo.runtime.errors import InputError
+from idm_sumo.runtime.files import new_file
+from idm_sumo.runtime.progress import Progress, silent
 
 
 class Page(BaseModel):

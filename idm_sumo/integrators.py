@@ -14,8 +14,8 @@ from numba import njit
 from idm_sumo import idm, road
 from idm_sumo.calibration.kernel import look_ahead
 from idm_sumo.calibration.problem import Problem
-from idm_sumo.errors import InputError
-from idm_sumo.threads import in_threads
+from idm_sumo.runtime.errors import InputError
+from idm_sumo.runtime.threads import in_threads
 
 Floats = npt.NDArray[np.float64]
 

@@ -9,7 +9,6 @@ import pandas as pd
 from idm_sumo import columns as c
 from idm_sumo import leaders
 from idm_sumo.accounting import Accounting, Ledger
-from idm_sumo.errors import InputError
 from idm_sumo.periods import FRAME_MS, split_periods
 from idm_sumo.recording import Recording
 from idm_sumo.road import (
@@ -22,6 +21,7 @@ from idm_sumo.road import (
     ON_RAMP_LANE,
     ON_RAMP_X,
 )
+from idm_sumo.runtime.errors import InputError
 
 HIGHEST_SPEED = 70.0  # m/s; nothing recorded on a motorway is faster
 FINITE = ("Vehicle_ID", "Frame_ID", "Global_Time", "Local_X", "Local_Y", "v_Vel", "v_Acc", "Lane_ID")

@@ -25,7 +25,7 @@ import pyarrow.csv
 import requests
 
 from idm_sumo.delimited import OFFICIAL
-from idm_sumo.errors import InputError
+from idm_sumo.runtime.errors import InputError
 
 DEFAULT_URL = "https://data.transportation.gov/resource/8ect-6jqj.csv"
 PAGE_ROWS = 50_000

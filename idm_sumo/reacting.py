@@ -21,9 +21,9 @@ from numba import njit
 
 from idm_sumo import bicycle, road
 from idm_sumo import columns as c
-from idm_sumo.errors import InputError
 from idm_sumo.metrics import score
 from idm_sumo.rollout import Trajectories, control, drive_idm, perceive
+from idm_sumo.runtime.errors import InputError
 from idm_sumo.scenes import LEADER_FROM_LANE, Scenes
 from idm_sumo.traffic import NOBODY, Traffic, sort_into_cells
 

@@ -16,8 +16,8 @@ import pyarrow.parquet
 from idm_sumo import columns as c
 from idm_sumo import delimited, fcd, ngsim, pairs
 from idm_sumo.accounting import Accounting, Ledger
-from idm_sumo.errors import InputError
 from idm_sumo.recording import Recording
+from idm_sumo.runtime.errors import InputError
 
 PARQUET = b"PAR1"
 ZIP = b"PK\x03\x04"

@@ -11,7 +11,7 @@ import numpy as np
 import pandas as pd
 
 from idm_sumo import columns as c
-from idm_sumo.errors import InputError
+from idm_sumo.runtime.errors import InputError
 
 if TYPE_CHECKING:
     import pandera.pandas as pa

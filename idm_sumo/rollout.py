@@ -10,9 +10,9 @@ import numpy.typing as npt
 from numba import njit
 
 from idm_sumo import bicycle, idm, road
+from idm_sumo.runtime.threads import in_threads
 from idm_sumo.scenes import Scenes
 from idm_sumo.steering import lookahead_distance, pure_pursuit
-from idm_sumo.threads import in_threads
 from idm_sumo.traffic import NOBODY, leader_row
 
 Floats = npt.NDArray[np.float64]

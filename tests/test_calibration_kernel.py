@@ -9,8 +9,8 @@ from idm_sumo import idm, road
 from idm_sumo.calibration import kernel
 from idm_sumo.calibration.objective import CODES, LOSSES
 from idm_sumo.calibration.problem import prepare
-from idm_sumo.errors import InputError
 from idm_sumo.rollout import drive_idm
+from idm_sumo.runtime.errors import InputError
 from idm_sumo.scenes import Window, build_scenes
 from tests.builders import Car, recording
 from tests.known_drivers import known_drivers, scenes_of

@@ -4,8 +4,8 @@ import pytest
 
 from idm_sumo import columns as c
 from idm_sumo.cleaning import clean
-from idm_sumo.errors import InputError
 from idm_sumo.recording import Recording
+from idm_sumo.runtime.errors import InputError
 from tests.builders import Car, recording
 
 PLATOON = tuple(Car(number, x=100.0 - 20 * number, lane=2, frames=60) for number in (1, 2, 3, 4))

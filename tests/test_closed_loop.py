@@ -11,9 +11,9 @@ import pytest
 from idm_sumo import columns as c
 from idm_sumo import road
 from idm_sumo.cli import main
-from idm_sumo.errors import InputError
 from idm_sumo.reading import write_parquet
 from idm_sumo.recording import Recording
+from idm_sumo.runtime.errors import InputError
 from idm_sumo.sumo import closed_loop, populations
 from idm_sumo.sumo.demand import SLOWEST_SIGN, boundary_speeds, demand_of
 from idm_sumo.sumo.ego import Ego

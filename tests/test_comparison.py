@@ -10,7 +10,7 @@ from idm_sumo import columns as c
 from idm_sumo import road
 from idm_sumo.comparison import compare, following, matched_periods
 from idm_sumo.distances import Sample, distance
-from idm_sumo.errors import InputError
+from idm_sumo.runtime.errors import InputError
 from tests.builders import Car, recording
 
 

@@ -8,7 +8,7 @@ import pytest
 
 from idm_sumo import driver_table as d
 from idm_sumo import idm
-from idm_sumo.errors import InputError
+from idm_sumo.runtime.errors import InputError
 
 
 def drivers(**columns: object) -> pd.DataFrame:

@@ -3,8 +3,8 @@ import pytest
 
 from idm_sumo import road
 from idm_sumo.driving_code import SLOWEST, driving_code, features_of
-from idm_sumo.errors import InputError
 from idm_sumo.perception import leaders_along
+from idm_sumo.runtime.errors import InputError
 from tests.builders import Car, scenes
 
 COLUMNS = ["mean_speed_m_s", "approach_rate_m_s", "offset_m", "time_headway_s", "leader_frames"]

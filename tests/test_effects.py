@@ -20,8 +20,8 @@ from idm_sumo.effects import (
     slots,
 )
 from idm_sumo.effects.reaction_delay import REMEMBERED, acted_on, follow_another, recall
-from idm_sumo.errors import InputError
 from idm_sumo.idm import IDMParameters
+from idm_sumo.runtime.errors import InputError
 
 DRIVER = (1.2, 1.8, 1.3, 2.0, 0.4)
 LIMIT = 25.0

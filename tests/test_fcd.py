@@ -8,9 +8,9 @@ import pandas as pd
 import pytest
 
 from idm_sumo import columns as c
-from idm_sumo.errors import InputError
 from idm_sumo.reading import read_recording
 from idm_sumo.road import lane_center
+from idm_sumo.runtime.errors import InputError
 
 libsumo = pytest.importorskip("libsumo")
 NET = Path(__file__).parents[1] / "network" / "us101.net.xml"

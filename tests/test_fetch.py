@@ -12,11 +12,11 @@ import pandas as pd
 import pyarrow.parquet as pq
 import pytest
 
-from idm_sumo.errors import InputError
 from idm_sumo.fetch import FetchResult, fetch
 from idm_sumo.inspection import inspect_recording
 from idm_sumo.portal import DEFAULT_URL, LAYOUT
 from idm_sumo.reading import read_recording
+from idm_sumo.runtime.errors import InputError
 from tests.portal_server import COUNT, Portal, mixed_rows
 
 PAGE = 70  # 320 rows of US-101: four pages of 70 and one of 40

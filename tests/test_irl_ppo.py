@@ -11,7 +11,6 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from idm_sumo.errors import InputError
 from idm_sumo.irl import simulation as sim
 from idm_sumo.irl.cloning import clone
 from idm_sumo.irl.demonstrations import Demonstrations
@@ -20,6 +19,7 @@ from idm_sumo.irl.features import weights_from
 from idm_sumo.irl.learning import Lessons, learn_reward, lessons_of, reward_of_json, train_agent
 from idm_sumo.irl.policy import drive_policy
 from idm_sumo.irl.reward import Reward
+from idm_sumo.runtime.errors import InputError
 from tests.irl_traffic import busy
 
 REWARD = Reward(weights_from({"speed": 20.0, "acceleration": 0.05, "lane": 1.0, "steering": 0.1}), 10.0, 5.0)

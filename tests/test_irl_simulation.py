@@ -133,7 +133,7 @@ def test_a_policy_drives_and_survives_the_disk(tmp_path) -> None:  # type: ignor
 
 
 def test_what_is_no_policy_is_refused_in_one_line(tmp_path) -> None:  # type: ignore[no-untyped-def]
-    from idm_sumo.errors import InputError
+    from idm_sumo.runtime.errors import InputError
 
     (tmp_path / "policy.npz").write_text("no")
     with pytest.raises(InputError, match="is no policy"):

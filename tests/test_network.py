@@ -12,7 +12,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from idm_sumo import road
-from idm_sumo.errors import InputError
+from idm_sumo.runtime.errors import InputError
 from idm_sumo.sumo import network
 
 NETWORK_FOLDER = Path(__file__).parents[1] / "network"

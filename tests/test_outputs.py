@@ -4,8 +4,8 @@ from pathlib import Path
 
 import pytest
 
-from idm_sumo.errors import InputError
-from idm_sumo.outputs import MANIFEST, new_file, new_folder
+from idm_sumo.runtime.errors import InputError
+from idm_sumo.runtime.files import MANIFEST, new_file, new_folder
 
 
 def test_file_appears_whole(tmp_path: Path) -> None:

@@ -10,7 +10,6 @@ from sklearn.base import clone
 from idm_sumo.calibration.kernel import to_search
 from idm_sumo.calibration.problem import prepare
 from idm_sumo.driver_table import check_drivers
-from idm_sumo.errors import InputError
 from idm_sumo.idm import LOWER, UPPER
 from idm_sumo.metrics import displacement
 from idm_sumo.prediction import RolloutPredictor, first_second
@@ -20,6 +19,7 @@ from idm_sumo.prediction.noise import ObservedScale, ResidualNoise
 from idm_sumo.prediction.observation import ACCELERATION, APPROACH_RATE, GAP, LATERAL_SPEED, LEADER_ACCELERATION, SPEED
 from idm_sumo.prediction.through_rollout import _derivatives, _values, fit_weights
 from idm_sumo.rollout import drive_idm
+from idm_sumo.runtime.errors import InputError
 from tests.builders import Car
 from tests.builders import scenes as build
 from tests.known_drivers import known_drivers

@@ -5,10 +5,10 @@ import pandas as pd
 import pytest
 
 from idm_sumo import columns as c
-from idm_sumo.errors import InputError
 from idm_sumo.metrics import score
 from idm_sumo.reacting import parameters_of_followers, score_with_reacting, vehicles_behind
 from idm_sumo.rollout import drive_idm
+from idm_sumo.runtime.errors import InputError
 from idm_sumo.scenes import Window
 from tests.builders import Car, scenes
 

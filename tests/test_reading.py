@@ -6,9 +6,9 @@ import pandas as pd
 import pytest
 
 from idm_sumo import columns as c
-from idm_sumo.errors import InputError
 from idm_sumo.reading import read_recording, write_parquet
 from idm_sumo.road import FOOT
+from idm_sumo.runtime.errors import InputError
 from tests import ngsim_files
 from tests.builders import Car, recording
 from tests.ngsim_files import official, portal

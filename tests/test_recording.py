@@ -3,8 +3,8 @@ import pandas as pd
 import pytest
 
 from idm_sumo import columns as c
-from idm_sumo.errors import InputError
 from idm_sumo.recording import DTYPES, Recording
+from idm_sumo.runtime.errors import InputError
 from tests.builders import Car, recording
 
 

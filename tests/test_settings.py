@@ -5,7 +5,7 @@ from pathlib import Path
 import pytest
 
 from analysis.settings import Settings, load_settings
-from idm_sumo.errors import InputError
+from idm_sumo.runtime.errors import InputError
 
 ROOT = Path(__file__).parents[1]
 

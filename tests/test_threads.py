@@ -3,7 +3,7 @@
 import numba
 import pytest
 
-from idm_sumo.threads import in_threads
+from idm_sumo.runtime.threads import in_threads
 
 
 @pytest.mark.parametrize("count", [0, 1, 3, 17, 1000])

@@ -33,7 +33,7 @@ from idm_sumo.calibration.pooled import usable_windows
 from idm_sumo.calibration.problem import Problem, only, prepare
 from idm_sumo.calibration.solver import SMOOTHING, STARTS, design_of_starts, fit_all
 from idm_sumo.calibration.table import NAMES, full_ade
-from idm_sumo.errors import InputError
+from idm_sumo.runtime.errors import InputError
 from idm_sumo.scenes import Scenes
 
 Floats = npt.NDArray[np.float64]

@@ -38,7 +38,7 @@ from idm_sumo.calibration.lanes import (
     roll_with_derivatives,
 )
 from idm_sumo.calibration.problem import Problem
-from idm_sumo.threads import in_threads
+from idm_sumo.runtime.threads import in_threads
 
 __all__ = [
     "LOWER", "PARAMETERS", "UPPER", "cost", "cost_and_derivatives", "costs", "costs_and_derivatives",

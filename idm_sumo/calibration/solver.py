@@ -25,7 +25,7 @@ from idm_sumo.calibration.coordinates import LOWER, PARAMETERS, UPPER, to_search
 from idm_sumo.calibration.lanes import LANES, PAIRS, WHOLE, costs_of, roll_with_derivatives
 from idm_sumo.calibration.problem import Problem
 from idm_sumo.calibration.steps import STEPS, step_lanes
-from idm_sumo.threads import in_threads
+from idm_sumo.runtime.threads import in_threads
 
 Floats = npt.NDArray[np.float64]
 

@@ -18,9 +18,9 @@ from idm_sumo.calibration import identifiability, reference, solver, status
 from idm_sumo.calibration.chunks import CHUNK, chunks
 from idm_sumo.calibration.kernel import from_search
 from idm_sumo.calibration.problem import Problem, only, prepare
-from idm_sumo.errors import InputError
-from idm_sumo.progress import Progress, silent
 from idm_sumo.rollout import drive_idm
+from idm_sumo.runtime.errors import InputError
+from idm_sumo.runtime.progress import Progress, silent
 from idm_sumo.scenes import Scenes
 
 Floats = npt.NDArray[np.float64]

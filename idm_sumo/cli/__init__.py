@@ -8,7 +8,7 @@ from collections.abc import Sequence
 from typing import NoReturn
 
 from idm_sumo.cli.parser import build_parser
-from idm_sumo.errors import InputError
+from idm_sumo.runtime.errors import InputError
 
 BAD_INPUT = 2
 

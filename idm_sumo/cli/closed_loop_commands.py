@@ -9,7 +9,7 @@ from typing import Any
 
 from idm_sumo.cli import options as shared
 from idm_sumo.cli.console import progress_bar, say, study_module, text_table
-from idm_sumo.errors import InputError
+from idm_sumo.runtime.errors import InputError
 
 SHOWN = ["recording", "period", "vehicles", "mean_speed_m_s", "travel_time_s", "gap_m", "time_headway_s", "lane_changes_per_km",
          "gap_wasserstein_m", "time_headway_wasserstein_s"]  # fmt: skip

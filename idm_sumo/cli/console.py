@@ -15,7 +15,7 @@ from rich.progress import BarColumn, Progress, TaskID, TextColumn, TimeElapsedCo
 if TYPE_CHECKING:
     import pandas as pd
 
-    from idm_sumo.progress import Progress as Report
+    from idm_sumo.runtime.progress import Progress as Report
 
 
 @contextmanager

@@ -9,7 +9,7 @@ from typing import Any
 
 from idm_sumo.cli import options as shared
 from idm_sumo.cli.console import note, progress_bar, say, study_module
-from idm_sumo.memory import keep_freed_memory
+from idm_sumo.runtime.memory import keep_freed_memory
 
 ABOUT = """\
 show what the IDM gets wrong in a recording, name the cause, extend the model and measure the gain

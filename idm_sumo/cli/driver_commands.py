@@ -131,8 +131,8 @@ def predict(options: argparse.Namespace) -> None:
 def _neighbours(options: argparse.Namespace) -> Callable[[Scenes], pd.DataFrame]:
     """Return the paper's prediction."""
     from idm_sumo.driver_table import read_drivers
-    from idm_sumo.errors import InputError
     from idm_sumo.prediction import predict_drivers
+    from idm_sumo.runtime.errors import InputError
 
     if options.drivers is None:
         raise InputError(
@@ -179,8 +179,8 @@ def export(options: argparse.Namespace) -> None:
     """Write vehicle types, their vehicles and the run that drives them."""
     from idm_sumo.driver_table import read_drivers
     from idm_sumo.effects import ExtendedModel
-    from idm_sumo.errors import InputError
     from idm_sumo.jam_distance import cost_summary
+    from idm_sumo.runtime.errors import InputError
     from idm_sumo.sumo.distribution import export_distribution
     from idm_sumo.sumo.export import export_routes
     from idm_sumo.sumo.insertion import departure_delays
@@ -233,8 +233,8 @@ def write(table: pd.DataFrame, path: Path) -> None:
     InputError
         If the ending is neither.
     """
-    from idm_sumo.errors import InputError
-    from idm_sumo.outputs import new_file
+    from idm_sumo.runtime.errors import InputError
+    from idm_sumo.runtime.files import new_file
 
     if path.suffix not in (".parquet", ".csv"):
         raise InputError(f"{path}: a driver table ends in .parquet or .csv")

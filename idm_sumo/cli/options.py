@@ -89,7 +89,7 @@ def scenes_of(options: argparse.Namespace, window: Window) -> tuple[list[Scenes]
         If no vehicle has a whole window.
     """
     from idm_sumo import columns as c
-    from idm_sumo.errors import InputError
+    from idm_sumo.runtime.errors import InputError
     from idm_sumo.scenes import build_scenes
 
     _, cleaned, recording = load(options)

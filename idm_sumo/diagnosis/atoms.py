@@ -23,7 +23,7 @@ from idm_sumo.diagnosis.linear_pulses import GUARD, LINEAR, MOVING, OF_LATE, OF_
 from idm_sumo.diagnosis.rolled import STEP
 from idm_sumo.effects import CATALOGUE, slots
 from idm_sumo.effects.desired_speed import rank
-from idm_sumo.threads import in_threads
+from idm_sumo.runtime.threads import in_threads
 
 Floats = npt.NDArray[np.float64]
 Integers = npt.NDArray[np.int64]

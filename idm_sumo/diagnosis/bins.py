@@ -7,7 +7,7 @@ import numpy.typing as npt
 from numba import njit
 
 from idm_sumo.diagnosis.rollout import BIN
-from idm_sumo.threads import in_threads
+from idm_sumo.runtime.threads import in_threads
 
 Floats = npt.NDArray[np.float64]
 Integers = npt.NDArray[np.int64]

@@ -17,8 +17,8 @@ from idm_sumo.diagnosis.look import Subject
 from idm_sumo.diagnosis.luck import Luck
 from idm_sumo.diagnosis.result import Gain
 from idm_sumo.diagnosis.sizes import DELAY, Tried, anew, climbed, gain_of, typical_ade
-from idm_sumo.progress import silent
-from idm_sumo.threads import each_in_threads
+from idm_sumo.runtime.progress import silent
+from idm_sumo.runtime.threads import each_in_threads
 
 TRIED = 3  # effects at most, that are brought to their sizes and compared
 HEARD = 2  # of the twins, on the way to the size of a candidate; where there are two only, as of many drivers, one says as much

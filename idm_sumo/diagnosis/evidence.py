@@ -17,8 +17,8 @@ from idm_sumo.diagnosis.left_over import Heard, LeftOver, hear, left_over
 from idm_sumo.diagnosis.look import Build, Look, Subject, look, score
 from idm_sumo.diagnosis.luck import Luck
 from idm_sumo.diagnosis.twins import drawn_anew, make_twin, refit, start_behind
-from idm_sumo.progress import Progress
-from idm_sumo.threads import each_in_threads
+from idm_sumo.runtime.progress import Progress
+from idm_sumo.runtime.threads import each_in_threads
 
 Floats = npt.NDArray[np.float64]
 Integers = npt.NDArray[np.int64]

@@ -21,7 +21,7 @@ from idm_sumo.diagnosis.rollout import PLAIN
 from idm_sumo.diagnosis.sizes import ROUNDS, magnitude_of, typical_ade
 from idm_sumo.diagnosis.windows import Windows
 from idm_sumo.effects import slots
-from idm_sumo.threads import each_in_threads
+from idm_sumo.runtime.threads import each_in_threads
 
 Floats = npt.NDArray[np.float64]
 OF_LAW = (slots.LAW, slots.REACTION_CHANGE)

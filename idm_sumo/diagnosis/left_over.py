@@ -18,7 +18,7 @@ from idm_sumo.diagnosis.pulses import Pulses, pulses_of
 from idm_sumo.diagnosis.rollout import BIN
 from idm_sumo.diagnosis.scans import Stretch, best_stretch, beyond_margins, corrected_p
 from idm_sumo.diagnosis.windows import Windows
-from idm_sumo.threads import each_in_threads
+from idm_sumo.runtime.threads import each_in_threads
 
 Floats = npt.NDArray[np.float64]
 Integers = npt.NDArray[np.int64]

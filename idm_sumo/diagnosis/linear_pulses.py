@@ -19,7 +19,7 @@ from idm_sumo.effects.leader_class import behind_truck
 from idm_sumo.effects.pre_insertion import before_own_change
 from idm_sumo.effects.speed_dependent_headway import SPEED_UNIT
 from idm_sumo.effects.vehicle_class import of_truck
-from idm_sumo.threads import in_threads
+from idm_sumo.runtime.threads import in_threads
 
 Floats = npt.NDArray[np.float64]
 

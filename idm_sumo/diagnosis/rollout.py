@@ -22,7 +22,7 @@ from idm_sumo.effects.reaction_delay import (
     own_delay,
 )
 from idm_sumo.road import FRAME_STEP
-from idm_sumo.threads import in_threads
+from idm_sumo.runtime.threads import in_threads
 
 Floats = npt.NDArray[np.float64]
 Integers = npt.NDArray[np.int64]

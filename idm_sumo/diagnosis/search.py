@@ -27,7 +27,7 @@ from idm_sumo.diagnosis.sizes import Tried, anew, magnitude_of, refined, without
 from idm_sumo.diagnosis.together import two_together
 from idm_sumo.diagnosis.twins import driver_noise
 from idm_sumo.effects import BY_NAME, slots
-from idm_sumo.progress import Progress, silent
+from idm_sumo.runtime.progress import Progress, silent
 
 Floats = npt.NDArray[np.float64]
 

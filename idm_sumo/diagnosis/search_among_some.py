@@ -18,8 +18,8 @@ from idm_sumo.diagnosis.luck import draws
 from idm_sumo.diagnosis.result import Estimate
 from idm_sumo.diagnosis.search import FIRST_TWINS, Brief, Found, NoInterval, search_on, twins_of, with_its_noise
 from idm_sumo.diagnosis.sizes import Tried, anew
-from idm_sumo.progress import Progress
-from idm_sumo.threads import each_in_threads
+from idm_sumo.runtime.progress import Progress
+from idm_sumo.runtime.threads import each_in_threads
 
 # What drivers some of whom are late may seem to have on average. (In one of five such recordings the asymmetry had no rival.)
 STAND_INS = ("acceleration_asymmetry", "hysteresis")

@@ -21,7 +21,7 @@ from idm_sumo.diagnosis.gain_gates import LAWLIKE
 from idm_sumo.diagnosis.likelihood import log_likelihood
 from idm_sumo.diagnosis.windows import Windows
 from idm_sumo.effects import slots
-from idm_sumo.threads import each_in_threads
+from idm_sumo.runtime.threads import each_in_threads
 
 Floats = npt.NDArray[np.float64]
 Booleans = npt.NDArray[np.bool_]

@@ -12,7 +12,7 @@ from idm_sumo.diagnosis.fit import Fit
 from idm_sumo.diagnosis.look import Subject
 from idm_sumo.diagnosis.luck import Luck
 from idm_sumo.diagnosis.sizes import Tried, anew, gain_of, without_cause
-from idm_sumo.progress import Progress
+from idm_sumo.runtime.progress import Progress
 
 
 def two_together(

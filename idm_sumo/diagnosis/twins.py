@@ -19,7 +19,7 @@ from idm_sumo.diagnosis.fit import LOWER, UPPER, Fit, improve
 from idm_sumo.diagnosis.luck import Luck, Noises, draw
 from idm_sumo.diagnosis.noise import Noise
 from idm_sumo.diagnosis.rollout import drive, positions
-from idm_sumo.threads import in_threads
+from idm_sumo.runtime.threads import in_threads
 
 Floats = npt.NDArray[np.float64]
 

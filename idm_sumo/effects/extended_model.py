@@ -14,8 +14,8 @@ from idm_sumo import laws, road
 from idm_sumo.effects import slots
 from idm_sumo.effects.catalogue import BY_NAME
 from idm_sumo.effects.record import in_words
-from idm_sumo.errors import InputError
 from idm_sumo.idm import IDMParameters
+from idm_sumo.runtime.errors import InputError
 
 FORMAT = "idm-sumo extended model 1"
 LANES = 8  # lane numbers of a recording

@@ -33,7 +33,7 @@ import numpy as np
 import numpy.typing as npt
 
 from idm_sumo.irl import features
-from idm_sumo.progress import Progress, silent
+from idm_sumo.runtime.progress import Progress, silent
 
 Floats = npt.NDArray[np.float64]
 Integers = npt.NDArray[np.int64]

@@ -10,7 +10,6 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 import numpy as np
 import numpy.typing as npt
 
-from idm_sumo.errors import InputError
 from idm_sumo.irl import features
 from idm_sumo.irl.cloning import clone
 from idm_sumo.irl.demonstrations import Demonstrations, demonstrations_of
@@ -18,7 +17,8 @@ from idm_sumo.irl.episodes import Episodes, Surroundings, episodes_of
 from idm_sumo.irl.inverse_control import Expansion, LearnedReward, learn, learn_wanted, log_likelihood
 from idm_sumo.irl.reward import Reward
 from idm_sumo.irl.trajectory import derivatives, step_features
-from idm_sumo.progress import Progress, silent
+from idm_sumo.runtime.errors import InputError
+from idm_sumo.runtime.progress import Progress, silent
 from idm_sumo.scenes import Scenes
 
 if TYPE_CHECKING:

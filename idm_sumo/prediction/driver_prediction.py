@@ -8,12 +8,12 @@ from scipy.stats import norm
 
 from idm_sumo import columns as c
 from idm_sumo.calibration.hierarchical import SHIFT
-from idm_sumo.errors import InputError
 from idm_sumo.idm import LOWER, UPPER, IDMParameters
 from idm_sumo.prediction.moving_horizon import MovingHorizon, recent
 from idm_sumo.prediction.observation import first_second
 from idm_sumo.prediction.rollout_predictor import RolloutPredictor
 from idm_sumo.prediction.spread import logarithms
+from idm_sumo.runtime.errors import InputError
 from idm_sumo.scenes import Scenes
 
 LEARNING_STEP = 30  # frames between the windows that are learned from

@@ -18,9 +18,9 @@ from sklearn.utils.validation import check_is_fitted, validate_data
 from idm_sumo import columns as c
 from idm_sumo import road
 from idm_sumo.driving_code import FEATURES, driving_code
-from idm_sumo.errors import InputError
 from idm_sumo.idm import LOWER, UPPER, IDMParameters
 from idm_sumo.perception import leaders_along
+from idm_sumo.runtime.errors import InputError
 from idm_sumo.scenes import Scenes
 
 Floats = npt.NDArray[np.float64]

@@ -7,8 +7,8 @@ import numpy.typing as npt
 import pandas as pd
 
 from idm_sumo import road
-from idm_sumo.errors import InputError
 from idm_sumo.perception import leaders_along
+from idm_sumo.runtime.errors import InputError
 from idm_sumo.scenes import Scenes
 
 Floats = npt.NDArray[np.float64]

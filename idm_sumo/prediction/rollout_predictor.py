@@ -17,13 +17,13 @@ from idm_sumo.calibration.hierarchical import SHIFT
 from idm_sumo.calibration.kernel import from_search, sensitivities, slopes_at, to_search
 from idm_sumo.calibration.pooled import usable_windows
 from idm_sumo.calibration.problem import Problem, only, prepare
-from idm_sumo.errors import InputError
 from idm_sumo.idm import IDMParameters
 from idm_sumo.prediction import basis
 from idm_sumo.prediction.noise import ObservedScale, ResidualNoise
 from idm_sumo.prediction.observation import COLUMNS, first_second
 from idm_sumo.prediction.spread import remaining_covariance
 from idm_sumo.prediction.through_rollout import at, fit_weights
+from idm_sumo.runtime.errors import InputError
 from idm_sumo.scenes import Scenes
 
 Floats = npt.NDArray[np.float64]

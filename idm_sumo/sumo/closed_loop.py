@@ -16,10 +16,10 @@ from idm_sumo import columns as c
 from idm_sumo import driver_table as d
 from idm_sumo import road
 from idm_sumo.comparison import Portrait, portray
-from idm_sumo.errors import InputError
-from idm_sumo.progress import Progress, silent
 from idm_sumo.reading import read_recording
 from idm_sumo.recording import Recording
+from idm_sumo.runtime.errors import InputError
+from idm_sumo.runtime.progress import Progress, silent
 from idm_sumo.sumo import network, run_recipe
 from idm_sumo.sumo.demand import SAFE, write_boundary, write_routes
 from idm_sumo.sumo.ego import Ego

@@ -18,8 +18,8 @@ from idm_sumo import columns as c
 from idm_sumo import driver_table as d
 from idm_sumo import road
 from idm_sumo.departures import DESTINATION, LEAVING, THROUGH, departures
-from idm_sumo.errors import InputError
 from idm_sumo.recording import Recording
+from idm_sumo.runtime.errors import InputError
 from idm_sumo.sumo import network
 from idm_sumo.sumo.translation import save
 from idm_sumo.sumo.vtypes import number

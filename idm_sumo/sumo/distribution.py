@@ -11,8 +11,8 @@ import numpy.typing as npt
 import pandas as pd
 
 from idm_sumo import driver_table as d
-from idm_sumo.errors import InputError
-from idm_sumo.outputs import new_file
+from idm_sumo.runtime.errors import InputError
+from idm_sumo.runtime.files import new_file
 from idm_sumo.sumo.translation import desired_speeds, driver_type, identifiers, save, sumo_parameters, with_parameters
 from idm_sumo.sumo.vtypes import identifier, number, type_element
 

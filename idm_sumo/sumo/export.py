@@ -19,10 +19,10 @@ from idm_sumo import driver_table as d
 from idm_sumo.departures import DESTINATION, THROUGH
 from idm_sumo.departures import departures as departures_of
 from idm_sumo.effects import ExtendedModel
-from idm_sumo.errors import InputError
 from idm_sumo.idm import TEXTBOOK
-from idm_sumo.outputs import new_file
 from idm_sumo.recording import Recording
+from idm_sumo.runtime.errors import InputError
+from idm_sumo.runtime.files import new_file
 from idm_sumo.scenes import Scenes
 from idm_sumo.sumo import network, run_recipe
 from idm_sumo.sumo.extended_types import Expressed, express

@@ -15,8 +15,8 @@ from joblib import Parallel, delayed
 from numba import njit
 
 from idm_sumo import bicycle, road
-from idm_sumo.progress import Progress, silent
 from idm_sumo.rollout import Trajectories, perceive
+from idm_sumo.runtime.progress import Progress, silent
 from idm_sumo.scenes import Scenes
 from idm_sumo.sumo.replay import advance
 from idm_sumo.sumo.session import simulation

@@ -12,7 +12,7 @@ from pathlib import Path
 from typing import Any
 
 from idm_sumo import road
-from idm_sumo.errors import InputError
+from idm_sumo.runtime.errors import InputError
 from idm_sumo.sumo.session import ALWAYS
 
 DELAY = "20"  # ms a step, so that one can follow it

@@ -13,8 +13,8 @@ from typing import Any, NamedTuple
 import numpy as np
 import numpy.typing as npt
 
-from idm_sumo.errors import InputError
 from idm_sumo.road import AUXILIARY_LANE, OFF_RAMP_LANE, ON_RAMP_LANE
+from idm_sumo.runtime.errors import InputError
 
 MAINLINE = ("upstream", "entry", "weave", "exit", "downstream", "outflow")
 WEAVE = MAINLINE.index("weave")  # the edge that has the auxiliary lane

@@ -9,9 +9,9 @@ import numpy.typing as npt
 import pandas as pd
 
 from idm_sumo import road
-from idm_sumo.errors import InputError
-from idm_sumo.progress import Progress, silent
 from idm_sumo.rollout import perceive
+from idm_sumo.runtime.errors import InputError
+from idm_sumo.runtime.progress import Progress, silent
 from idm_sumo.scenes import LEADER_FROM_LANE, Scenes
 from idm_sumo.sumo.network import MAINLINE
 from idm_sumo.sumo.session import simulation

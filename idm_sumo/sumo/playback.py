@@ -8,9 +8,9 @@ import numpy as np
 
 from idm_sumo import columns as c
 from idm_sumo import road
-from idm_sumo.errors import InputError
-from idm_sumo.progress import Progress, silent
 from idm_sumo.recording import Recording
+from idm_sumo.runtime.errors import InputError
+from idm_sumo.runtime.progress import Progress, silent
 from idm_sumo.sumo.network import DESTINATIONS, OFF_RAMP, ON_RAMP, ORIGINS, recorded_lane, route
 from idm_sumo.sumo.session import simulation
 from idm_sumo.sumo.stage import Stage, compass

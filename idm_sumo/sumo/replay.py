@@ -19,11 +19,11 @@ from numba import njit
 
 from idm_sumo import bicycle, road
 from idm_sumo.effects import ExtendedModel
-from idm_sumo.errors import InputError
 from idm_sumo.extended_rollout import decide, set_out
-from idm_sumo.progress import Progress, silent
 from idm_sumo.recording import Recording
 from idm_sumo.rollout import Trajectories, control, steer
+from idm_sumo.runtime.errors import InputError
+from idm_sumo.runtime.progress import Progress, silent
 from idm_sumo.scenes import LEADER_FROM_LANE, Scenes
 from idm_sumo.sumo.perception import lane_strip, leader_in_lane
 from idm_sumo.sumo.session import simulation

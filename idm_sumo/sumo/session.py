@@ -9,7 +9,7 @@ from typing import Any
 from xml.etree import ElementTree
 
 from idm_sumo import road
-from idm_sumo.errors import InputError
+from idm_sumo.runtime.errors import InputError
 from idm_sumo.sumo.network import net_file
 
 # What every simulation shares.

@@ -10,7 +10,7 @@ import numpy as np
 import numpy.typing as npt
 
 from idm_sumo import road
-from idm_sumo.errors import InputError
+from idm_sumo.runtime.errors import InputError
 from idm_sumo.scenes import LEADER_FROM_LANE, Scenes
 from idm_sumo.sumo.network import MAINLINE, mainline_ends
 

@@ -14,7 +14,7 @@ from idm_sumo import columns as c
 from idm_sumo import driver_table as d
 from idm_sumo import jam_distance as j
 from idm_sumo import road
-from idm_sumo.errors import InputError
+from idm_sumo.runtime.errors import InputError
 from idm_sumo.sumo.vtypes import DriverType, identifier
 
 Floats = npt.NDArray[np.float64]

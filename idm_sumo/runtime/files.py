@@ -9,7 +9,7 @@ from collections.abc import Iterator
 from contextlib import contextmanager
 from pathlib import Path
 
-from idm_sumo.errors import InputError
+from idm_sumo.runtime.errors import InputError
 
 MANIFEST = "manifest.json"  # what marks a folder as a result of ours, which a new run may replace
 
