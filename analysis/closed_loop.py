@@ -15,10 +15,10 @@ from joblib import Parallel, cpu_count, delayed
 
 from idm_sumo import columns as c
 from idm_sumo import driver_table as d
-from idm_sumo import road
 from idm_sumo.comparison import compare_portraits, portray
 from idm_sumo.effects import ExtendedModel
 from idm_sumo.recording import Recording
+from idm_sumo.roads import road
 from idm_sumo.runtime.errors import InputError
 from idm_sumo.runtime.files import MANIFEST, new_folder
 from idm_sumo.runtime.progress import Progress, silent

@@ -10,7 +10,6 @@ import numpy.typing as npt
 import pandas as pd
 
 from idm_sumo import columns as c
-from idm_sumo import road
 from idm_sumo.calibration import calibrate, pooled
 from idm_sumo.cleaning import clean
 from idm_sumo.driver_table import DESIRED_SPEED, HAS, read_drivers
@@ -20,6 +19,7 @@ from idm_sumo.idm import IDMParameters
 from idm_sumo.jam_distance import MEAN_SPEED, REFIT, mean_speeds, refit_table
 from idm_sumo.prediction import predict_drivers
 from idm_sumo.recording import Recording
+from idm_sumo.roads import road
 from idm_sumo.runtime.errors import InputError
 from idm_sumo.runtime.progress import Progress, silent
 from idm_sumo.scenes import Scenes, Window, build_scenes

@@ -9,10 +9,10 @@ import numpy.typing as npt
 import pandas as pd
 from matplotlib.figure import Figure
 
-from idm_sumo import road
 from idm_sumo.calibration.hierarchical import to_parameters
 from idm_sumo.prediction import Prediction, first_second
 from idm_sumo.prediction.spread import logarithms
+from idm_sumo.roads import road
 from idm_sumo.rollout import drive_idm
 from idm_sumo.scenes import Scenes
 

@@ -7,10 +7,10 @@ import numpy.typing as npt
 import pandas as pd
 
 from idm_sumo import columns as c
-from idm_sumo import road
 from idm_sumo.metrics import displacement
 from idm_sumo.prediction import MovingHorizon, RolloutPredictor, first_second, recent
 from idm_sumo.prediction.moving_horizon import past
+from idm_sumo.roads import road
 from idm_sumo.rollout import drive_idm
 from idm_sumo.runtime.errors import InputError
 from idm_sumo.scenes import Scenes, Window

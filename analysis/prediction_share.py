@@ -12,7 +12,6 @@ from sklearn.ensemble import ExtraTreesRegressor
 from sklearn.model_selection import GroupKFold, cross_val_predict
 
 from idm_sumo import columns as c
-from idm_sumo import road
 from idm_sumo.calibration import calibrate
 from idm_sumo.calibration.kernel import to_search
 from idm_sumo.idm import IDMParameters
@@ -21,6 +20,7 @@ from idm_sumo.prediction import Prediction, RolloutPredictor, first_second
 from idm_sumo.prediction.basis import plain
 from idm_sumo.prediction.driver_prediction import LEARNING_STEP
 from idm_sumo.prediction.noise import ResidualNoise
+from idm_sumo.roads import road
 from idm_sumo.rollout import Trajectories, drive_constant_velocity, drive_idm
 from idm_sumo.scenes import Scenes, Window
 

@@ -10,7 +10,7 @@ from typing import Any, Literal
 from pydantic import ConfigDict, Field, TypeAdapter, ValidationError
 from pydantic.dataclasses import dataclass
 
-from idm_sumo.road import SPEED_LIMIT
+from idm_sumo.roads.road import SPEED_LIMIT
 from idm_sumo.runtime.errors import InputError
 from idm_sumo.scenes import Window
 

@@ -13,9 +13,9 @@ from matplotlib.figure import Figure
 
 from idm_sumo import columns as c
 from idm_sumo import macroscopic as m
-from idm_sumo import road
 from idm_sumo.comparison import Comparison, Portrait, matched_periods
 from idm_sumo.recording import Recording
+from idm_sumo.roads import road
 
 from .style import new_figure
 

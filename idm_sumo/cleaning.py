@@ -12,7 +12,7 @@ from idm_sumo import columns as c
 from idm_sumo.accounting import Accounting, Ledger
 from idm_sumo.leaders import row_ahead, row_of
 from idm_sumo.recording import Recording
-from idm_sumo.road import FRAME_STEP, MAIN_LANES
+from idm_sumo.roads.road import FRAME_STEP, MAIN_LANES
 from idm_sumo.runtime.errors import InputError
 
 LEADER_FRAMES = 10  # frames with a wrong leader from which a vehicle is not modelled

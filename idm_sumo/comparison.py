@@ -10,10 +10,10 @@ import pandas as pd
 
 from idm_sumo import columns as c
 from idm_sumo import macroscopic as m
-from idm_sumo import road
 from idm_sumo.distances import RESAMPLES, Sample, distance
 from idm_sumo.leaders import row_ahead
 from idm_sumo.recording import Recording
+from idm_sumo.roads import road
 from idm_sumo.runtime.errors import InputError
 from idm_sumo.runtime.progress import Progress, silent
 from idm_sumo.waves import wave_speeds

@@ -8,8 +8,8 @@ import pandas as pd
 
 from idm_sumo import columns as c
 from idm_sumo import driver_table as d
-from idm_sumo import road
 from idm_sumo.recording import Recording
+from idm_sumo.roads import road
 from idm_sumo.scenes import Scenes
 
 DESTINATION = "destination"  # edge: "downstream" or "off_ramp"

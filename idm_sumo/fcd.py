@@ -16,7 +16,7 @@ from idm_sumo.accounting import Accounting, Ledger
 from idm_sumo.delimited import BROKEN, open_plain
 from idm_sumo.ngsim import lane_by_position
 from idm_sumo.recording import Recording
-from idm_sumo.road import FRAME_STEP, LANE_WIDTH, OFF_RAMP_LANE
+from idm_sumo.roads.road import FRAME_STEP, LANE_WIDTH, OFF_RAMP_LANE
 from idm_sumo.runtime.errors import InputError
 
 NUMBERS = ("x", "y", "angle", "speed", "acceleration", "length", "width")

@@ -20,9 +20,10 @@ from numba import njit
 from scipy.stats import qmc
 
 from idm_sumo import columns as c
-from idm_sumo import idm, integrators, road
+from idm_sumo import idm, integrators
 from idm_sumo.calibration.problem import Problem, prepare
 from idm_sumo.driver_table import FIRST_FRAME, PARAMETERS, key_columns
+from idm_sumo.roads import road
 from idm_sumo.runtime.errors import InputError
 from idm_sumo.runtime.threads import in_threads
 from idm_sumo.scenes import Scenes

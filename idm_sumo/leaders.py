@@ -7,7 +7,7 @@ import numpy.typing as npt
 import pandas as pd
 
 from idm_sumo import columns as c
-from idm_sumo.road import LANE_WIDTH
+from idm_sumo.roads.road import LANE_WIDTH
 
 HEADWAY_TOLERANCE = 0.15  # m, between a front rebuilt from a headway and a recorded one
 

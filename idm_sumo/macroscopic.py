@@ -22,8 +22,8 @@ import numpy.typing as npt
 import pandas as pd
 
 from idm_sumo import columns as c
-from idm_sumo import road
 from idm_sumo.recording import Recording
+from idm_sumo.roads import road
 from idm_sumo.smoothing import runs
 
 Floats = npt.NDArray[np.float64]

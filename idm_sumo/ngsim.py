@@ -11,7 +11,7 @@ from idm_sumo import leaders
 from idm_sumo.accounting import Accounting, Ledger
 from idm_sumo.periods import FRAME_MS, split_periods
 from idm_sumo.recording import Recording
-from idm_sumo.road import (
+from idm_sumo.roads.road import (
     AUXILIARY_LANE,
     FOOT,
     FRAME_STEP,

@@ -11,10 +11,10 @@ import numpy.typing as npt
 import pandas as pd
 
 from idm_sumo import columns as c
-from idm_sumo import road
 from idm_sumo.accounting import Accounting, Ledger
 from idm_sumo.ngsim import HIGHEST_SPEED
 from idm_sumo.recording import Recording
+from idm_sumo.roads import road
 from idm_sumo.runtime.errors import InputError
 from idm_sumo.smoothing import filter_runs, runs
 

@@ -8,7 +8,7 @@ import numpy as np
 import numpy.typing as npt
 from numba import njit
 
-from idm_sumo import road
+from idm_sumo.roads import road
 from idm_sumo.scenes import LEADER_FROM_LANE, Scenes
 from idm_sumo.traffic import NOBODY, leader_row
 

@@ -19,9 +19,10 @@ import numpy.typing as npt
 import pandas as pd
 from numba import njit
 
-from idm_sumo import bicycle, road
+from idm_sumo import bicycle
 from idm_sumo import columns as c
 from idm_sumo.metrics import score
+from idm_sumo.roads import road
 from idm_sumo.rollout import Trajectories, control, drive_idm, perceive
 from idm_sumo.runtime.errors import InputError
 from idm_sumo.scenes import LEADER_FROM_LANE, Scenes

@@ -9,7 +9,8 @@ import numpy as np
 import numpy.typing as npt
 from numba import njit
 
-from idm_sumo import bicycle, idm, road
+from idm_sumo import bicycle, idm
+from idm_sumo.roads import road
 from idm_sumo.runtime.threads import in_threads
 from idm_sumo.scenes import Scenes
 from idm_sumo.steering import lookahead_distance, pure_pursuit

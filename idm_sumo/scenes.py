@@ -10,8 +10,8 @@ import numpy.typing as npt
 import pandas as pd
 
 from idm_sumo import columns as c
-from idm_sumo import road
 from idm_sumo.recording import Recording
+from idm_sumo.roads import road
 from idm_sumo.traffic import Traffic, build_traffic, sort_into_cells
 from idm_sumo.twin_leaders import leader_lengths, recorded_leaders
 

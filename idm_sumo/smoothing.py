@@ -11,7 +11,7 @@ from scipy.signal import savgol_filter
 
 from idm_sumo import columns as c
 from idm_sumo.recording import Recording
-from idm_sumo.road import FRAME_STEP
+from idm_sumo.roads.road import FRAME_STEP
 
 WINDOW = 21  # frames
 ORDER = 3  # of the local polynomial

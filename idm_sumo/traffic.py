@@ -9,8 +9,8 @@ import numpy.typing as npt
 from numba import njit
 
 from idm_sumo import columns as c
-from idm_sumo import road
 from idm_sumo.recording import Recording
+from idm_sumo.roads import road
 
 NOBODY = -1  # a row that does not exist: nobody ahead
 
@@ -27,7 +27,7 @@ class Traffic:
     ----------
     offsets : int64, shape (cells + 1,)
     x, y, heading, speed, length, width : float64, shape (rows,)
-        Front bumper (m), rad, m/s, m, m. Unknown sizes are assumed (:mod:`idm_sumo.road`).
+        Front bumper (m), rad, m/s, m, m. Unknown sizes are assumed (:mod:`idm_sumo.roads.road`).
     vehicle : int64, shape (rows,)
         Vehicle numbers, 0 for a leader that is known by its headway only.
     first_frame : int

@@ -17,8 +17,8 @@ from scipy.ndimage import uniform_filter1d
 from scipy.stats import theilslopes
 
 from idm_sumo import columns as c
-from idm_sumo import road
 from idm_sumo.recording import Recording
+from idm_sumo.roads import road
 
 Floats = npt.NDArray[np.float64]
 

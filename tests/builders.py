@@ -9,8 +9,8 @@ import numpy.typing as npt
 import pandas as pd
 
 from idm_sumo import columns as c
-from idm_sumo import road
 from idm_sumo.recording import Recording
+from idm_sumo.roads import road
 from idm_sumo.rollout import Trajectories
 from idm_sumo.scenes import Scenes, Window, build_scenes
 

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from idm_sumo import road
+from idm_sumo.roads import road
 from idm_sumo.scenes import Scenes, Window
 from tests.builders import Car, scenes
 

@@ -7,7 +7,8 @@ import numpy.typing as npt
 from scipy.signal import savgol_filter
 
 from idm_sumo import columns as c
-from idm_sumo import idm, road
+from idm_sumo import idm
+from idm_sumo.roads import road
 from idm_sumo.scenes import LEADER_OF_TWIN, Scenes, Window
 from idm_sumo.traffic import sort_into_cells
 

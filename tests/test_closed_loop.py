@@ -9,10 +9,10 @@ import pandas as pd
 import pytest
 
 from idm_sumo import columns as c
-from idm_sumo import road
 from idm_sumo.cli import main
 from idm_sumo.reading import write_parquet
 from idm_sumo.recording import Recording
+from idm_sumo.roads import road
 from idm_sumo.runtime.errors import InputError
 from idm_sumo.sumo import closed_loop, populations
 from idm_sumo.sumo.demand import SLOWEST_SIGN, boundary_speeds, demand_of

@@ -1,9 +1,9 @@
 import numpy as np
 import pytest
 
-from idm_sumo import road
 from idm_sumo.driving_code import SLOWEST, driving_code, features_of
 from idm_sumo.perception import leaders_along
+from idm_sumo.roads import road
 from idm_sumo.runtime.errors import InputError
 from tests.builders import Car, scenes
 

@@ -6,9 +6,9 @@ from xml.etree.ElementTree import TreeBuilder, XMLParser, parse
 import numpy as np
 import pytest
 
-from idm_sumo import road
 from idm_sumo.effects import CATALOGUE, Cause, ExtendedModel
 from idm_sumo.idm import TEXTBOOK
+from idm_sumo.roads import road
 from idm_sumo.sumo.export import Exported, export_routes
 from idm_sumo.sumo.session import simulation
 from tests.test_export import drivers, sumo

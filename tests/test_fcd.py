@@ -9,7 +9,7 @@ import pytest
 
 from idm_sumo import columns as c
 from idm_sumo.reading import read_recording
-from idm_sumo.road import lane_center
+from idm_sumo.roads.road import lane_center
 from idm_sumo.runtime.errors import InputError
 
 libsumo = pytest.importorskip("libsumo")

@@ -5,7 +5,7 @@ import pandas as pd
 import pytest
 
 from idm_sumo.inspection import inspect_recording
-from idm_sumo.road import FOOT
+from idm_sumo.roads.road import FOOT
 from tests import ngsim_files
 
 

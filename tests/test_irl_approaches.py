@@ -5,8 +5,8 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from idm_sumo import road
 from idm_sumo.irl.approaches import closest_approaches
+from idm_sumo.roads import road
 from idm_sumo.rollout import drive_constant_velocity
 from tests.builders import Car, scenes
 

@@ -9,9 +9,9 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from idm_sumo import road
 from idm_sumo.irl import features as f
 from idm_sumo.irl.episodes import episodes_of
+from idm_sumo.roads import road
 from tests.builders import Car, scenes
 
 STEP = 1e-5

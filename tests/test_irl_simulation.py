@@ -5,12 +5,12 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from idm_sumo import road
 from idm_sumo.irl import simulation as sim
 from idm_sumo.irl.episodes import episodes_of
 from idm_sumo.irl.features import ROAD_WIDTH
 from idm_sumo.irl.policy import Policy, drive_controls, drive_policy
 from idm_sumo.irl.reward import ALIVE, PENALTY, WORST, Reward
+from idm_sumo.roads import road
 from idm_sumo.rollout import drive_constant_velocity
 from idm_sumo.scenes import Scenes
 from idm_sumo.sumo.actions import replay_controls

@@ -8,7 +8,8 @@ from hypothesis import strategies as st
 
 from idm_sumo import columns as c
 from idm_sumo import macroscopic as m
-from idm_sumo import road, waves
+from idm_sumo import waves
+from idm_sumo.roads import road
 from tests.builders import Car, recording
 
 

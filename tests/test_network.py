@@ -11,7 +11,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from idm_sumo import road
+from idm_sumo.roads import road
 from idm_sumo.runtime.errors import InputError
 from idm_sumo.sumo import network
 

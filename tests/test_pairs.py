@@ -5,9 +5,9 @@ import pandas as pd
 import pytest
 
 from idm_sumo import columns as c
-from idm_sumo import road
 from idm_sumo.cleaning import clean
 from idm_sumo.reading import read_recording, write_parquet
+from idm_sumo.roads import road
 from idm_sumo.rollout import drive_idm
 from idm_sumo.runtime.errors import InputError
 from idm_sumo.scenes import LEADER_OF_TWIN, Window, build_scenes

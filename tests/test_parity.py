@@ -9,7 +9,7 @@ import pandas as pd
 import pytest
 
 from idm_sumo import columns as c
-from idm_sumo import idm, integrators, road
+from idm_sumo import idm, integrators
 from idm_sumo.calibration import calibrate
 from idm_sumo.calibration.problem import prepare
 from idm_sumo.cleaning import clean
@@ -17,6 +17,7 @@ from idm_sumo.departures import departures
 from idm_sumo.jam_distance import cost_summary, jam_distance_costs, keys_of, refit_table
 from idm_sumo.reading import read_recording
 from idm_sumo.recording import Recording
+from idm_sumo.roads import road
 from idm_sumo.scenes import Scenes, Window, build_scenes
 from idm_sumo.smoothing import smooth
 from idm_sumo.sumo import parity as p

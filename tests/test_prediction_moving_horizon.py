@@ -5,12 +5,12 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from idm_sumo import road
 from idm_sumo.driver_table import check_drivers
 from idm_sumo.metrics import displacement
 from idm_sumo.prediction import MovingHorizon, RolloutPredictor, first_second, recent
 from idm_sumo.prediction.driver_prediction import predict_through_rollout
 from idm_sumo.prediction.moving_horizon import past
+from idm_sumo.roads import road
 from idm_sumo.rollout import drive_idm
 from idm_sumo.runtime.errors import InputError
 from idm_sumo.scenes import Window

@@ -7,7 +7,7 @@ import pytest
 
 from idm_sumo import columns as c
 from idm_sumo.reading import read_recording, write_parquet
-from idm_sumo.road import FOOT
+from idm_sumo.roads.road import FOOT
 from idm_sumo.runtime.errors import InputError
 from tests import ngsim_files
 from tests.builders import Car, recording

@@ -1,7 +1,7 @@
 import numpy as np
 import pytest
 
-from idm_sumo import road
+from idm_sumo.roads import road
 from idm_sumo.scenes import LEADER_FROM_LANE, LEADER_OF_TWIN, TOO_SHORT, Window, build_scenes
 from tests.builders import Car, recording
 

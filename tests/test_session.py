@@ -4,7 +4,7 @@ import sys
 
 import pytest
 
-from idm_sumo import road
+from idm_sumo.roads import road
 from idm_sumo.runtime.errors import InputError
 from idm_sumo.sumo.network import MAINLINE
 from idm_sumo.sumo.session import load_libsumo, simulation

@@ -8,10 +8,10 @@ import pandas as pd
 import pytest
 
 from idm_sumo import columns as c
-from idm_sumo import road
 from idm_sumo.cleaning import clean
 from idm_sumo.reading import read_recording
 from idm_sumo.recording import Recording
+from idm_sumo.roads import road
 from idm_sumo.rollout import Trajectories, drive_idm
 from idm_sumo.runtime.errors import InputError
 from idm_sumo.scenes import Scenes, Window, build_scenes

@@ -3,7 +3,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from idm_sumo import road
+from idm_sumo.roads import road
 from idm_sumo.traffic import NOBODY, build_traffic, leader_row, sort_into_cells
 from tests.builders import Car, recording
 

@@ -7,7 +7,6 @@ from collections.abc import Sequence
 import numpy as np
 import numpy.typing as npt
 
-from idm_sumo import road
 from idm_sumo.calibration import status
 from idm_sumo.calibration.kernel import (
     LOWER,
@@ -22,6 +21,7 @@ from idm_sumo.calibration.problem import Problem, prepare
 from idm_sumo.calibration.solver import SMOOTHING, design_of_starts
 from idm_sumo.calibration.steps import steps_from
 from idm_sumo.idm import IDMParameters
+from idm_sumo.roads import road
 from idm_sumo.runtime.errors import InputError
 from idm_sumo.scenes import Scenes
 

@@ -7,7 +7,7 @@ from collections.abc import Callable
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from idm_sumo import road
+from idm_sumo.roads import road
 
 if TYPE_CHECKING:
     from idm_sumo.cleaning import CleanResult

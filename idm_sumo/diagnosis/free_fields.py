@@ -13,7 +13,7 @@ from idm_sumo.diagnosis import rollout as ro
 from idm_sumo.diagnosis import windows as w
 from idm_sumo.diagnosis.atoms import Grid
 from idm_sumo.diagnosis.bins import numbered
-from idm_sumo.road import FRAME_STEP
+from idm_sumo.roads.road import FRAME_STEP
 
 Floats = npt.NDArray[np.float64]
 Integers = npt.NDArray[np.int64]

@@ -17,7 +17,7 @@ from scipy.optimize import nnls
 from idm_sumo import columns as c
 from idm_sumo.diagnosis.coloured import Once, Shape, Twice, average, bell, cubic
 from idm_sumo.recording import Recording
-from idm_sumo.road import FRAME_STEP
+from idm_sumo.roads.road import FRAME_STEP
 from idm_sumo.smoothing import runs
 
 Floats = npt.NDArray[np.float64]

@@ -27,7 +27,7 @@ from scipy.signal import savgol_filter
 from idm_sumo import columns as c
 from idm_sumo.diagnosis.noise import Noise
 from idm_sumo.recording import Recording
-from idm_sumo.road import FRAME_STEP
+from idm_sumo.roads.road import FRAME_STEP
 from idm_sumo.smoothing import ORDER, WINDOW, Path, runs, with_ends
 
 FARTHEST = 40  # frames to each side that a posterior mean looks at

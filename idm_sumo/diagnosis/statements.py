@@ -23,7 +23,7 @@ from idm_sumo.diagnosis.windows import HORIZON, SECOND, UNTIL_CUT_IN, Windows
 from idm_sumo.effects import BY_NAME, Cause, ExtendedModel, in_words, slots
 from idm_sumo.idm import IDMParameters
 from idm_sumo.recording import Recording
-from idm_sumo.road import FRAME_STEP
+from idm_sumo.roads.road import FRAME_STEP
 
 NAMES = tuple(BY_NAME)
 SHARE = "share"  # of the drivers, who have a cause: given with its parameters where not all do

@@ -9,11 +9,11 @@ import numpy.typing as npt
 import pandas as pd
 
 from idm_sumo import columns as c
-from idm_sumo import road
 from idm_sumo.effects.hysteresis import LATELY
 from idm_sumo.effects.lane_change_relaxation import LARGEST_JUMP, headway_after
 from idm_sumo.leaders import row_ahead, row_of
 from idm_sumo.recording import Recording
+from idm_sumo.roads import road
 from idm_sumo.smoothing import running_mean, same_run
 from idm_sumo.twin_leaders import JUMP, leader_lengths, recorded_leaders
 

@@ -14,7 +14,7 @@ from idm_sumo.diagnosis.other_lanes import OtherLanes
 from idm_sumo.diagnosis.smoother import Smoother, smooth_along
 from idm_sumo.diagnosis.traffic_context import Ahead, leader_events, look_around, since
 from idm_sumo.recording import Recording
-from idm_sumo.road import CAR_LENGTH, FRAME_STEP
+from idm_sumo.roads.road import CAR_LENGTH, FRAME_STEP
 from idm_sumo.smoothing import running_mean, same_run
 
 LEAD = 25  # frames before the start: the past that a delay reaches into, and a twin's run-up

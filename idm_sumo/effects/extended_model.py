@@ -10,11 +10,12 @@ from pathlib import Path
 import numpy as np
 import numpy.typing as npt
 
-from idm_sumo import laws, road
+from idm_sumo import laws
 from idm_sumo.effects import slots
 from idm_sumo.effects.catalogue import BY_NAME
 from idm_sumo.effects.record import in_words
 from idm_sumo.idm import IDMParameters
+from idm_sumo.roads import road
 from idm_sumo.runtime.errors import InputError
 
 FORMAT = "idm-sumo extended model 1"

@@ -14,7 +14,7 @@ from numba import njit
 
 from idm_sumo.effects import slots
 from idm_sumo.effects.record import Effect, Parameter
-from idm_sumo.road import FRAME_STEP
+from idm_sumo.roads.road import FRAME_STEP
 
 SATURATION = 0.5  # m/s^2
 OF_LATE = 3.0  # s, of the mean acceleration

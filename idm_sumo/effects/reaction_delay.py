@@ -21,7 +21,7 @@ from numba import njit
 from idm_sumo.effects import slots
 from idm_sumo.effects.record import Effect, Parameter
 from idm_sumo.idm import SMALLEST_GAP
-from idm_sumo.road import FRAME_STEP
+from idm_sumo.roads.road import FRAME_STEP
 
 LONGEST = 1.5  # s, what a past has to hold
 REMEMBERED = round(LONGEST / FRAME_STEP) + 1  # moments: as much, and the one before

@@ -14,9 +14,10 @@ import numpy as np
 import numpy.typing as npt
 from numba import njit
 
-from idm_sumo import bicycle, road
+from idm_sumo import bicycle
 from idm_sumo.irl.dynamics import step_jacobian
 from idm_sumo.irl.episodes import Episodes
+from idm_sumo.roads import road
 from idm_sumo.scenes import Scenes
 
 Floats = npt.NDArray[np.float64]

@@ -10,8 +10,8 @@ from math import atan, cos, sin, tan
 
 from numba import njit
 
-from idm_sumo import road
 from idm_sumo.bicycle import REAR_SHARE
+from idm_sumo.roads import road
 
 X, Y, PSI, V, ACC, STEER = range(6)
 

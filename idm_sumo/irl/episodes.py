@@ -8,7 +8,7 @@ from typing import Any, NamedTuple
 import numpy as np
 import numpy.typing as npt
 
-from idm_sumo import road
+from idm_sumo.roads import road
 from idm_sumo.scenes import LEADER_FROM_LANE, Scenes
 
 Floats = npt.NDArray[np.float64]

@@ -22,7 +22,6 @@ import pandas as pd
 from sklearn.base import BaseEstimator
 from sklearn.utils.validation import check_is_fitted
 
-from idm_sumo import road
 from idm_sumo.calibration.hierarchical import Part, Population, to_parameters
 from idm_sumo.calibration.kernel import costs, to_search
 from idm_sumo.calibration.pooled import usable_windows
@@ -30,6 +29,7 @@ from idm_sumo.calibration.problem import Problem, only, prepare
 from idm_sumo.prediction.observation import first_second
 from idm_sumo.prediction.rollout_predictor import OK, Prediction, RolloutPredictor
 from idm_sumo.prediction.spread import logarithms
+from idm_sumo.roads import road
 from idm_sumo.runtime.errors import InputError
 from idm_sumo.scenes import LEADER_FROM_LANE, Scenes, Window
 

@@ -6,8 +6,8 @@ import numpy as np
 import numpy.typing as npt
 import pandas as pd
 
-from idm_sumo import road
 from idm_sumo.perception import leaders_along
+from idm_sumo.roads import road
 from idm_sumo.runtime.errors import InputError
 from idm_sumo.scenes import Scenes
 

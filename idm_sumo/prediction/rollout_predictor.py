@@ -11,7 +11,6 @@ import pandas as pd
 from sklearn.base import BaseEstimator
 from sklearn.utils.validation import check_is_fitted
 
-from idm_sumo import road
 from idm_sumo.calibration import pooled
 from idm_sumo.calibration.hierarchical import SHIFT
 from idm_sumo.calibration.kernel import from_search, sensitivities, slopes_at, to_search
@@ -23,6 +22,7 @@ from idm_sumo.prediction.noise import ObservedScale, ResidualNoise
 from idm_sumo.prediction.observation import COLUMNS, first_second
 from idm_sumo.prediction.spread import remaining_covariance
 from idm_sumo.prediction.through_rollout import at, fit_weights
+from idm_sumo.roads import road
 from idm_sumo.runtime.errors import InputError
 from idm_sumo.scenes import Scenes
 

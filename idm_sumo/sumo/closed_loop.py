@@ -14,10 +14,10 @@ import pandas as pd
 
 from idm_sumo import columns as c
 from idm_sumo import driver_table as d
-from idm_sumo import road
 from idm_sumo.comparison import Portrait, portray
 from idm_sumo.reading import read_recording
 from idm_sumo.recording import Recording
+from idm_sumo.roads import road
 from idm_sumo.runtime.errors import InputError
 from idm_sumo.runtime.progress import Progress, silent
 from idm_sumo.sumo import network, run_recipe

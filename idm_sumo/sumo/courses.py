@@ -10,7 +10,7 @@ from xml.etree.ElementTree import Element, ElementTree, SubElement
 
 import numpy as np
 
-from idm_sumo import road
+from idm_sumo.roads import road
 from idm_sumo.sumo import network
 
 ROADS_APART = 10.0  # m, beyond the width of their lanes

@@ -16,9 +16,9 @@ from scipy.ndimage import uniform_filter1d
 
 from idm_sumo import columns as c
 from idm_sumo import driver_table as d
-from idm_sumo import road
 from idm_sumo.departures import DESTINATION, LEAVING, THROUGH, departures
 from idm_sumo.recording import Recording
+from idm_sumo.roads import road
 from idm_sumo.runtime.errors import InputError
 from idm_sumo.sumo import network
 from idm_sumo.sumo.translation import save

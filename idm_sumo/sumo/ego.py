@@ -8,7 +8,8 @@ import numpy as np
 import numpy.typing as npt
 import pandas as pd
 
-from idm_sumo import bicycle, road
+from idm_sumo import bicycle
+from idm_sumo.roads import road
 from idm_sumo.rollout import control
 from idm_sumo.sumo.perception import leader_by_getleader
 from idm_sumo.sumo.stage import ON_ROUTE_AT_EXACT_PLACE, compass

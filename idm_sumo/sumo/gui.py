@@ -11,7 +11,7 @@ from contextlib import contextmanager, suppress
 from pathlib import Path
 from typing import Any
 
-from idm_sumo import road
+from idm_sumo.roads import road
 from idm_sumo.runtime.errors import InputError
 from idm_sumo.sumo.session import ALWAYS
 

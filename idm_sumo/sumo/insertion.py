@@ -9,7 +9,7 @@ import numpy as np
 import pandas as pd
 
 from idm_sumo import driver_table as d
-from idm_sumo import road
+from idm_sumo.roads import road
 from idm_sumo.sumo import session
 
 PATIENCE = 600.0  # s after the last departure, before a vehicle that is still not in counts as never inserted

@@ -13,7 +13,7 @@ from typing import Any, NamedTuple
 import numpy as np
 import numpy.typing as npt
 
-from idm_sumo.road import AUXILIARY_LANE, OFF_RAMP_LANE, ON_RAMP_LANE
+from idm_sumo.roads.road import AUXILIARY_LANE, OFF_RAMP_LANE, ON_RAMP_LANE
 from idm_sumo.runtime.errors import InputError
 
 MAINLINE = ("upstream", "entry", "weave", "exit", "downstream", "outflow")

@@ -8,7 +8,7 @@ import numpy as np
 import numpy.typing as npt
 import pandas as pd
 
-from idm_sumo import road
+from idm_sumo.roads import road
 from idm_sumo.rollout import perceive
 from idm_sumo.runtime.errors import InputError
 from idm_sumo.runtime.progress import Progress, silent

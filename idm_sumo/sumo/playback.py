@@ -7,8 +7,8 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from idm_sumo import columns as c
-from idm_sumo import road
 from idm_sumo.recording import Recording
+from idm_sumo.roads import road
 from idm_sumo.runtime.errors import InputError
 from idm_sumo.runtime.progress import Progress, silent
 from idm_sumo.sumo.network import DESTINATIONS, OFF_RAMP, ON_RAMP, ORIGINS, recorded_lane, route

@@ -8,7 +8,7 @@ from pathlib import Path
 from typing import Any
 from xml.etree import ElementTree
 
-from idm_sumo import road
+from idm_sumo.roads import road
 from idm_sumo.runtime.errors import InputError
 from idm_sumo.sumo.network import net_file
 

@@ -9,7 +9,7 @@ from typing import Any, NamedTuple
 import numpy as np
 import numpy.typing as npt
 
-from idm_sumo import road
+from idm_sumo.roads import road
 from idm_sumo.runtime.errors import InputError
 from idm_sumo.scenes import LEADER_FROM_LANE, Scenes
 from idm_sumo.sumo.network import MAINLINE, mainline_ends
@@ -165,7 +165,7 @@ def cast(scenes: Scenes) -> Cast:
 
     Every vehicle keeps its recorded place, except that a front bumper beyond the outer edges
     of the five main lanes is put on that edge, and one exactly on an edge 1e-9 m inside its
-    lane: so SUMO assigns to each the lane that :func:`idm_sumo.road.lane_at` does. A leader of
+    lane: so SUMO assigns to each the lane that :func:`idm_sumo.roads.road.lane_at` does. A leader of
     which only the headway is known has no lateral place; it drives in the middle of its
     follower's lane.
     """

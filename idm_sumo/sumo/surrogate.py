@@ -20,7 +20,7 @@ import pyarrow as pa
 import pyarrow.csv
 import pyarrow.parquet as pq
 
-from idm_sumo.road import FRAME_STEP
+from idm_sumo.roads.road import FRAME_STEP
 from idm_sumo.runtime.errors import InputError
 from idm_sumo.runtime.files import new_file
 from idm_sumo.sumo import surrogate_demand, surrogate_layout, surrogate_noise, surrogate_traffic

@@ -10,7 +10,7 @@ import numpy as np
 import pandas as pd
 
 from idm_sumo.columns import CAR, MOTORCYCLE, TRUCK
-from idm_sumo.road import OFF_RAMP_X
+from idm_sumo.roads.road import OFF_RAMP_X
 from idm_sumo.sumo.network import ON_RAMP, place, route
 
 # Vehicles that the real recording counted in its three periods of 15 minutes.

@@ -9,9 +9,9 @@ import numpy as np
 import numpy.typing as npt
 import pandas as pd
 
-from idm_sumo import road
 from idm_sumo.delimited import OFFICIAL
-from idm_sumo.road import FOOT
+from idm_sumo.roads import road
+from idm_sumo.roads.road import FOOT
 from idm_sumo.sumo.surrogate_demand import PERIODS
 from idm_sumo.sumo.surrogate_noise import speed_and_acceleration, starts_of
 from idm_sumo.sumo.surrogate_traffic import Trajectories

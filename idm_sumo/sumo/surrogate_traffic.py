@@ -12,7 +12,7 @@ import numpy as np
 import numpy.typing as npt
 import pyarrow.parquet as pq
 
-from idm_sumo.road import FRAME_STEP, LANE_WIDTH, SECTION_LENGTH, SPEED_LIMIT
+from idm_sumo.roads.road import FRAME_STEP, LANE_WIDTH, SECTION_LENGTH, SPEED_LIMIT
 from idm_sumo.sumo.network import OFF_RAMP, route
 from idm_sumo.sumo.session import simulation
 from idm_sumo.sumo.surrogate_demand import Schedule

@@ -10,9 +10,10 @@ import numpy as np
 import pandas as pd
 import pytest
 
-from idm_sumo import bicycle, road
+from idm_sumo import bicycle
 from idm_sumo import columns as c
 from idm_sumo.recording import Recording
+from idm_sumo.roads import road
 from idm_sumo.rollout import Trajectories, drive_idm
 from idm_sumo.scenes import Scenes, Window, build_scenes
 from idm_sumo.sumo.ghosts import replay_ghosts
