@@ -11,8 +11,8 @@ from matplotlib.axes import Axes
 from matplotlib.patches import Rectangle
 from matplotlib.transforms import Affine2D
 
-from idm_sumo import columns as c
-from idm_sumo.recording import Recording
+from idm_sumo.recordings import columns as c
+from idm_sumo.recordings.recording import Recording
 from idm_sumo.roads import road
 from idm_sumo.rollout import Trajectories
 from idm_sumo.runtime.progress import Progress, silent

@@ -27,7 +27,7 @@ def cached_surrogate(minutes: float, seed: int, progress: Progress = silent) -> 
     """Return the surrogate of that length and seed, a folder of Parquet parts, one a period.
 
     It is made if it is not in the cache, and while SUMO works on it on one core the kernels
-    are compiled on another. :func:`idm_sumo.reading.read_recording` reads the folder
+    are compiled on another. :func:`idm_sumo.recordings.reading.read_recording` reads the folder
     as well as each part.
     """
     from idm_sumo.sumo import surrogate

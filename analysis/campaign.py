@@ -142,9 +142,9 @@ def run_trial(trial: dict[str, Any], folder: Path) -> dict[str, Any]:
 
 def find(file: Path, seed: int) -> dict[str, Any]:
     """Diagnose a file; the content of ``diagnosis.json``."""
-    from idm_sumo.cleaning import clean
     from idm_sumo.diagnosis.diagnose import diagnose
-    from idm_sumo.reading import read_recording
+    from idm_sumo.recordings.cleaning import clean
+    from idm_sumo.recordings.reading import read_recording
 
     from .diagnosis_report import contract
 

@@ -13,16 +13,16 @@ import numpy.typing as npt
 import pandas as pd
 from joblib import Parallel, cpu_count, delayed
 
-from idm_sumo import columns as c
 from idm_sumo import driver_table as d
 from idm_sumo.comparison import compare_portraits, portray
 from idm_sumo.effects import ExtendedModel
-from idm_sumo.recording import Recording
+from idm_sumo.recordings import columns as c
+from idm_sumo.recordings.recording import Recording
+from idm_sumo.recordings.smoothing import smooth
 from idm_sumo.roads import road
 from idm_sumo.runtime.errors import InputError
 from idm_sumo.runtime.files import MANIFEST, new_folder
 from idm_sumo.runtime.progress import Progress, silent
-from idm_sumo.smoothing import smooth
 from idm_sumo.sumo.closed_loop import Measured, run_and_measure, write_run
 from idm_sumo.sumo.demand import boundary_speeds, demand_of
 from idm_sumo.sumo.ego import Ego

@@ -8,7 +8,7 @@ from typing import Any
 import pandas as pd
 
 from idm_sumo.comparison import RECORDING, Comparison
-from idm_sumo.recording import Recording
+from idm_sumo.recordings.recording import Recording
 from idm_sumo.sumo.closed_loop import Measured, glimpse_of
 
 from . import closed_loop_words as words

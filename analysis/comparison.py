@@ -9,10 +9,10 @@ from typing import Any
 import numpy as np
 import pandas as pd
 
-from idm_sumo import columns as c
 from idm_sumo.comparison import ALL_PERIODS, RECORDING, Comparison, compare, matched_periods
-from idm_sumo.reading import read_recording
-from idm_sumo.recording import Recording
+from idm_sumo.recordings import columns as c
+from idm_sumo.recordings.reading import read_recording
+from idm_sumo.recordings.recording import Recording
 from idm_sumo.runtime.errors import InputError
 from idm_sumo.runtime.files import MANIFEST, new_folder
 from idm_sumo.runtime.progress import Progress, silent

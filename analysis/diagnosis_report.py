@@ -12,12 +12,12 @@ from typing import Any
 import numpy as np
 import pandas as pd
 
-from idm_sumo.cleaning import clean
 from idm_sumo.departures import departures
 from idm_sumo.diagnosis import CauseFound, Diagnosis, Gain, RuledOut
 from idm_sumo.diagnosis.diagnose import diagnose
-from idm_sumo.reading import read_recording
-from idm_sumo.recording import Recording
+from idm_sumo.recordings.cleaning import clean
+from idm_sumo.recordings.reading import read_recording
+from idm_sumo.recordings.recording import Recording
 from idm_sumo.runtime.files import MANIFEST, new_folder
 from idm_sumo.runtime.progress import Progress, silent
 

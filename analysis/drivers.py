@@ -9,9 +9,9 @@ import numpy as np
 import numpy.typing as npt
 import pandas as pd
 
-from idm_sumo import columns as c
 from idm_sumo import metrics
 from idm_sumo.driving_code import driving_code
+from idm_sumo.recordings import columns as c
 from idm_sumo.rollout import Trajectories, drive_idm
 from idm_sumo.scenes import Scenes
 

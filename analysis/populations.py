@@ -9,21 +9,21 @@ import numpy as np
 import numpy.typing as npt
 import pandas as pd
 
-from idm_sumo import columns as c
 from idm_sumo.calibration import calibrate, pooled
-from idm_sumo.cleaning import clean
 from idm_sumo.driver_table import DESIRED_SPEED, HAS, read_drivers
 from idm_sumo.driving_code import FEATURES, driving_code
 from idm_sumo.effects import ExtendedModel
 from idm_sumo.idm import IDMParameters
 from idm_sumo.jam_distance import MEAN_SPEED, REFIT, mean_speeds, refit_table
 from idm_sumo.prediction import predict_drivers
-from idm_sumo.recording import Recording
+from idm_sumo.recordings import columns as c
+from idm_sumo.recordings.cleaning import clean
+from idm_sumo.recordings.recording import Recording
+from idm_sumo.recordings.smoothing import smooth
 from idm_sumo.roads import road
 from idm_sumo.runtime.errors import InputError
 from idm_sumo.runtime.progress import Progress, silent
 from idm_sumo.scenes import Scenes, Window, build_scenes
-from idm_sumo.smoothing import smooth
 from idm_sumo.sumo.translation import desired_speeds, sumo_parameters, with_parameters
 
 Floats = npt.NDArray[np.float64]

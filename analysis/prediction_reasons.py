@@ -8,7 +8,6 @@ import numpy as np
 import numpy.typing as npt
 import pandas as pd
 
-from idm_sumo import columns as c
 from idm_sumo.calibration import hierarchical, pooled
 from idm_sumo.calibration.identifiability import UNDETERMINED_SHARE, identify
 from idm_sumo.calibration.kernel import LOWER, UPPER, slopes_at, to_search
@@ -16,6 +15,7 @@ from idm_sumo.calibration.problem import prepare
 from idm_sumo.idm import IDMParameters
 from idm_sumo.metrics import displacement
 from idm_sumo.prediction import KNNPredictor
+from idm_sumo.recordings import columns as c
 from idm_sumo.roads import road
 
 from . import prediction_seconds, prediction_share, tables

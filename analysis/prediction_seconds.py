@@ -6,10 +6,10 @@ import numpy as np
 import numpy.typing as npt
 import pandas as pd
 
-from idm_sumo import columns as c
 from idm_sumo.metrics import displacement
 from idm_sumo.prediction import MovingHorizon, RolloutPredictor, first_second, recent
 from idm_sumo.prediction.moving_horizon import past
+from idm_sumo.recordings import columns as c
 from idm_sumo.roads import road
 from idm_sumo.rollout import drive_idm
 from idm_sumo.runtime.errors import InputError

@@ -11,7 +11,6 @@ import pandas as pd
 from sklearn.ensemble import ExtraTreesRegressor
 from sklearn.model_selection import GroupKFold, cross_val_predict
 
-from idm_sumo import columns as c
 from idm_sumo.calibration import calibrate
 from idm_sumo.calibration.kernel import to_search
 from idm_sumo.idm import IDMParameters
@@ -20,6 +19,7 @@ from idm_sumo.prediction import Prediction, RolloutPredictor, first_second
 from idm_sumo.prediction.basis import plain
 from idm_sumo.prediction.driver_prediction import LEARNING_STEP
 from idm_sumo.prediction.noise import ResidualNoise
+from idm_sumo.recordings import columns as c
 from idm_sumo.roads import road
 from idm_sumo.rollout import Trajectories, drive_constant_velocity, drive_idm
 from idm_sumo.scenes import Scenes, Window

@@ -13,14 +13,14 @@ import numpy.typing as npt
 import pandas as pd
 from scipy.optimize import least_squares
 
-from idm_sumo import columns as c
 from idm_sumo.calibration import calibrate
 from idm_sumo.driver_table import read_drivers
 from idm_sumo.effects import ExtendedModel
 from idm_sumo.extended_rollout import drive_extended
 from idm_sumo.idm import LOWER, UPPER
 from idm_sumo.metrics import score
-from idm_sumo.recording import Recording
+from idm_sumo.recordings import columns as c
+from idm_sumo.recordings.recording import Recording
 from idm_sumo.roads import road
 from idm_sumo.rollout import Trajectories, drive_idm
 from idm_sumo.runtime.errors import InputError

@@ -9,7 +9,7 @@ from pathlib import Path
 import numpy as np
 import pandas as pd
 
-from idm_sumo import columns as c
+from idm_sumo.recordings import columns as c
 from idm_sumo.rollout import Trajectories, drive_idm
 from idm_sumo.runtime.files import MANIFEST, new_folder
 from idm_sumo.runtime.progress import Progress, silent

@@ -7,15 +7,15 @@ from pathlib import Path
 
 import pandas as pd
 
-from idm_sumo import columns as c
-from idm_sumo.accounting import Accounting
-from idm_sumo.cleaning import clean
-from idm_sumo.reading import read_recording
-from idm_sumo.recording import Recording
+from idm_sumo.recordings import columns as c
+from idm_sumo.recordings.accounting import Accounting
+from idm_sumo.recordings.cleaning import clean
+from idm_sumo.recordings.reading import read_recording
+from idm_sumo.recordings.recording import Recording
+from idm_sumo.recordings.smoothing import smooth
 from idm_sumo.runtime.errors import InputError
 from idm_sumo.runtime.progress import Progress, silent
 from idm_sumo.scenes import Window, build_scenes
-from idm_sumo.smoothing import smooth
 
 from .builtin import cached_surrogate
 from .drivers import Drivers

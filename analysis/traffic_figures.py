@@ -11,10 +11,10 @@ import pandas as pd
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
-from idm_sumo import columns as c
 from idm_sumo import macroscopic as m
 from idm_sumo.comparison import Comparison, Portrait, matched_periods
-from idm_sumo.recording import Recording
+from idm_sumo.recordings import columns as c
+from idm_sumo.recordings.recording import Recording
 from idm_sumo.roads import road
 
 from .style import new_figure

@@ -8,11 +8,11 @@ from multiprocessing import get_context
 import numpy as np
 import pandas as pd
 
-from idm_sumo import columns as c
 from idm_sumo.calibration import calibrate, pooled
 from idm_sumo.driving_code import driving_code
 from idm_sumo.metrics import score
-from idm_sumo.recording import Recording
+from idm_sumo.recordings import columns as c
+from idm_sumo.recordings.recording import Recording
 from idm_sumo.roads import road
 from idm_sumo.rollout import drive_idm
 from idm_sumo.scenes import Window, build_scenes

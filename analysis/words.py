@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 import pandas as pd
 
-from idm_sumo import columns as c
+from idm_sumo.recordings import columns as c
 from idm_sumo.scenes import LEADER_OF_TWIN
 
 from .settings import SURROGATE, Settings

@@ -8,11 +8,11 @@ from dataclasses import dataclass
 import numpy as np
 import pandas as pd
 
-from idm_sumo import columns as c
 from idm_sumo import macroscopic as m
 from idm_sumo.distances import RESAMPLES, Sample, distance
-from idm_sumo.leaders import row_ahead
-from idm_sumo.recording import Recording
+from idm_sumo.recordings import columns as c
+from idm_sumo.recordings.leaders import row_ahead
+from idm_sumo.recordings.recording import Recording
 from idm_sumo.roads import road
 from idm_sumo.runtime.errors import InputError
 from idm_sumo.runtime.progress import Progress, silent

@@ -6,9 +6,9 @@ from collections.abc import Sequence
 
 import pandas as pd
 
-from idm_sumo import columns as c
 from idm_sumo import driver_table as d
-from idm_sumo.recording import Recording
+from idm_sumo.recordings import columns as c
+from idm_sumo.recordings.recording import Recording
 from idm_sumo.roads import road
 from idm_sumo.scenes import Scenes
 

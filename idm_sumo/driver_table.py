@@ -8,8 +8,8 @@ import numpy as np
 import numpy.typing as npt
 import pandas as pd
 
-from idm_sumo import columns as c
 from idm_sumo import idm
+from idm_sumo.recordings import columns as c
 from idm_sumo.runtime.errors import InputError
 
 FIRST_FRAME = "first_frame"  # of the calibration window; part of the key where it is given
@@ -104,7 +104,7 @@ def check_departures(table: pd.DataFrame, *, source: str = "drivers") -> pd.Data
     ----------
     table : pandas.DataFrame
         Columns ``period, vehicle`` and those of :data:`DEPARTURE`: s, lane 1 to 8, m, m,
-        m/s, m, m, class 0 to 3 as in :mod:`idm_sumo.columns`.
+        m/s, m, m, class 0 to 3 as in :mod:`idm_sumo.recordings.columns`.
 
     Raises
     ------

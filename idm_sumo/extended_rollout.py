@@ -12,7 +12,7 @@ from idm_sumo import bicycle
 from idm_sumo.effects import ExtendedModel, extended_acceleration
 from idm_sumo.effects.lane_change_relaxation import headway_after
 from idm_sumo.effects.reaction_delay import acted_on, follow_another, knows_new_leader
-from idm_sumo.recording import Recording
+from idm_sumo.recordings.recording import Recording
 from idm_sumo.roads import road
 from idm_sumo.rollout import Trajectories, perceive, steer
 from idm_sumo.scenes import LEADER_FROM_LANE, Scenes

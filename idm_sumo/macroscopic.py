@@ -21,10 +21,10 @@ import numpy as np
 import numpy.typing as npt
 import pandas as pd
 
-from idm_sumo import columns as c
-from idm_sumo.recording import Recording
+from idm_sumo.recordings import columns as c
+from idm_sumo.recordings.recording import Recording
+from idm_sumo.recordings.smoothing import runs
 from idm_sumo.roads import road
-from idm_sumo.smoothing import runs
 
 Floats = npt.NDArray[np.float64]
 

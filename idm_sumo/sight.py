@@ -13,18 +13,18 @@ import numpy.typing as npt
 import pandas as pd
 from numba import njit
 
-from idm_sumo import columns as c
 from idm_sumo.effects import Sight
 from idm_sumo.effects.adjacent_lane_friction import AHEAD, BESIDE
 from idm_sumo.effects.hysteresis import LATELY
 from idm_sumo.effects.lane_change_relaxation import headway_after
-from idm_sumo.recording import Recording
+from idm_sumo.recordings import columns as c
+from idm_sumo.recordings.leaders_from_headway import leader_lengths, leader_runs, recorded_leaders
+from idm_sumo.recordings.recording import Recording
+from idm_sumo.recordings.smoothing import running_mean, same_run
 from idm_sumo.roads import road
 from idm_sumo.rollout import perceive
 from idm_sumo.scenes import LEADER_FROM_LANE, Scenes
-from idm_sumo.smoothing import running_mean, same_run
 from idm_sumo.traffic import NOBODY, first_ahead
-from idm_sumo.twin_leaders import leader_lengths, leader_runs, recorded_leaders
 
 Floats = npt.NDArray[np.float64]
 Integers = npt.NDArray[np.int64]

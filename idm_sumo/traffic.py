@@ -8,8 +8,8 @@ import numpy as np
 import numpy.typing as npt
 from numba import njit
 
-from idm_sumo import columns as c
-from idm_sumo.recording import Recording
+from idm_sumo.recordings import columns as c
+from idm_sumo.recordings.recording import Recording
 from idm_sumo.roads import road
 
 NOBODY = -1  # a row that does not exist: nobody ahead

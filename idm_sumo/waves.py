@@ -16,8 +16,8 @@ import pandas as pd
 from scipy.ndimage import uniform_filter1d
 from scipy.stats import theilslopes
 
-from idm_sumo import columns as c
-from idm_sumo.recording import Recording
+from idm_sumo.recordings import columns as c
+from idm_sumo.recordings.recording import Recording
 from idm_sumo.roads import road
 
 Floats = npt.NDArray[np.float64]

@@ -6,8 +6,8 @@ import numpy as np
 import numpy.typing as npt
 from scipy.signal import savgol_filter
 
-from idm_sumo import columns as c
 from idm_sumo import idm
+from idm_sumo.recordings import columns as c
 from idm_sumo.roads import road
 from idm_sumo.scenes import LEADER_OF_TWIN, Scenes, Window
 from idm_sumo.traffic import sort_into_cells

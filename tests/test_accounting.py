@@ -2,7 +2,7 @@ import numpy as np
 import pandas as pd
 import pytest
 
-from idm_sumo.accounting import Accounting, Ledger
+from idm_sumo.recordings.accounting import Accounting, Ledger
 
 
 def test_ledger_books_every_row_it_drops() -> None:

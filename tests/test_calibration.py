@@ -280,9 +280,9 @@ def test_user_mistakes_are_one_line(known, wrong):
 
 
 def test_real_drivers_are_fitted_as_well_as_by_the_papers_solver(shared_data):
-    from idm_sumo.cleaning import clean
-    from idm_sumo.reading import read_recording
-    from idm_sumo.smoothing import smooth
+    from idm_sumo.recordings.cleaning import clean
+    from idm_sumo.recordings.reading import read_recording
+    from idm_sumo.recordings.smoothing import smooth
 
     recorded = read_recording(shared_data / "us101_raw_subset.parquet").recording
     cleaned = clean(recorded.of_period(recorded.periods[0]))

@@ -2,9 +2,9 @@ import numpy as np
 import pandas as pd
 import pytest
 
-from idm_sumo import columns as c
-from idm_sumo.cleaning import clean
-from idm_sumo.recording import Recording
+from idm_sumo.recordings import columns as c
+from idm_sumo.recordings.cleaning import clean
+from idm_sumo.recordings.recording import Recording
 from idm_sumo.runtime.errors import InputError
 from tests.builders import Car, recording
 

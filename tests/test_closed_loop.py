@@ -8,10 +8,10 @@ import numpy as np
 import pandas as pd
 import pytest
 
-from idm_sumo import columns as c
 from idm_sumo.cli import main
-from idm_sumo.reading import write_parquet
-from idm_sumo.recording import Recording
+from idm_sumo.recordings import columns as c
+from idm_sumo.recordings.reading import write_parquet
+from idm_sumo.recordings.recording import Recording
 from idm_sumo.roads import road
 from idm_sumo.runtime.errors import InputError
 from idm_sumo.sumo import closed_loop, populations

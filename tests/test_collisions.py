@@ -5,14 +5,14 @@ import pytest
 from hypothesis import assume, given, settings
 from hypothesis import strategies as st
 
-from idm_sumo.cleaning import clean
 from idm_sumo.collisions import first_contacts, overlap, rectangle, separation
 from idm_sumo.idm import TEXTBOOK
-from idm_sumo.reading import read_recording
+from idm_sumo.recordings.cleaning import clean
+from idm_sumo.recordings.reading import read_recording
+from idm_sumo.recordings.smoothing import smooth
 from idm_sumo.roads import road
 from idm_sumo.rollout import drive_constant_velocity, drive_idm
 from idm_sumo.scenes import Window, build_scenes
-from idm_sumo.smoothing import smooth
 from tests.builders import Car, scenes, trajectories
 
 STEPS = np.arange(21)

@@ -5,10 +5,10 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from idm_sumo import columns as c
 from idm_sumo.diagnosis import artefact
-from idm_sumo.recording import Recording
-from idm_sumo.smoothing import runs
+from idm_sumo.recordings import columns as c
+from idm_sumo.recordings.recording import Recording
+from idm_sumo.recordings.smoothing import runs
 from tests.test_diagnosis_noise import recorded
 
 PLACE = 150.0

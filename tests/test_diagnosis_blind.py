@@ -8,11 +8,11 @@ from typing import Any
 import numpy as np
 import pytest
 
-from idm_sumo import columns as c
 from idm_sumo.diagnosis import Diagnosis, diagnose
 from idm_sumo.diagnosis.artefact import find_seam
-from idm_sumo.reading import read_recording
-from idm_sumo.recording import Recording
+from idm_sumo.recordings import columns as c
+from idm_sumo.recordings.reading import read_recording
+from idm_sumo.recordings.recording import Recording
 from tests import elsewhere, planting
 
 SMALL = {"drivers": 200, "minutes": 3.0, "lanes": 3, "noise": "white", "sigma": 0.2, "underlying": "idm"}

@@ -6,9 +6,9 @@ import numpy as np
 import pandas as pd
 import pytest
 
-from idm_sumo import columns as c
 from idm_sumo.diagnosis.other_lanes import MOTORCYCLE, OtherLanes
 from idm_sumo.effects.leader_class import TRUCK
+from idm_sumo.recordings import columns as c
 
 
 def frame(**others: object) -> pd.DataFrame:

@@ -10,7 +10,7 @@ from scipy.signal import savgol_filter
 
 from idm_sumo.diagnosis.noise import Noise
 from idm_sumo.diagnosis.smoother import LONGEST, Smoother, local_cubic, posterior_mean, travelled, window_for
-from idm_sumo.smoothing import WINDOW
+from idm_sumo.recordings.smoothing import WINDOW
 from tests.test_diagnosis_noise import ERRORS, MOTION
 
 FILTERS = [local_cubic(21), posterior_mean(ERRORS, MOTION)]

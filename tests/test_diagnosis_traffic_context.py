@@ -4,9 +4,9 @@ from __future__ import annotations
 
 import numpy as np
 
-from idm_sumo import columns as c
 from idm_sumo.diagnosis.traffic_context import look_around
-from idm_sumo.reading import read_recording
+from idm_sumo.recordings import columns as c
+from idm_sumo.recordings.reading import read_recording
 from tests import planting
 
 

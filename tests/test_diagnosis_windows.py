@@ -7,7 +7,7 @@ import pytest
 
 from idm_sumo.diagnosis import windows as w
 from idm_sumo.diagnosis.smoother import local_cubic
-from idm_sumo.smoothing import WINDOW
+from idm_sumo.recordings.smoothing import WINDOW
 from tests.builders import Car, recording
 
 FRAMES = 250

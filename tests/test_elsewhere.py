@@ -10,7 +10,7 @@ import pytest
 
 from analysis import campaign_elsewhere
 from analysis.campaign_scores import outcome
-from idm_sumo.reading import read_recording
+from idm_sumo.recordings.reading import read_recording
 from tests import elsewhere
 from tests.elsewhere import cases, effects, gain, laws, road, scenes, view
 from tests.elsewhere.checks import true_accelerations, true_gaps

@@ -11,11 +11,11 @@ import numpy as np
 import pandas as pd
 import pytest
 
-from idm_sumo import columns as c
 from idm_sumo import idm
 from idm_sumo.departures import departures
 from idm_sumo.jam_distance import linearise
-from idm_sumo.recording import Recording
+from idm_sumo.recordings import columns as c
+from idm_sumo.recordings.recording import Recording
 from idm_sumo.roads import road
 from idm_sumo.runtime.errors import InputError
 from idm_sumo.scenes import Window, build_scenes

@@ -5,11 +5,11 @@ import pandas as pd
 import pytest
 
 from analysis.populations import refitted_for
-from idm_sumo import columns as c
 from idm_sumo.cli import main
 from idm_sumo.effects import Cause, ExtendedModel
 from idm_sumo.idm import TEXTBOOK
-from idm_sumo.reading import write_parquet
+from idm_sumo.recordings import columns as c
+from idm_sumo.recordings.reading import write_parquet
 from idm_sumo.roads import road
 from idm_sumo.runtime.errors import InputError
 from idm_sumo.sumo import closed_loop, populations

@@ -7,7 +7,7 @@ import pytest
 from idm_sumo.effects import CATALOGUE, Cause, ExtendedModel
 from idm_sumo.extended_rollout import drive_extended
 from idm_sumo.idm import TEXTBOOK
-from idm_sumo.recording import Recording
+from idm_sumo.recordings.recording import Recording
 from idm_sumo.roads import road
 from idm_sumo.rollout import drive_idm
 from idm_sumo.scenes import Window, build_scenes

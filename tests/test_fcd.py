@@ -7,8 +7,8 @@ import numpy as np
 import pandas as pd
 import pytest
 
-from idm_sumo import columns as c
-from idm_sumo.reading import read_recording
+from idm_sumo.recordings import columns as c
+from idm_sumo.recordings.reading import read_recording
 from idm_sumo.roads.road import lane_center
 from idm_sumo.runtime.errors import InputError
 

@@ -12,10 +12,10 @@ import pandas as pd
 import pyarrow.parquet as pq
 import pytest
 
-from idm_sumo.fetch import FetchResult, fetch
-from idm_sumo.inspection import inspect_recording
-from idm_sumo.portal import DEFAULT_URL, LAYOUT
-from idm_sumo.reading import read_recording
+from idm_sumo.recordings.fetch import FetchResult, fetch
+from idm_sumo.recordings.inspection import inspect_recording
+from idm_sumo.recordings.portal import DEFAULT_URL, LAYOUT
+from idm_sumo.recordings.reading import read_recording
 from idm_sumo.runtime.errors import InputError
 from tests.portal_server import COUNT, Portal, mixed_rows
 
@@ -367,7 +367,7 @@ def test_address_that_is_none(tmp_path: Path) -> None:
 
 def test_pauses_grow_and_heed_the_portal(portal: Portal, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     pauses: list[float] = []
-    monkeypatch.setattr("idm_sumo.portal.time.sleep", pauses.append)
+    monkeypatch.setattr("idm_sumo.recordings.portal.time.sleep", pauses.append)
     portal.faults[0] = ["500", "500", "500", "429"]
     call = partial(load, portal, tmp_path, retries=4, backoff=0.001)
     assert_whole(portal, call())

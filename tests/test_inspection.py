@@ -4,7 +4,7 @@ from pathlib import Path
 import pandas as pd
 import pytest
 
-from idm_sumo.inspection import inspect_recording
+from idm_sumo.recordings.inspection import inspect_recording
 from idm_sumo.roads.road import FOOT
 from tests import ngsim_files
 

@@ -2,8 +2,8 @@ import numpy as np
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from idm_sumo import columns as c
-from idm_sumo.leaders import leader_from_headway, row_ahead, row_of
+from idm_sumo.recordings import columns as c
+from idm_sumo.recordings.leaders import leader_from_headway, row_ahead, row_of
 from tests.builders import Car, recording
 
 POSITIONS = st.lists(

@@ -2,10 +2,10 @@ import numpy as np
 import pandas as pd
 import pytest
 
-from idm_sumo import columns as c
-from idm_sumo.accounting import Accounting, Ledger
-from idm_sumo.ngsim import lane_by_position, to_recording
-from idm_sumo.recording import Recording
+from idm_sumo.recordings import columns as c
+from idm_sumo.recordings.accounting import Accounting, Ledger
+from idm_sumo.recordings.readers.ngsim import lane_by_position, to_recording
+from idm_sumo.recordings.recording import Recording
 from idm_sumo.roads.road import FOOT, lane_center
 from idm_sumo.runtime.errors import InputError
 from tests import ngsim_files

@@ -4,14 +4,14 @@ import numpy as np
 import pandas as pd
 import pytest
 
-from idm_sumo import columns as c
-from idm_sumo.cleaning import clean
-from idm_sumo.reading import read_recording, write_parquet
+from idm_sumo.recordings import columns as c
+from idm_sumo.recordings.cleaning import clean
+from idm_sumo.recordings.reading import read_recording, write_parquet
+from idm_sumo.recordings.smoothing import smooth
 from idm_sumo.roads import road
 from idm_sumo.rollout import drive_idm
 from idm_sumo.runtime.errors import InputError
 from idm_sumo.scenes import LEADER_OF_TWIN, Window, build_scenes
-from idm_sumo.smoothing import smooth
 from idm_sumo.traffic import NOBODY
 
 FEET = 1 / road.FOOT

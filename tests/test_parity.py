@@ -8,18 +8,18 @@ import numpy as np
 import pandas as pd
 import pytest
 
-from idm_sumo import columns as c
 from idm_sumo import idm, integrators
 from idm_sumo.calibration import calibrate
 from idm_sumo.calibration.problem import prepare
-from idm_sumo.cleaning import clean
 from idm_sumo.departures import departures
 from idm_sumo.jam_distance import cost_summary, jam_distance_costs, keys_of, refit_table
-from idm_sumo.reading import read_recording
-from idm_sumo.recording import Recording
+from idm_sumo.recordings import columns as c
+from idm_sumo.recordings.cleaning import clean
+from idm_sumo.recordings.reading import read_recording
+from idm_sumo.recordings.recording import Recording
+from idm_sumo.recordings.smoothing import smooth
 from idm_sumo.roads import road
 from idm_sumo.scenes import Scenes, Window, build_scenes
-from idm_sumo.smoothing import smooth
 from idm_sumo.sumo import parity as p
 from idm_sumo.sumo.export import export_routes
 

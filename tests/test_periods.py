@@ -1,6 +1,6 @@
 import numpy as np
 
-from idm_sumo.periods import split_periods
+from idm_sumo.recordings.periods import split_periods
 
 # Global_Time - 100 * Frame_ID of the three official US-101 files.
 STARTS = np.array([1118846978900, 1118847842000, 1118848757000])

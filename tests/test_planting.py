@@ -9,8 +9,8 @@ import numpy as np
 import pandas as pd
 import pytest
 
-from idm_sumo.cleaning import clean
-from idm_sumo.reading import read_recording
+from idm_sumo.recordings.cleaning import clean
+from idm_sumo.recordings.reading import read_recording
 from tests.planting import CATALOGUE, FORMS, IN_SUMO, MODELS, OUTSIDE, SUMO_MODELS, achievable, plan, simulate, write
 from tests.planting import behaviour as act
 from tests.planting.behaviour import credit, dead, headway

@@ -10,7 +10,7 @@ import pytest
 from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 
-from idm_sumo.portal import LAYOUT, BadPageError, Portal, parse_page, schema
+from idm_sumo.recordings.portal import LAYOUT, BadPageError, Portal, parse_page, schema
 from tests.portal_server import COLUMNS, motorway_rows
 
 ROWS = list(motorway_rows())[:6]

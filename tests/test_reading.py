@@ -5,8 +5,8 @@ import numpy as np
 import pandas as pd
 import pytest
 
-from idm_sumo import columns as c
-from idm_sumo.reading import read_recording, write_parquet
+from idm_sumo.recordings import columns as c
+from idm_sumo.recordings.reading import read_recording, write_parquet
 from idm_sumo.roads.road import FOOT
 from idm_sumo.runtime.errors import InputError
 from tests import ngsim_files

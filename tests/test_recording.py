@@ -2,8 +2,8 @@ import numpy as np
 import pandas as pd
 import pytest
 
-from idm_sumo import columns as c
-from idm_sumo.recording import DTYPES, Recording
+from idm_sumo.recordings import columns as c
+from idm_sumo.recordings.recording import DTYPES, Recording
 from idm_sumo.runtime.errors import InputError
 from tests.builders import Car, recording
 

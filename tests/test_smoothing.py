@@ -5,8 +5,8 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from scipy.signal import savgol_filter
 
-from idm_sumo import columns as c
-from idm_sumo.smoothing import running_mean, runs, smooth
+from idm_sumo.recordings import columns as c
+from idm_sumo.recordings.smoothing import running_mean, runs, smooth
 from tests.builders import Car, recording
 
 STEP = 0.1

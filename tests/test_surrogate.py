@@ -7,7 +7,7 @@ import pandas as pd
 import pyarrow.parquet as pq
 import pytest
 
-from idm_sumo.delimited import OFFICIAL
+from idm_sumo.recordings.readers.delimited import OFFICIAL
 from idm_sumo.roads.road import FOOT, OFF_RAMP_X, ON_RAMP_X, SECTION_LENGTH
 from idm_sumo.runtime.errors import InputError
 from idm_sumo.sumo import surrogate, surrogate_noise, surrogate_traffic

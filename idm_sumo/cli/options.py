@@ -10,9 +10,9 @@ from typing import TYPE_CHECKING, Any
 from idm_sumo.roads import road
 
 if TYPE_CHECKING:
-    from idm_sumo.cleaning import CleanResult
-    from idm_sumo.reading import ReadResult
-    from idm_sumo.recording import Recording
+    from idm_sumo.recordings.cleaning import CleanResult
+    from idm_sumo.recordings.reading import ReadResult
+    from idm_sumo.recordings.recording import Recording
     from idm_sumo.scenes import Scenes, Window
 
 
@@ -71,9 +71,9 @@ def window_of(options: argparse.Namespace, every: int | None = None) -> Window:
 
 def load(options: argparse.Namespace) -> tuple[ReadResult, CleanResult, Recording]:
     """Read, clean and smooth the RECORDING."""
-    from idm_sumo.cleaning import clean
-    from idm_sumo.reading import read_recording
-    from idm_sumo.smoothing import smooth
+    from idm_sumo.recordings.cleaning import clean
+    from idm_sumo.recordings.reading import read_recording
+    from idm_sumo.recordings.smoothing import smooth
 
     read = read_recording(options.recording, location=options.location)
     cleaned = clean(read.recording)
@@ -88,7 +88,7 @@ def scenes_of(options: argparse.Namespace, window: Window) -> tuple[list[Scenes]
     InputError
         If no vehicle has a whole window.
     """
-    from idm_sumo import columns as c
+    from idm_sumo.recordings import columns as c
     from idm_sumo.runtime.errors import InputError
     from idm_sumo.scenes import build_scenes
 

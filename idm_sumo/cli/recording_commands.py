@@ -35,7 +35,7 @@ def add(commands: Any) -> None:
 
 def inspect(options: argparse.Namespace) -> None:
     """Print the accounting."""
-    from idm_sumo.inspection import inspect_recording
+    from idm_sumo.recordings.inspection import inspect_recording
 
     inspection = inspect_recording(options.recording, location=options.location)
     say(json.dumps(inspection.to_json(), indent=2) if options.json else "\n".join(inspection.lines()))
@@ -43,7 +43,7 @@ def inspect(options: argparse.Namespace) -> None:
 
 def fetch(options: argparse.Namespace) -> None:
     """Download, then account for every row."""
-    from idm_sumo.fetch import fetch as download
+    from idm_sumo.recordings.fetch import fetch as download
 
     with progress_bar() as report:
         result = download(options.dest, location=options.location, verify=options.verify, progress=report)

@@ -12,10 +12,10 @@ from typing import NamedTuple
 import numpy as np
 import numpy.typing as npt
 
-from idm_sumo import columns as c
 from idm_sumo.diagnosis.scans import corrected_p
-from idm_sumo.recording import Recording
-from idm_sumo.smoothing import ORDER, runs
+from idm_sumo.recordings import columns as c
+from idm_sumo.recordings.recording import Recording
+from idm_sumo.recordings.smoothing import ORDER, runs
 
 FRAMES, FEW = 41, 21  # of which a step at the middle is told from a cubic: finds it; makes sure
 KEPT = 0.5  # of a step, that has to be there in few frames, too

@@ -28,9 +28,9 @@ from idm_sumo.diagnosis.search_among_some import search_among_some
 from idm_sumo.diagnosis.sizes import ROUNDS, with_cause, without_cause
 from idm_sumo.diagnosis.smoother import Smoother, local_cubic, posterior_mean, window_for
 from idm_sumo.diagnosis.windows import Windows, cut_windows
-from idm_sumo.recording import Recording
+from idm_sumo.recordings.recording import Recording
+from idm_sumo.recordings.smoothing import WINDOW
 from idm_sumo.runtime.progress import Progress, silent
-from idm_sumo.smoothing import WINDOW
 
 HELD_OUT = 4  # every fourth block of neighbours takes no part in naming and fitting
 LEAST_DRIVERS = 24  # that name and fit

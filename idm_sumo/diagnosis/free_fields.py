@@ -8,11 +8,11 @@ from dataclasses import dataclass
 import numpy as np
 import numpy.typing as npt
 
-from idm_sumo.columns import TRUCK
 from idm_sumo.diagnosis import rollout as ro
 from idm_sumo.diagnosis import windows as w
 from idm_sumo.diagnosis.atoms import Grid
 from idm_sumo.diagnosis.bins import numbered
+from idm_sumo.recordings.columns import TRUCK
 from idm_sumo.roads.road import FRAME_STEP
 
 Floats = npt.NDArray[np.float64]

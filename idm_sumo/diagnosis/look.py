@@ -8,7 +8,6 @@ from dataclasses import dataclass
 import numpy as np
 import numpy.typing as npt
 
-from idm_sumo.columns import TRUCK
 from idm_sumo.diagnosis import atoms as at
 from idm_sumo.diagnosis import gls
 from idm_sumo.diagnosis import windows as w
@@ -16,6 +15,7 @@ from idm_sumo.diagnosis.fit import Fit
 from idm_sumo.diagnosis.linear_pulses import GUARD
 from idm_sumo.diagnosis.luck import Noises
 from idm_sumo.diagnosis.rollout import PARAMETERS
+from idm_sumo.recordings.columns import TRUCK
 
 Floats = npt.NDArray[np.float64]
 Build = Callable[[w.Windows, Fit, at.Answer, at.Grid], tuple[list[at.Atom], Floats]]

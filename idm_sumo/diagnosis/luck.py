@@ -14,8 +14,8 @@ from idm_sumo.diagnosis.noise import Noise
 from idm_sumo.diagnosis.rollout import PARAMETERS
 from idm_sumo.diagnosis.smoother import Smoother, travelled
 from idm_sumo.diagnosis.windows import LEADERS, Windows
+from idm_sumo.recordings.smoothing import Path
 from idm_sumo.runtime.threads import each_in_threads
-from idm_sumo.smoothing import Path
 
 Floats = npt.NDArray[np.float64]
 Singles = npt.NDArray[np.float32]  # enough for what is added to a path, and half the memory

@@ -14,11 +14,11 @@ import numpy as np
 import numpy.typing as npt
 from scipy.optimize import nnls
 
-from idm_sumo import columns as c
 from idm_sumo.diagnosis.coloured import Once, Shape, Twice, average, bell, cubic
-from idm_sumo.recording import Recording
+from idm_sumo.recordings import columns as c
+from idm_sumo.recordings.recording import Recording
+from idm_sumo.recordings.smoothing import runs
 from idm_sumo.roads.road import FRAME_STEP
-from idm_sumo.smoothing import runs
 
 Floats = npt.NDArray[np.float64]
 Booleans = npt.NDArray[np.bool_]

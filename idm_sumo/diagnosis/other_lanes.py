@@ -8,10 +8,10 @@ import numpy as np
 import numpy.typing as npt
 import pandas as pd
 
-from idm_sumo import columns as c
-from idm_sumo.columns import MOTORCYCLE, TRUCK
 from idm_sumo.effects.adjacent_lane_friction import AHEAD, BESIDE
-from idm_sumo.leaders import frame_code
+from idm_sumo.recordings import columns as c
+from idm_sumo.recordings.columns import MOTORCYCLE, TRUCK
+from idm_sumo.recordings.leaders import frame_code
 
 HARD = 1.0  # m/s²: who brakes harder shows brake lights
 ALONGSIDE, LOOK_AHEAD = 20.0, 40.0  # m, ahead of the own front

@@ -12,12 +12,12 @@ import numpy as np
 import numpy.typing as npt
 from numba import njit
 
-from idm_sumo.columns import TRUCK
 from idm_sumo.diagnosis import gls
 from idm_sumo.diagnosis import windows as w
 from idm_sumo.diagnosis.atoms import FORM, Answer, tamed
 from idm_sumo.diagnosis.fit import Fit
 from idm_sumo.diagnosis.rollout import BIN
+from idm_sumo.recordings.columns import TRUCK
 
 Floats = npt.NDArray[np.float64]
 Integers = npt.NDArray[np.int64]

@@ -24,11 +24,11 @@ import numpy.typing as npt
 from scipy.ndimage import correlate1d
 from scipy.signal import savgol_filter
 
-from idm_sumo import columns as c
 from idm_sumo.diagnosis.noise import Noise
-from idm_sumo.recording import Recording
+from idm_sumo.recordings import columns as c
+from idm_sumo.recordings.recording import Recording
+from idm_sumo.recordings.smoothing import ORDER, WINDOW, Path, runs, with_ends
 from idm_sumo.roads.road import FRAME_STEP
-from idm_sumo.smoothing import ORDER, WINDOW, Path, runs, with_ends
 
 FARTHEST = 40  # frames to each side that a posterior mean looks at
 LEAST_ERROR = 1e-3  # m, of a measurement

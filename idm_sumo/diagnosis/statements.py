@@ -22,7 +22,7 @@ from idm_sumo.diagnosis.search import Found
 from idm_sumo.diagnosis.windows import HORIZON, SECOND, UNTIL_CUT_IN, Windows
 from idm_sumo.effects import BY_NAME, Cause, ExtendedModel, in_words, slots
 from idm_sumo.idm import IDMParameters
-from idm_sumo.recording import Recording
+from idm_sumo.recordings.recording import Recording
 from idm_sumo.roads.road import FRAME_STEP
 
 NAMES = tuple(BY_NAME)

@@ -8,14 +8,14 @@ import numpy as np
 import numpy.typing as npt
 import pandas as pd
 
-from idm_sumo import columns as c
 from idm_sumo.effects.hysteresis import LATELY
 from idm_sumo.effects.lane_change_relaxation import LARGEST_JUMP, headway_after
-from idm_sumo.leaders import row_ahead, row_of
-from idm_sumo.recording import Recording
+from idm_sumo.recordings import columns as c
+from idm_sumo.recordings.leaders import row_ahead, row_of
+from idm_sumo.recordings.leaders_from_headway import JUMP, leader_lengths, recorded_leaders
+from idm_sumo.recordings.recording import Recording
+from idm_sumo.recordings.smoothing import running_mean, same_run
 from idm_sumo.roads import road
-from idm_sumo.smoothing import running_mean, same_run
-from idm_sumo.twin_leaders import JUMP, leader_lengths, recorded_leaders
 
 LEAST_JUMP = 0.5  # m; a smaller step of the gap is noise
 NEVER = 1e6  # s, since or until an event that there is not

@@ -11,9 +11,9 @@ from __future__ import annotations
 
 from numba import njit
 
-from idm_sumo.columns import TRUCK
 from idm_sumo.effects import slots
 from idm_sumo.effects.record import Effect, Parameter
+from idm_sumo.recordings.columns import TRUCK
 
 
 @njit(cache=True, error_model="numpy")

@@ -6,13 +6,13 @@ import numpy as np
 import pandas as pd
 from scipy.stats import norm
 
-from idm_sumo import columns as c
 from idm_sumo.calibration.hierarchical import SHIFT
 from idm_sumo.idm import LOWER, UPPER, IDMParameters
 from idm_sumo.prediction.moving_horizon import MovingHorizon, recent
 from idm_sumo.prediction.observation import first_second
 from idm_sumo.prediction.rollout_predictor import RolloutPredictor
 from idm_sumo.prediction.spread import logarithms
+from idm_sumo.recordings import columns as c
 from idm_sumo.runtime.errors import InputError
 from idm_sumo.scenes import Scenes
 

@@ -15,10 +15,10 @@ from sklearn.pipeline import Pipeline, make_pipeline
 from sklearn.preprocessing import StandardScaler
 from sklearn.utils.validation import check_is_fitted, validate_data
 
-from idm_sumo import columns as c
 from idm_sumo.driving_code import FEATURES, driving_code
 from idm_sumo.idm import LOWER, UPPER, IDMParameters
 from idm_sumo.perception import leaders_along
+from idm_sumo.recordings import columns as c
 from idm_sumo.roads import road
 from idm_sumo.runtime.errors import InputError
 from idm_sumo.scenes import Scenes

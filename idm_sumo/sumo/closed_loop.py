@@ -12,11 +12,11 @@ from xml.etree.ElementTree import Element, SubElement
 import numpy as np
 import pandas as pd
 
-from idm_sumo import columns as c
 from idm_sumo import driver_table as d
 from idm_sumo.comparison import Portrait, portray
-from idm_sumo.reading import read_recording
-from idm_sumo.recording import Recording
+from idm_sumo.recordings import columns as c
+from idm_sumo.recordings.reading import read_recording
+from idm_sumo.recordings.recording import Recording
 from idm_sumo.roads import road
 from idm_sumo.runtime.errors import InputError
 from idm_sumo.runtime.progress import Progress, silent

@@ -14,10 +14,10 @@ import numpy.typing as npt
 import pandas as pd
 from scipy.ndimage import uniform_filter1d
 
-from idm_sumo import columns as c
 from idm_sumo import driver_table as d
 from idm_sumo.departures import DESTINATION, LEAVING, THROUGH, departures
-from idm_sumo.recording import Recording
+from idm_sumo.recordings import columns as c
+from idm_sumo.recordings.recording import Recording
 from idm_sumo.roads import road
 from idm_sumo.runtime.errors import InputError
 from idm_sumo.sumo import network

@@ -14,13 +14,13 @@ import numpy as np
 import numpy.typing as npt
 import pandas as pd
 
-from idm_sumo import columns as c
 from idm_sumo import driver_table as d
 from idm_sumo.departures import DESTINATION, THROUGH
 from idm_sumo.departures import departures as departures_of
 from idm_sumo.effects import ExtendedModel
 from idm_sumo.idm import TEXTBOOK
-from idm_sumo.recording import Recording
+from idm_sumo.recordings import columns as c
+from idm_sumo.recordings.recording import Recording
 from idm_sumo.runtime.errors import InputError
 from idm_sumo.runtime.files import new_file
 from idm_sumo.scenes import Scenes

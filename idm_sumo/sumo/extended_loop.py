@@ -9,7 +9,6 @@ import numpy.typing as npt
 import pandas as pd
 from numba import njit
 
-from idm_sumo import columns as c
 from idm_sumo import driver_table as d
 from idm_sumo.departures import DESTINATION, THROUGH
 from idm_sumo.effects import ExtendedModel, extended_acceleration
@@ -17,6 +16,7 @@ from idm_sumo.effects.hysteresis import LATELY
 from idm_sumo.effects.lane_change_relaxation import headway_after
 from idm_sumo.effects.reaction_delay import REMEMBERED, acted_on
 from idm_sumo.extended_rollout import meet
+from idm_sumo.recordings import columns as c
 from idm_sumo.roads import road
 from idm_sumo.rollout import perceive
 from idm_sumo.sight import NOBODY_YET, Others, look

@@ -24,11 +24,11 @@ import numpy as np
 import numpy.typing as npt
 import pandas as pd
 
-from idm_sumo import columns as c
 from idm_sumo import driver_table as d
-from idm_sumo.columns import TRUCK
 from idm_sumo.effects import BY_NAME, Cause, ExtendedModel, slots
 from idm_sumo.effects.time_of_day import drifted
+from idm_sumo.recordings import columns as c
+from idm_sumo.recordings.columns import TRUCK
 from idm_sumo.roads import road
 from idm_sumo.sumo.vtypes import number
 

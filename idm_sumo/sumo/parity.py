@@ -13,12 +13,12 @@ import numpy.typing as npt
 import pandas as pd
 from numba import njit
 
-from idm_sumo import columns as c
 from idm_sumo import driver_table as d
 from idm_sumo import integrators
 from idm_sumo.calibration.kernel import look_ahead
 from idm_sumo.calibration.problem import Problem, prepare
 from idm_sumo.jam_distance import keys_of
+from idm_sumo.recordings import columns as c
 from idm_sumo.roads import road
 from idm_sumo.runtime.errors import InputError
 from idm_sumo.scenes import Scenes

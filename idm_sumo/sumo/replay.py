@@ -20,7 +20,7 @@ from numba import njit
 from idm_sumo import bicycle
 from idm_sumo.effects import ExtendedModel
 from idm_sumo.extended_rollout import decide, set_out
-from idm_sumo.recording import Recording
+from idm_sumo.recordings.recording import Recording
 from idm_sumo.roads import road
 from idm_sumo.rollout import Trajectories, control, steer
 from idm_sumo.runtime.errors import InputError

@@ -9,7 +9,7 @@ from xml.sax.saxutils import quoteattr
 import numpy as np
 import pandas as pd
 
-from idm_sumo.columns import CAR, MOTORCYCLE, TRUCK
+from idm_sumo.recordings.columns import CAR, MOTORCYCLE, TRUCK
 from idm_sumo.roads.road import OFF_RAMP_X
 from idm_sumo.sumo.network import ON_RAMP, place, route
 

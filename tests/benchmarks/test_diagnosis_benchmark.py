@@ -9,14 +9,14 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from idm_sumo.cleaning import clean
 from idm_sumo.diagnosis import rollout as ro
 from idm_sumo.diagnosis.diagnose import diagnose
 from idm_sumo.diagnosis.fit import TEXTBOOK
 from idm_sumo.diagnosis.smoother import local_cubic
 from idm_sumo.diagnosis.windows import cut_windows
-from idm_sumo.reading import read_recording
-from idm_sumo.recording import Recording
+from idm_sumo.recordings.cleaning import clean
+from idm_sumo.recordings.reading import read_recording
+from idm_sumo.recordings.recording import Recording
 from tests.planting import plan, simulate, write
 
 DRIVERS, MINUTES = 600, 7.0

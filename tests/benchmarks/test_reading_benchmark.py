@@ -14,9 +14,9 @@ import pyarrow.csv
 import pytest
 from pytest_benchmark.fixture import BenchmarkFixture
 
-from idm_sumo.delimited import OFFICIAL
-from idm_sumo.reading import read_recording
-from idm_sumo.smoothing import smooth
+from idm_sumo.recordings.readers.delimited import OFFICIAL
+from idm_sumo.recordings.reading import read_recording
+from idm_sumo.recordings.smoothing import smooth
 from tests import ngsim_files
 
 VEHICLES, FRAMES = 400, 600  # a fifth of an official period

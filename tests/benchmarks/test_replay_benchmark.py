@@ -11,8 +11,8 @@ import pandas as pd
 import pytest
 
 from idm_sumo import bicycle
-from idm_sumo import columns as c
-from idm_sumo.recording import Recording
+from idm_sumo.recordings import columns as c
+from idm_sumo.recordings.recording import Recording
 from idm_sumo.roads import road
 from idm_sumo.rollout import Trajectories, drive_idm
 from idm_sumo.scenes import Scenes, Window, build_scenes

@@ -8,10 +8,10 @@ import numpy as np
 import numpy.typing as npt
 import pandas as pd
 
-from idm_sumo import columns as c
-from idm_sumo.accounting import Accounting, Ledger
-from idm_sumo.leaders import row_ahead, row_of
-from idm_sumo.recording import Recording
+from idm_sumo.recordings import columns as c
+from idm_sumo.recordings.accounting import Accounting, Ledger
+from idm_sumo.recordings.leaders import row_ahead, row_of
+from idm_sumo.recordings.recording import Recording
 from idm_sumo.roads.road import FRAME_STEP, MAIN_LANES
 from idm_sumo.runtime.errors import InputError
 

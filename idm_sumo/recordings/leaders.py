@@ -6,7 +6,7 @@ import numpy as np
 import numpy.typing as npt
 import pandas as pd
 
-from idm_sumo import columns as c
+from idm_sumo.recordings import columns as c
 from idm_sumo.roads.road import LANE_WIDTH
 
 HEADWAY_TOLERANCE = 0.15  # m, between a front rebuilt from a headway and a recorded one

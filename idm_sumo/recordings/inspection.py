@@ -9,12 +9,12 @@ from typing import Any
 
 import numpy as np
 
-from idm_sumo import columns as c
-from idm_sumo.accounting import Accounting
-from idm_sumo.cleaning import CleanResult, clean
-from idm_sumo.leaders import row_ahead
-from idm_sumo.reading import ReadResult, read_recording
-from idm_sumo.recording import Recording
+from idm_sumo.recordings import columns as c
+from idm_sumo.recordings.accounting import Accounting
+from idm_sumo.recordings.cleaning import CleanResult, clean
+from idm_sumo.recordings.leaders import row_ahead
+from idm_sumo.recordings.reading import ReadResult, read_recording
+from idm_sumo.recordings.recording import Recording
 
 CLASSES = {0: "not recorded", 1: "motorcycle", 2: "car", 3: "truck"}
 
@@ -108,7 +108,7 @@ def inspect_recording(path: str | os.PathLike[str], *, location: str = "us-101")
     Raises
     ------
     InputError
-        As :func:`idm_sumo.reading.read_recording`.
+        As :func:`idm_sumo.recordings.reading.read_recording`.
     """
     read = read_recording(path, location=location)
     return summarise(read, clean(read.recording), str(Path(path)))

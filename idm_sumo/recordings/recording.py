@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 import pandas as pd
 
-from idm_sumo import columns as c
+from idm_sumo.recordings import columns as c
 from idm_sumo.runtime.errors import InputError
 
 if TYPE_CHECKING:
@@ -53,7 +53,7 @@ class Recording:
     Attributes
     ----------
     table : pandas.DataFrame
-        Columns of :mod:`idm_sumo.columns`, sorted by period, vehicle and frame.
+        Columns of :mod:`idm_sumo.recordings.columns`, sorted by period, vehicle and frame.
     source : str
         Where it came from, for titles and manifests.
     notes : tuple of str

@@ -11,11 +11,11 @@ import numpy as np
 import numpy.typing as npt
 import pandas as pd
 
-from idm_sumo import columns as c
-from idm_sumo.accounting import Accounting, Ledger
-from idm_sumo.delimited import BROKEN, open_plain
-from idm_sumo.ngsim import lane_by_position
-from idm_sumo.recording import Recording
+from idm_sumo.recordings import columns as c
+from idm_sumo.recordings.accounting import Accounting, Ledger
+from idm_sumo.recordings.readers.delimited import BROKEN, open_plain
+from idm_sumo.recordings.readers.ngsim import lane_by_position
+from idm_sumo.recordings.recording import Recording
 from idm_sumo.roads.road import FRAME_STEP, LANE_WIDTH, OFF_RAMP_LANE
 from idm_sumo.runtime.errors import InputError
 

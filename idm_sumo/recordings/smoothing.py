@@ -9,8 +9,8 @@ import numpy.typing as npt
 import pandas as pd
 from scipy.signal import savgol_filter
 
-from idm_sumo import columns as c
-from idm_sumo.recording import Recording
+from idm_sumo.recordings import columns as c
+from idm_sumo.recordings.recording import Recording
 from idm_sumo.roads.road import FRAME_STEP
 
 WINDOW = 21  # frames

@@ -1,4 +1,4 @@
-"""Leader-follower pairs, one row a pair and moment, to a :class:`~idm_sumo.recording.Recording`.
+"""Leader-follower pairs, one row a pair and moment, to a :class:`~idm_sumo.recordings.recording.Recording`.
 
 Every pair is a world of its own: of its followers only the leader is known, and whoever drives
 in another pair is nobody's traffic.
@@ -10,13 +10,13 @@ import numpy as np
 import numpy.typing as npt
 import pandas as pd
 
-from idm_sumo import columns as c
-from idm_sumo.accounting import Accounting, Ledger
-from idm_sumo.ngsim import HIGHEST_SPEED
-from idm_sumo.recording import Recording
+from idm_sumo.recordings import columns as c
+from idm_sumo.recordings.accounting import Accounting, Ledger
+from idm_sumo.recordings.readers.ngsim import HIGHEST_SPEED
+from idm_sumo.recordings.recording import Recording
+from idm_sumo.recordings.smoothing import filter_runs, runs
 from idm_sumo.roads import road
 from idm_sumo.runtime.errors import InputError
-from idm_sumo.smoothing import filter_runs, runs
 
 NEEDED = ("follower", "leader", "t", "x_follower", "x_leader")
 LENGTH, SPACING = "leader_length", "spacing"  # one of them tells the other

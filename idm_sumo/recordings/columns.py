@@ -1,4 +1,4 @@
-"""Names of the columns of a :class:`~idm_sumo.recording.Recording`, one constant each.
+"""Names of the columns of a :class:`~idm_sumo.recordings.recording.Recording`, one constant each.
 
 Coordinates are right-handed and the same as in the SUMO network and in the bicycle model:
 ``x`` runs downstream from the start of the section, ``y`` to the left, and the left edge of

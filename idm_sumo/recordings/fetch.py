@@ -12,8 +12,8 @@ import pooch
 import pyarrow.parquet as pq
 from pydantic import BaseModel, ConfigDict, ValidationError
 
-from idm_sumo.inspection import Inspection, inspect_recording
-from idm_sumo.portal import DEFAULT_URL, PAGE_ROWS, ChangedError, Portal, Stand, parse_page, schema
+from idm_sumo.recordings.inspection import Inspection, inspect_recording
+from idm_sumo.recordings.portal import DEFAULT_URL, PAGE_ROWS, ChangedError, Portal, Stand, parse_page, schema
 from idm_sumo.runtime.errors import InputError
 from idm_sumo.runtime.files import new_file
 from idm_sumo.runtime.progress import Progress, silent
@@ -33,7 +33,7 @@ class Manifest(BaseModel):
     Attributes
     ----------
     base_url, location, page_rows
-        What was asked for, as in :class:`~idm_sumo.portal.Portal`.
+        What was asked for, as in :class:`~idm_sumo.recordings.portal.Portal`.
     rows : int
         Rows of the location, as the portal counts them.
     modified : str

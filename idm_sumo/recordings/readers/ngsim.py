@@ -1,4 +1,4 @@
-"""Tables with NGSIM's names, in feet, to a :class:`~idm_sumo.recording.Recording`; beyond :mod:`idm_sumo.pairs` nobody knows feet."""
+"""Tables with NGSIM's names, in feet, to a :class:`~idm_sumo.recordings.recording.Recording`; beyond :mod:`idm_sumo.recordings.readers.pairs` nobody knows feet."""
 
 from __future__ import annotations
 
@@ -6,11 +6,11 @@ import numpy as np
 import numpy.typing as npt
 import pandas as pd
 
-from idm_sumo import columns as c
-from idm_sumo import leaders
-from idm_sumo.accounting import Accounting, Ledger
-from idm_sumo.periods import FRAME_MS, split_periods
-from idm_sumo.recording import Recording
+from idm_sumo.recordings import columns as c
+from idm_sumo.recordings import leaders
+from idm_sumo.recordings.accounting import Accounting, Ledger
+from idm_sumo.recordings.periods import FRAME_MS, split_periods
+from idm_sumo.recordings.recording import Recording
 from idm_sumo.roads.road import (
     AUXILIARY_LANE,
     FOOT,

@@ -11,10 +11,10 @@ from typing import NamedTuple
 import numpy as np
 import numpy.typing as npt
 
-from idm_sumo import columns as c
-from idm_sumo.recording import Recording
+from idm_sumo.recordings import columns as c
+from idm_sumo.recordings.recording import Recording
+from idm_sumo.recordings.smoothing import SHORTEST, filter_runs
 from idm_sumo.roads import road
-from idm_sumo.smoothing import SHORTEST, filter_runs
 
 JUMP = 2.5  # m a frame beyond the expected 0.1 s of travel: more than noise, less than a car
 

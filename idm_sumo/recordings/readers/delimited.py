@@ -12,7 +12,7 @@ from typing import IO, cast
 
 import pandas as pd
 
-from idm_sumo.accounting import Ledger
+from idm_sumo.recordings.accounting import Ledger
 from idm_sumo.runtime.errors import InputError
 
 OFFICIAL = (

@@ -13,10 +13,10 @@ import pyarrow as pa
 import pyarrow.dataset
 import pyarrow.parquet
 
-from idm_sumo import columns as c
-from idm_sumo import delimited, fcd, ngsim, pairs
-from idm_sumo.accounting import Accounting, Ledger
-from idm_sumo.recording import Recording
+from idm_sumo.recordings import columns as c
+from idm_sumo.recordings.accounting import Accounting, Ledger
+from idm_sumo.recordings.readers import delimited, fcd, ngsim, pairs
+from idm_sumo.recordings.recording import Recording
 from idm_sumo.runtime.errors import InputError
 
 PARQUET = b"PAR1"
@@ -37,7 +37,7 @@ def read_recording(path: str | os.PathLike[str], *, location: str = "us-101") ->
 
     Official 18-column text, the data portal's CSV (both plain or gzip), Parquet with NGSIM's
     names (columns missing or not), SUMO FCD (XML, plain or gzip, or Parquet), leader-follower
-    pairs (Parquet or CSV, :mod:`idm_sumo.pairs`), a Parquet written by :func:`write_parquet`, or a folder of Parquet parts.
+    pairs (Parquet or CSV, :mod:`idm_sumo.recordings.readers.pairs`), a Parquet written by :func:`write_parquet`, or a folder of Parquet parts.
 
     Parameters
     ----------
