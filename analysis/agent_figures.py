@@ -9,9 +9,9 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 from matplotlib.patches import Polygon
 
-from idm_sumo import bicycle
 from idm_sumo.irl import features
 from idm_sumo.irl.episodes import episodes_of
+from idm_sumo.models import bicycle
 from idm_sumo.roads import road
 from idm_sumo.rollout import Trajectories
 from idm_sumo.scenes import LEADER_FROM_LANE, Scenes

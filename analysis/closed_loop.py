@@ -15,7 +15,7 @@ from joblib import Parallel, cpu_count, delayed
 
 from idm_sumo import driver_table as d
 from idm_sumo.comparison import compare_portraits, portray
-from idm_sumo.effects import ExtendedModel
+from idm_sumo.models.effects import ExtendedModel
 from idm_sumo.recordings import columns as c
 from idm_sumo.recordings.recording import Recording
 from idm_sumo.recordings.smoothing import smooth

@@ -6,9 +6,9 @@ from collections.abc import Sequence
 
 import pandas as pd
 
-from idm_sumo import laws
 from idm_sumo.diagnosis import CauseFound, Diagnosis, Gain, Power, Region
-from idm_sumo.effects import BY_NAME, Parameter, in_words
+from idm_sumo.models import laws
+from idm_sumo.models.effects import BY_NAME, Parameter, in_words
 
 MEASURES = {
     "ade_m": "mean displacement error (m)", "fde_m": "displacement error at the end (m)", "gap_m": "gap error (m)",

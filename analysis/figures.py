@@ -10,7 +10,7 @@ import pandas as pd
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
-from idm_sumo.idm import LOWER, UPPER
+from idm_sumo.models.idm import LOWER, UPPER
 from idm_sumo.roads import road
 from idm_sumo.rollout import Trajectories
 from idm_sumo.scenes import LEADER_FROM_LANE, Scenes

@@ -15,10 +15,10 @@ from scipy.optimize import least_squares
 
 from idm_sumo.calibration import calibrate
 from idm_sumo.driver_table import read_drivers
-from idm_sumo.effects import ExtendedModel
 from idm_sumo.extended_rollout import drive_extended
-from idm_sumo.idm import LOWER, UPPER
 from idm_sumo.metrics import score
+from idm_sumo.models.effects import ExtendedModel
+from idm_sumo.models.idm import LOWER, UPPER
 from idm_sumo.recordings import columns as c
 from idm_sumo.recordings.recording import Recording
 from idm_sumo.roads import road

@@ -12,8 +12,8 @@ from idm_sumo.calibration.identifiability import along_flat_direction
 from idm_sumo.calibration.kernel import to_search
 from idm_sumo.calibration.problem import prepare as calibration_problem
 from idm_sumo.driving_code import FEATURES
-from idm_sumo.idm import LOWER, UPPER, IDMParameters
 from idm_sumo.metrics import summary
+from idm_sumo.models.idm import LOWER, UPPER, IDMParameters
 from idm_sumo.rollout import Trajectories, drive_constant_velocity, drive_idm
 from idm_sumo.runtime.progress import Progress, silent
 from idm_sumo.scenes import Window

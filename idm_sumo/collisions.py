@@ -38,7 +38,7 @@ import numpy.typing as npt
 import pandas as pd
 from numba import njit
 
-from idm_sumo.bicycle import center_of_front
+from idm_sumo.models.bicycle import center_of_front
 from idm_sumo.roads import road
 from idm_sumo.rollout import Trajectories
 from idm_sumo.scenes import LEADER_FROM_LANE, Scenes

@@ -8,7 +8,7 @@ import numpy as np
 import numpy.typing as npt
 import pandas as pd
 
-from idm_sumo import idm
+from idm_sumo.models import idm
 from idm_sumo.recordings import columns as c
 from idm_sumo.runtime.errors import InputError
 
@@ -74,7 +74,7 @@ def check_drivers(table: pd.DataFrame, *, source: str = "drivers") -> pd.DataFra
     ------
     InputError
         For a missing column, text in a number, a parameter that is NaN or outside
-        :data:`idm_sumo.idm.LOWER` and ``UPPER``, or a driver that is there twice. A driver
+        :data:`idm_sumo.models.idm.LOWER` and ``UPPER``, or a driver that is there twice. A driver
         whose ``status`` says why it has no parameters may be without all five
         (:func:`has_parameters`).
     """

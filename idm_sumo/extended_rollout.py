@@ -8,10 +8,10 @@ import numpy as np
 import numpy.typing as npt
 from numba import njit
 
-from idm_sumo import bicycle
-from idm_sumo.effects import ExtendedModel, extended_acceleration
-from idm_sumo.effects.lane_change_relaxation import headway_after
-from idm_sumo.effects.reaction_delay import acted_on, follow_another, knows_new_leader
+from idm_sumo.models import bicycle
+from idm_sumo.models.effects import ExtendedModel, extended_acceleration
+from idm_sumo.models.effects.lane_change_relaxation import headway_after
+from idm_sumo.models.effects.reaction_delay import acted_on, follow_another, knows_new_leader
 from idm_sumo.recordings.recording import Recording
 from idm_sumo.roads import road
 from idm_sumo.rollout import Trajectories, perceive, steer

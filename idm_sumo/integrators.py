@@ -11,9 +11,9 @@ import numpy as np
 import numpy.typing as npt
 from numba import njit
 
-from idm_sumo import idm
 from idm_sumo.calibration.kernel import look_ahead
 from idm_sumo.calibration.problem import Problem
+from idm_sumo.models import idm
 from idm_sumo.roads import road
 from idm_sumo.runtime.errors import InputError
 from idm_sumo.runtime.threads import in_threads

@@ -19,8 +19,8 @@ import numpy.typing as npt
 import pandas as pd
 from numba import njit
 
-from idm_sumo import bicycle
 from idm_sumo.metrics import score
+from idm_sumo.models import bicycle
 from idm_sumo.recordings import columns as c
 from idm_sumo.roads import road
 from idm_sumo.rollout import Trajectories, control, drive_idm, perceive

@@ -9,11 +9,11 @@ import numpy as np
 import numpy.typing as npt
 from numba import njit
 
-from idm_sumo import bicycle, idm
+from idm_sumo.models import bicycle, idm
+from idm_sumo.models.steering import lookahead_distance, pure_pursuit
 from idm_sumo.roads import road
 from idm_sumo.runtime.threads import in_threads
 from idm_sumo.scenes import Scenes
-from idm_sumo.steering import lookahead_distance, pure_pursuit
 from idm_sumo.traffic import NOBODY, leader_row
 
 Floats = npt.NDArray[np.float64]

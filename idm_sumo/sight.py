@@ -13,10 +13,10 @@ import numpy.typing as npt
 import pandas as pd
 from numba import njit
 
-from idm_sumo.effects import Sight
-from idm_sumo.effects.adjacent_lane_friction import AHEAD, BESIDE
-from idm_sumo.effects.hysteresis import LATELY
-from idm_sumo.effects.lane_change_relaxation import headway_after
+from idm_sumo.models.effects import Sight
+from idm_sumo.models.effects.adjacent_lane_friction import AHEAD, BESIDE
+from idm_sumo.models.effects.hysteresis import LATELY
+from idm_sumo.models.effects.lane_change_relaxation import headway_after
 from idm_sumo.recordings import columns as c
 from idm_sumo.recordings.leaders_from_headway import leader_lengths, leader_runs, recorded_leaders
 from idm_sumo.recordings.recording import Recording

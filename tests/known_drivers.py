@@ -6,7 +6,7 @@ import numpy as np
 import numpy.typing as npt
 from scipy.signal import savgol_filter
 
-from idm_sumo import idm
+from idm_sumo.models import idm
 from idm_sumo.recordings import columns as c
 from idm_sumo.roads import road
 from idm_sumo.scenes import LEADER_OF_TWIN, Scenes, Window

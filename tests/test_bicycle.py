@@ -6,8 +6,8 @@ from hypothesis import given
 from hypothesis import strategies as st
 from scipy.integrate import solve_ivp
 
-from idm_sumo import bicycle
-from idm_sumo.bicycle import State, center_of_front, controls_between, front_of_center, step
+from idm_sumo.models import bicycle
+from idm_sumo.models.bicycle import State, center_of_front, controls_between, front_of_center, step
 
 states = st.builds(
     State, x=st.floats(0.0, 700.0), y=st.floats(-20.0, 0.0), heading=st.floats(-0.5, 0.5), speed=st.floats(0.5, 35.0)

@@ -6,11 +6,11 @@ import numpy as np
 import pandas as pd
 import pytest
 
-from idm_sumo import idm
 from idm_sumo.calibration import calibrate, hierarchical, identifiability, kernel, pooled, reference, solver, status
 from idm_sumo.calibration.chunks import chunks, with_needed_traffic
 from idm_sumo.calibration.hierarchical import ROUNDS
 from idm_sumo.calibration.problem import prepare
+from idm_sumo.models import idm
 from idm_sumo.rollout import drive_idm
 from idm_sumo.runtime.errors import InputError
 from idm_sumo.scenes import Window, build_scenes

@@ -5,10 +5,10 @@ import pytest
 from hypothesis import assume, example, given, settings
 from hypothesis import strategies as st
 
-from idm_sumo import idm
 from idm_sumo.calibration import kernel
 from idm_sumo.calibration.objective import CODES, LOSSES
 from idm_sumo.calibration.problem import prepare
+from idm_sumo.models import idm
 from idm_sumo.roads import road
 from idm_sumo.rollout import drive_idm
 from idm_sumo.runtime.errors import InputError

@@ -3,8 +3,8 @@
 import numpy as np
 import pytest
 
-from idm_sumo import idm
 from idm_sumo.calibration import calibrate
+from idm_sumo.models import idm
 from tests.known_drivers import known_drivers
 
 NAMES = list(idm.IDMParameters._fields)

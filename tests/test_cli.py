@@ -11,8 +11,8 @@ import pandas as pd
 import pytest
 
 from idm_sumo.cli import main
-from idm_sumo.effects import Cause, ExtendedModel
-from idm_sumo.idm import TEXTBOOK
+from idm_sumo.models.effects import Cause, ExtendedModel
+from idm_sumo.models.idm import TEXTBOOK
 from tests.ngsim_files import official
 from tests.platoons import platoon_recording
 

@@ -18,7 +18,7 @@ from idm_sumo.diagnosis.look import Subject
 from idm_sumo.diagnosis.luck import Noises
 from idm_sumo.diagnosis.result import Gain
 from idm_sumo.diagnosis.sizes import Tried, gain_of, with_cause
-from idm_sumo.effects import slots
+from idm_sumo.models.effects import slots
 from tests.test_diagnosis_rollout import QUIET, followers
 
 

@@ -8,7 +8,6 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from idm_sumo import laws
 from idm_sumo.diagnosis import atoms as at
 from idm_sumo.diagnosis import rollout as ro
 from idm_sumo.diagnosis.choice import Accepted
@@ -19,6 +18,7 @@ from idm_sumo.diagnosis.luck import Noises
 from idm_sumo.diagnosis.result import Gain
 from idm_sumo.diagnosis.search import Found
 from idm_sumo.diagnosis.sizes import Tried, with_cause
+from idm_sumo.models import laws
 from tests.test_diagnosis_choice import candidate
 from tests.test_diagnosis_gates import evidence, free
 from tests.test_diagnosis_rollout import QUIET, followers

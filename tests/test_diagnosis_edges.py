@@ -14,7 +14,7 @@ from idm_sumo.diagnosis.edges import best_edges, sharpened
 from idm_sumo.diagnosis.fit import fit_drivers, improve
 from idm_sumo.diagnosis.look import Subject
 from idm_sumo.diagnosis.luck import Noises
-from idm_sumo.effects import BY_NAME, slots
+from idm_sumo.models.effects import BY_NAME, slots
 from tests.test_diagnosis_rollout import QUIET, followers
 
 

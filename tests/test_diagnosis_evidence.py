@@ -10,7 +10,6 @@ from hypothesis import given
 from hypothesis import strategies as st
 from hypothesis.extra.numpy import arrays
 
-from idm_sumo import laws
 from idm_sumo.diagnosis import atoms as at
 from idm_sumo.diagnosis import evidence as ev
 from idm_sumo.diagnosis import fit as fitting
@@ -21,7 +20,8 @@ from idm_sumo.diagnosis.fit import fit_drivers
 from idm_sumo.diagnosis.look import Subject, guard, score
 from idm_sumo.diagnosis.luck import Noises, draw
 from idm_sumo.diagnosis.twins import drawn_anew, start_behind
-from idm_sumo.effects import slots
+from idm_sumo.models import laws
+from idm_sumo.models.effects import slots
 from tests.test_diagnosis_rollout import QUIET, followers
 
 START = np.array([1e-4, 1e-4])

@@ -7,11 +7,11 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from idm_sumo import laws
 from idm_sumo.diagnosis import law
 from idm_sumo.diagnosis import rollout as ro
 from idm_sumo.diagnosis.fit import LOWER, UPPER, elsewhere, fit_drivers, for_rollouts, improve, linearise, misfits
-from idm_sumo.effects import slots
+from idm_sumo.models import laws
+from idm_sumo.models.effects import slots
 from tests.test_diagnosis_rollout import DRIVERS, followers
 
 START = np.array([1e-4, 1e-4])

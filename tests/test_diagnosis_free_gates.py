@@ -9,7 +9,7 @@ import pytest
 from idm_sumo.diagnosis import free_gates, gates
 from idm_sumo.diagnosis.atoms import Atom
 from idm_sumo.diagnosis.hypotheses import Candidate
-from idm_sumo.effects import slots
+from idm_sumo.models.effects import slots
 from tests.test_diagnosis_gates import evidence, free
 
 

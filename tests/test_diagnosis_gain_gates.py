@@ -6,10 +6,10 @@ from dataclasses import replace
 
 import pytest
 
-from idm_sumo import laws
 from idm_sumo.diagnosis import gain_gates, gates
 from idm_sumo.diagnosis.law import beneath, of
 from idm_sumo.diagnosis.result import Gain
+from idm_sumo.models import laws
 from tests.test_diagnosis_gates import tried
 
 SURE_AS_THE_FIRST = 300.0

@@ -10,7 +10,7 @@ import pytest
 from idm_sumo.diagnosis import hypotheses as hy
 from idm_sumo.diagnosis.atoms import SECANT_ATOMS, Atom
 from idm_sumo.diagnosis.evidence import Evidence
-from idm_sumo.effects import slots
+from idm_sumo.models.effects import slots
 
 BINS, WIDTH, DRIVERS = 40, 16.0, 30
 

@@ -5,11 +5,11 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from idm_sumo import laws
 from idm_sumo.diagnosis import law
 from idm_sumo.diagnosis import rollout as ro
 from idm_sumo.diagnosis.fit import fit_drivers
-from idm_sumo.effects import slots
+from idm_sumo.models import laws
+from idm_sumo.models.effects import slots
 from tests.test_diagnosis_rollout import followers
 
 START = np.array([1e-4, 1e-4])

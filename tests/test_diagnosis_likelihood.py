@@ -6,11 +6,11 @@ import numpy as np
 import pytest
 from scipy.stats import multivariate_t
 
-from idm_sumo import laws
 from idm_sumo.diagnosis import law
 from idm_sumo.diagnosis import windows as w
 from idm_sumo.diagnosis.fit import FREEDOM, fit_drivers, linearise
 from idm_sumo.diagnosis.likelihood import log_likelihood
+from idm_sumo.models import laws
 from tests.test_diagnosis_rollout import followers
 
 START = np.array([0.01, 0.01])

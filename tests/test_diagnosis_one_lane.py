@@ -12,7 +12,7 @@ from idm_sumo.diagnosis import one_lane
 from idm_sumo.diagnosis.atoms import Atom
 from idm_sumo.diagnosis.evidence import Evidence
 from idm_sumo.diagnosis.left_over import LeftOver
-from idm_sumo.effects import slots
+from idm_sumo.models.effects import slots
 
 
 def test_an_acceleration_at_a_place_in_one_lane_is_a_location_there():

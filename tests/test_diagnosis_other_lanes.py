@@ -7,7 +7,7 @@ import pandas as pd
 import pytest
 
 from idm_sumo.diagnosis.other_lanes import MOTORCYCLE, OtherLanes
-from idm_sumo.effects.leader_class import TRUCK
+from idm_sumo.models.effects.leader_class import TRUCK
 from idm_sumo.recordings import columns as c
 
 

@@ -14,7 +14,7 @@ from idm_sumo.diagnosis.fit import Fit, fit_drivers, improve
 from idm_sumo.diagnosis.look import Subject
 from idm_sumo.diagnosis.luck import Noises
 from idm_sumo.diagnosis.recovery import SOONEST, best_times, is_over_at_once, recovered
-from idm_sumo.effects import slots
+from idm_sumo.models.effects import slots
 from tests.test_diagnosis_rollout import QUIET, followers
 
 BOTH = [slots.RELAXATION, slots.RELAXATION_TIME]

@@ -17,8 +17,8 @@ from idm_sumo.cli import main
 from idm_sumo.diagnosis import CauseFound, Diagnosis, Estimate, Gain, Power, Region, RuledOut, Scan, Unexplained
 from idm_sumo.diagnosis.result import Law, LawCompared, OtherLaw
 from idm_sumo.driver_table import check_departures, read_drivers
-from idm_sumo.effects import Cause, ExtendedModel
-from idm_sumo.idm import TEXTBOOK
+from idm_sumo.models.effects import Cause, ExtendedModel
+from idm_sumo.models.idm import TEXTBOOK
 from tests.planting import plan, simulate
 from tests.planting import write as write_ngsim
 from tests.test_pairs import pair

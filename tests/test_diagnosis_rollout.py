@@ -15,8 +15,8 @@ from idm_sumo.diagnosis.luck import Noises, draw
 from idm_sumo.diagnosis.noise import QUIET
 from idm_sumo.diagnosis.smoother import local_cubic
 from idm_sumo.diagnosis.twins import make_twin, refit
-from idm_sumo.effects import Sight, extended_acceleration, slots
-from idm_sumo.effects.reaction_delay import acted_on
+from idm_sumo.models.effects import Sight, extended_acceleration, slots
+from idm_sumo.models.effects.reaction_delay import acted_on
 
 DRIVERS, EACH = 30, 3
 

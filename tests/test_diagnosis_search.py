@@ -19,7 +19,7 @@ from idm_sumo.diagnosis.luck import Noises
 from idm_sumo.diagnosis.result import Gain
 from idm_sumo.diagnosis.search import Brief, _next
 from idm_sumo.diagnosis.sizes import Tried, with_cause
-from idm_sumo.effects import slots
+from idm_sumo.models.effects import slots
 from tests.test_diagnosis_choice import candidate
 from tests.test_diagnosis_gates import evidence, free
 from tests.test_diagnosis_rollout import QUIET, followers

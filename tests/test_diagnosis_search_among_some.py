@@ -14,7 +14,7 @@ from idm_sumo.diagnosis.choice import Accepted
 from idm_sumo.diagnosis.look import Subject
 from idm_sumo.diagnosis.result import Gain
 from idm_sumo.diagnosis.search import Found
-from idm_sumo.effects import slots
+from idm_sumo.models.effects import slots
 from idm_sumo.runtime.progress import silent
 from tests.test_diagnosis_gates import FIT, evidence, free, tried
 from tests.test_diagnosis_rollout import DRIVERS, followers

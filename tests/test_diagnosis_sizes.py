@@ -22,7 +22,7 @@ from idm_sumo.diagnosis.look import Subject
 from idm_sumo.diagnosis.luck import Noises, draws
 from idm_sumo.diagnosis.result import Gain
 from idm_sumo.diagnosis.sizes import STEEPEST, Stride, TwinScore, climbed, drive_worse, refined, with_cause, with_value
-from idm_sumo.effects import BY_NAME, slots
+from idm_sumo.models.effects import BY_NAME, slots
 from tests.test_diagnosis_rollout import QUIET, followers
 
 NAME = "perception_threshold"

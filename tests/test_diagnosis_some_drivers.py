@@ -13,7 +13,7 @@ from idm_sumo.diagnosis import rollout as ro
 from idm_sumo.diagnosis import some_drivers as sd
 from idm_sumo.diagnosis import windows as w
 from idm_sumo.diagnosis.fit import fit_drivers
-from idm_sumo.effects import slots
+from idm_sumo.models.effects import slots
 from tests.test_diagnosis_rollout import DRIVERS, followers
 
 START = np.array([0.01, 0.01])

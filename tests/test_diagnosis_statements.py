@@ -7,7 +7,6 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from idm_sumo import laws
 from idm_sumo.diagnosis import rollout as ro
 from idm_sumo.diagnosis.atoms import Atom
 from idm_sumo.diagnosis.choice import Accepted
@@ -25,7 +24,8 @@ from idm_sumo.diagnosis.statements import (
     why_not,
     without_gain,
 )
-from idm_sumo.effects import slots
+from idm_sumo.models import laws
+from idm_sumo.models.effects import slots
 from tests.test_diagnosis_gates import FIT, evidence, free, tried
 
 

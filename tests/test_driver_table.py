@@ -7,7 +7,7 @@ import pandas as pd
 import pytest
 
 from idm_sumo import driver_table as d
-from idm_sumo import idm
+from idm_sumo.models import idm
 from idm_sumo.runtime.errors import InputError
 
 

@@ -7,8 +7,8 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from idm_sumo import idm, laws
-from idm_sumo.effects import (
+from idm_sumo.models import idm, laws
+from idm_sumo.models.effects import (
     BLIND,
     BY_NAME,
     CATALOGUE,
@@ -19,8 +19,8 @@ from idm_sumo.effects import (
     in_words,
     slots,
 )
-from idm_sumo.effects.reaction_delay import REMEMBERED, acted_on, follow_another, recall
-from idm_sumo.idm import IDMParameters
+from idm_sumo.models.effects.reaction_delay import REMEMBERED, acted_on, follow_another, recall
+from idm_sumo.models.idm import IDMParameters
 from idm_sumo.runtime.errors import InputError
 
 DRIVER = (1.2, 1.8, 1.3, 2.0, 0.4)

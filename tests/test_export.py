@@ -11,9 +11,9 @@ import numpy as np
 import pandas as pd
 import pytest
 
-from idm_sumo import idm
 from idm_sumo.departures import departures
 from idm_sumo.jam_distance import linearise
+from idm_sumo.models import idm
 from idm_sumo.recordings import columns as c
 from idm_sumo.recordings.recording import Recording
 from idm_sumo.roads import road

@@ -6,8 +6,8 @@ import pytest
 
 from analysis.populations import refitted_for
 from idm_sumo.cli import main
-from idm_sumo.effects import Cause, ExtendedModel
-from idm_sumo.idm import TEXTBOOK
+from idm_sumo.models.effects import Cause, ExtendedModel
+from idm_sumo.models.idm import TEXTBOOK
 from idm_sumo.recordings import columns as c
 from idm_sumo.recordings.reading import write_parquet
 from idm_sumo.roads import road

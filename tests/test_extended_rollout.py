@@ -4,9 +4,9 @@ import numpy as np
 import pandas as pd
 import pytest
 
-from idm_sumo.effects import CATALOGUE, Cause, ExtendedModel
 from idm_sumo.extended_rollout import drive_extended
-from idm_sumo.idm import TEXTBOOK
+from idm_sumo.models.effects import CATALOGUE, Cause, ExtendedModel
+from idm_sumo.models.idm import TEXTBOOK
 from idm_sumo.recordings.recording import Recording
 from idm_sumo.roads import road
 from idm_sumo.rollout import drive_idm

@@ -6,8 +6,8 @@ from xml.etree.ElementTree import TreeBuilder, XMLParser, parse
 import numpy as np
 import pytest
 
-from idm_sumo.effects import CATALOGUE, Cause, ExtendedModel
-from idm_sumo.idm import TEXTBOOK
+from idm_sumo.models.effects import CATALOGUE, Cause, ExtendedModel
+from idm_sumo.models.idm import TEXTBOOK
 from idm_sumo.roads import road
 from idm_sumo.sumo.export import Exported, export_routes
 from idm_sumo.sumo.session import simulation

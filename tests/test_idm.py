@@ -3,8 +3,8 @@ import pytest
 from hypothesis import assume, given
 from hypothesis import strategies as st
 
-from idm_sumo import idm
-from idm_sumo.idm import LOWER, TEXTBOOK, UPPER, IDMParameters, acceleration, equilibrium_gap
+from idm_sumo.models import idm
+from idm_sumo.models.idm import LOWER, TEXTBOOK, UPPER, IDMParameters, acceleration, equilibrium_gap
 
 V0 = 24.5872  # m/s, 55 mph
 

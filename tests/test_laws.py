@@ -7,8 +7,8 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from idm_sumo import idm, laws
-from idm_sumo.effects import BLIND, extended_acceleration, slots
+from idm_sumo.models import idm, laws
+from idm_sumo.models.effects import BLIND, extended_acceleration, slots
 
 OTHERS = range(1, len(laws.NAMES))
 A, B, T, D0, V0 = 1.2, 1.8, 1.2, 2.0, 30.0

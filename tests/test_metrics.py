@@ -2,8 +2,8 @@ import numpy as np
 import pandas as pd
 import pytest
 
-from idm_sumo.idm import TEXTBOOK
 from idm_sumo.metrics import displacement, is_critical, score, standard_error_name, summary
+from idm_sumo.models.idm import TEXTBOOK
 from idm_sumo.roads import road
 from idm_sumo.rollout import drive_constant_velocity, drive_idm
 from idm_sumo.scenes import Window

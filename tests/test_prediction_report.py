@@ -16,7 +16,7 @@ from analysis.settings import Settings
 from analysis.source import Source, load_source
 from analysis.study import Study, prepare
 from idm_sumo.calibration import calibrate
-from idm_sumo.idm import IDMParameters
+from idm_sumo.models.idm import IDMParameters
 from tests.known_drivers import known_drivers
 from tests.platoons import platoon_recording
 

@@ -5,8 +5,8 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from idm_sumo import bicycle
-from idm_sumo.steering import LOOKAHEAD_LEAST, STEERING_LIMIT, lookahead_distance, pure_pursuit
+from idm_sumo.models import bicycle
+from idm_sumo.models.steering import LOOKAHEAD_LEAST, STEERING_LIMIT, lookahead_distance, pure_pursuit
 
 headings = st.floats(-0.3, 0.3)
 goals_x = st.floats(8.0, 60.0)

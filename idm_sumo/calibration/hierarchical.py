@@ -18,7 +18,6 @@ import numpy as np
 import numpy.typing as npt
 import pandas as pd
 
-from idm_sumo import idm
 from idm_sumo.calibration import identifiability, status
 from idm_sumo.calibration.kernel import (
     PARAMETERS,
@@ -32,6 +31,7 @@ from idm_sumo.calibration.pooled import usable_windows
 from idm_sumo.calibration.problem import Problem, only, prepare
 from idm_sumo.calibration.solver import SMOOTHING, STARTS, design_of_starts, fit_all
 from idm_sumo.calibration.table import NAMES, full_ade
+from idm_sumo.models import idm
 from idm_sumo.recordings import columns as c
 from idm_sumo.roads import road
 from idm_sumo.runtime.errors import InputError

@@ -25,7 +25,6 @@ import numpy.typing as npt
 import pandas as pd
 from scipy import stats
 
-from idm_sumo import idm
 from idm_sumo.calibration import objective as o
 from idm_sumo.calibration.kernel import (
     LOWER,
@@ -38,6 +37,7 @@ from idm_sumo.calibration.kernel import (
     start_sensitivities,
 )  # fmt: skip
 from idm_sumo.calibration.problem import Problem
+from idm_sumo.models import idm
 
 Floats = npt.NDArray[np.float64]
 

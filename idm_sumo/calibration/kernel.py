@@ -12,7 +12,6 @@ import numpy as np
 import numpy.typing as npt
 from numba import njit
 
-from idm_sumo import idm
 from idm_sumo.calibration import objective as o
 from idm_sumo.calibration.coordinates import (
     D_UNIT,
@@ -38,6 +37,7 @@ from idm_sumo.calibration.lanes import (
     roll_with_derivatives,
 )
 from idm_sumo.calibration.problem import Problem
+from idm_sumo.models import idm
 from idm_sumo.runtime.threads import in_threads
 
 __all__ = [

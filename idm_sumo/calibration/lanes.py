@@ -11,9 +11,9 @@ from __future__ import annotations
 import numpy as np
 from numba import njit
 
-from idm_sumo import idm
 from idm_sumo.calibration import objective as o
 from idm_sumo.calibration.coordinates import D_UNIT, PARAMETERS, T_UNIT, parameters_at
+from idm_sumo.models import idm
 from idm_sumo.roads import road
 from idm_sumo.rollout import perceive
 from idm_sumo.traffic import NOBODY

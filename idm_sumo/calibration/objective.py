@@ -13,7 +13,7 @@ from math import log, sqrt
 
 from numba import njit
 
-from idm_sumo.idm import SMALLEST_GAP
+from idm_sumo.models.idm import SMALLEST_GAP
 
 ADE, GAP, SPEED, LOG_GAP = 0, 1, 2, 3
 CODES = {"ade": ADE, "gap": GAP, "speed": SPEED, "log-gap": LOG_GAP}

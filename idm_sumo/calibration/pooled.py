@@ -20,7 +20,7 @@ from idm_sumo.calibration.lanes import LANES
 from idm_sumo.calibration.problem import Problem, prepare
 from idm_sumo.calibration.solver import SMOOTHING, design_of_starts
 from idm_sumo.calibration.steps import steps_from
-from idm_sumo.idm import IDMParameters
+from idm_sumo.models.idm import IDMParameters
 from idm_sumo.roads import road
 from idm_sumo.runtime.errors import InputError
 from idm_sumo.scenes import Scenes

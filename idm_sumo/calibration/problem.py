@@ -8,14 +8,14 @@ import numpy as np
 import numpy.typing as npt
 from numba import njit
 
-from idm_sumo import bicycle
 from idm_sumo.calibration.objective import ADE, CODES, GAP, LOG_GAP, LOSSES, SPEED, SQUARED
-from idm_sumo.idm import SMALLEST_GAP
+from idm_sumo.models import bicycle
+from idm_sumo.models.idm import SMALLEST_GAP
+from idm_sumo.models.steering import lookahead_distance, pure_pursuit
 from idm_sumo.roads import road
 from idm_sumo.runtime.errors import InputError
 from idm_sumo.runtime.threads import in_threads
 from idm_sumo.scenes import LEADER_FROM_LANE, Scenes
-from idm_sumo.steering import lookahead_distance, pure_pursuit
 from idm_sumo.traffic import NOBODY, leader_row
 
 Floats = npt.NDArray[np.float64]

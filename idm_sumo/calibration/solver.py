@@ -19,12 +19,12 @@ import numpy.typing as npt
 from numba import njit
 from scipy.stats import qmc
 
-from idm_sumo import idm
 from idm_sumo.calibration import lanes, steps
 from idm_sumo.calibration.coordinates import LOWER, PARAMETERS, UPPER, to_search
 from idm_sumo.calibration.lanes import LANES, PAIRS, WHOLE, costs_of, roll_with_derivatives
 from idm_sumo.calibration.problem import Problem
 from idm_sumo.calibration.steps import STEPS, step_lanes
+from idm_sumo.models import idm
 from idm_sumo.runtime.threads import in_threads
 
 Floats = npt.NDArray[np.float64]

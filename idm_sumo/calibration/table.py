@@ -12,11 +12,11 @@ import numpy as np
 import numpy.typing as npt
 import pandas as pd
 
-from idm_sumo import idm
 from idm_sumo.calibration import identifiability, reference, solver, status
 from idm_sumo.calibration.chunks import CHUNK, chunks
 from idm_sumo.calibration.kernel import from_search
 from idm_sumo.calibration.problem import Problem, only, prepare
+from idm_sumo.models import idm
 from idm_sumo.recordings import columns as c
 from idm_sumo.roads import road
 from idm_sumo.rollout import drive_idm

@@ -112,7 +112,7 @@ def interactive(options: argparse.Namespace) -> None:
     single = options.gui or options.ego is not None  # one population is all that can be watched or driven among
     types = tuple(dict.fromkeys(options.types or (TYPES[:1] if single else TYPES)))
     if options.model is not None:
-        from idm_sumo.effects import ExtendedModel
+        from idm_sumo.models.effects import ExtendedModel
 
         ExtendedModel.read(options.model)  # before hours of simulation
         types = ("extended",) if single and not options.types else (*types, "own-loop", "extended")

@@ -178,8 +178,8 @@ def _beside(table: pd.DataFrame, *more: pd.DataFrame) -> pd.DataFrame:
 def export(options: argparse.Namespace) -> None:
     """Write vehicle types, their vehicles and the run that drives them."""
     from idm_sumo.driver_table import read_drivers
-    from idm_sumo.effects import ExtendedModel
     from idm_sumo.jam_distance import cost_summary
+    from idm_sumo.models.effects import ExtendedModel
     from idm_sumo.runtime.errors import InputError
     from idm_sumo.sumo.distribution import export_distribution
     from idm_sumo.sumo.export import export_routes

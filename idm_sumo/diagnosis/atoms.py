@@ -21,8 +21,8 @@ from idm_sumo.diagnosis.bins import edges_of, numbered, response_by_bin
 from idm_sumo.diagnosis.fit import Fit, Linear, linearise
 from idm_sumo.diagnosis.linear_pulses import GUARD, LINEAR, MOVING, OF_LATE, OF_NEXT, YIELDING, linear_pulses
 from idm_sumo.diagnosis.rolled import STEP
-from idm_sumo.effects import CATALOGUE, slots
-from idm_sumo.effects.desired_speed import rank
+from idm_sumo.models.effects import CATALOGUE, slots
+from idm_sumo.models.effects.desired_speed import rank
 from idm_sumo.runtime.threads import in_threads
 
 Floats = npt.NDArray[np.float64]

@@ -11,7 +11,6 @@ import numpy as np
 from numba import get_num_threads, set_num_threads
 from threadpoolctl import threadpool_limits
 
-from idm_sumo import laws
 from idm_sumo.diagnosis import atoms as at
 from idm_sumo.diagnosis import free_gates, law, luck, some_drivers, statements, tables
 from idm_sumo.diagnosis import noise as no
@@ -28,6 +27,7 @@ from idm_sumo.diagnosis.search_among_some import search_among_some
 from idm_sumo.diagnosis.sizes import ROUNDS, with_cause, without_cause
 from idm_sumo.diagnosis.smoother import Smoother, local_cubic, posterior_mean, window_for
 from idm_sumo.diagnosis.windows import Windows, cut_windows
+from idm_sumo.models import laws
 from idm_sumo.recordings.recording import Recording
 from idm_sumo.recordings.smoothing import WINDOW
 from idm_sumo.runtime.progress import Progress, silent

@@ -18,7 +18,7 @@ from idm_sumo.diagnosis.fit import Fit
 from idm_sumo.diagnosis.hypotheses import SCANNED
 from idm_sumo.diagnosis.look import Subject
 from idm_sumo.diagnosis.pulses import pulses_of
-from idm_sumo.effects import BY_NAME, slots
+from idm_sumo.models.effects import BY_NAME, slots
 
 Floats = npt.NDArray[np.float64]
 

@@ -14,12 +14,12 @@ import numpy.typing as npt
 from scipy.stats import norm
 from scipy.stats.qmc import Sobol
 
-from idm_sumo import laws
 from idm_sumo.diagnosis import gls
 from idm_sumo.diagnosis.rolled import Rolled, roll
 from idm_sumo.diagnosis.rollout import PARAMETERS, positions, positions_beside
 from idm_sumo.diagnosis.windows import EVERY, Windows
-from idm_sumo.effects import slots
+from idm_sumo.models import laws
+from idm_sumo.models.effects import slots
 from idm_sumo.roads.road import FRAME_STEP
 
 Floats = npt.NDArray[np.float64]

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from math import inf
 
-from idm_sumo import laws
 from idm_sumo.diagnosis import evidence as ev
 from idm_sumo.diagnosis import gates
 from idm_sumo.diagnosis import hypotheses as hy
@@ -12,6 +11,7 @@ from idm_sumo.diagnosis.hypotheses import Candidate
 from idm_sumo.diagnosis.law import law_of
 from idm_sumo.diagnosis.result import Gain
 from idm_sumo.diagnosis.sizes import Tried
+from idm_sumo.models import laws
 
 # No law of car-following makes these up: who, where and when are no motion of the driver's, nor is a change of lane to come (at most
 # 4.3 standard errors of room made before a cut-in, 2.2 before the own change, in 122 recordings of ten laws with nothing hidden), and

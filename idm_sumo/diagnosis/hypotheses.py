@@ -11,7 +11,7 @@ import numpy.typing as npt
 from idm_sumo.diagnosis.atoms import LOCAL, Atom
 from idm_sumo.diagnosis.evidence import Evidence
 from idm_sumo.diagnosis.scans import best_stretch, corrected_p
-from idm_sumo.effects import BY_NAME, Parameter, slots
+from idm_sumo.models.effects import BY_NAME, Parameter, slots
 
 Floats = npt.NDArray[np.float64]
 

@@ -12,7 +12,6 @@ from typing import NamedTuple
 import numpy as np
 import numpy.typing as npt
 
-from idm_sumo import laws
 from idm_sumo.diagnosis.fit import Fit, fit_drivers
 from idm_sumo.diagnosis.gain import compare
 from idm_sumo.diagnosis.likelihood import log_likelihood
@@ -20,7 +19,8 @@ from idm_sumo.diagnosis.result import Gain, LawCompared
 from idm_sumo.diagnosis.rollout import PLAIN
 from idm_sumo.diagnosis.sizes import ROUNDS, magnitude_of, typical_ade
 from idm_sumo.diagnosis.windows import Windows
-from idm_sumo.effects import slots
+from idm_sumo.models import laws
+from idm_sumo.models.effects import slots
 from idm_sumo.runtime.threads import each_in_threads
 
 Floats = npt.NDArray[np.float64]

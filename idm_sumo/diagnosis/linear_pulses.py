@@ -10,15 +10,15 @@ from numba import njit
 
 from idm_sumo.diagnosis import windows as w
 from idm_sumo.diagnosis.rollout import BASE_A, BASE_V, BASE_X, BIN, BY_T
-from idm_sumo.effects.acceleration_asymmetry import weakened
-from idm_sumo.effects.adjacent_lane_friction import friction
-from idm_sumo.effects.courtesy_yielding import before_cut_in, braking_before
-from idm_sumo.effects.follower_pressure import pressed
-from idm_sumo.effects.hysteresis import in_phase
-from idm_sumo.effects.leader_class import behind_truck
-from idm_sumo.effects.pre_insertion import before_own_change
-from idm_sumo.effects.speed_dependent_headway import SPEED_UNIT
-from idm_sumo.effects.vehicle_class import of_truck
+from idm_sumo.models.effects.acceleration_asymmetry import weakened
+from idm_sumo.models.effects.adjacent_lane_friction import friction
+from idm_sumo.models.effects.courtesy_yielding import before_cut_in, braking_before
+from idm_sumo.models.effects.follower_pressure import pressed
+from idm_sumo.models.effects.hysteresis import in_phase
+from idm_sumo.models.effects.leader_class import behind_truck
+from idm_sumo.models.effects.pre_insertion import before_own_change
+from idm_sumo.models.effects.speed_dependent_headway import SPEED_UNIT
+from idm_sumo.models.effects.vehicle_class import of_truck
 from idm_sumo.runtime.threads import in_threads
 
 Floats = npt.NDArray[np.float64]

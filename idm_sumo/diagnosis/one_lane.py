@@ -14,7 +14,7 @@ from idm_sumo.diagnosis.free_fields import IN_LANE
 from idm_sumo.diagnosis.hypotheses import Candidate
 from idm_sumo.diagnosis.left_over import LeftOver
 from idm_sumo.diagnosis.scans import corrected_p
-from idm_sumo.effects import BY_NAME
+from idm_sumo.models.effects import BY_NAME
 
 # Of one lane alone: a place there is found freely; what a lane's drivers want is its own effect; of the follower there is no twin.
 NOT_BY_LANE = (*hy.SCANNED, "desired_speed", *ENDOGENOUS)

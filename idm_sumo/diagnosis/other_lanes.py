@@ -8,7 +8,7 @@ import numpy as np
 import numpy.typing as npt
 import pandas as pd
 
-from idm_sumo.effects.adjacent_lane_friction import AHEAD, BESIDE
+from idm_sumo.models.effects.adjacent_lane_friction import AHEAD, BESIDE
 from idm_sumo.recordings import columns as c
 from idm_sumo.recordings.columns import MOTORCYCLE, TRUCK
 from idm_sumo.recordings.leaders import frame_code

@@ -14,7 +14,7 @@ from idm_sumo.diagnosis import atoms as at
 from idm_sumo.diagnosis import windows as w
 from idm_sumo.diagnosis.fit import Fit
 from idm_sumo.diagnosis.look import Subject, look
-from idm_sumo.effects import lane_change_relaxation
+from idm_sumo.models.effects import lane_change_relaxation
 
 Floats = npt.NDArray[np.float64]
 

@@ -10,7 +10,7 @@ import numpy as np
 import numpy.typing as npt
 import pandas as pd
 
-from idm_sumo.effects import ExtendedModel
+from idm_sumo.models.effects import ExtendedModel
 
 Floats = npt.NDArray[np.float64]
 Range = tuple[float, float]
@@ -110,7 +110,7 @@ class Law:
     Attributes
     ----------
     name : str
-        Of :data:`idm_sumo.laws.NAMES`.
+        Of :data:`idm_sumo.models.laws.NAMES`.
     likelier : Gain
         Negative log-likelihood of a driver that fits: by the IDM, and by this law; no causes in either.
     gain : Gain

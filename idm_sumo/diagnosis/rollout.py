@@ -8,11 +8,11 @@ import numpy as np
 import numpy.typing as npt
 from numba import literal_unroll, njit
 
-from idm_sumo import idm, laws
 from idm_sumo.diagnosis import windows as w
-from idm_sumo.effects import slots
-from idm_sumo.effects.acceleration import Moment, Sight, behaved, moment_of
-from idm_sumo.effects.reaction_delay import (
+from idm_sumo.models import idm, laws
+from idm_sumo.models.effects import slots
+from idm_sumo.models.effects.acceleration import Moment, Sight, behaved, moment_of
+from idm_sumo.models.effects.reaction_delay import (
     approached,
     between,
     follow_another,
@@ -101,7 +101,7 @@ def _drive(first, last, seen, driver, theta, models, varies, start, pushed, begi
     """Fill ``x`` and ``v``; the last axis of ``theta``, ``start``, ``x`` and ``v`` is of rollouts side by side.
 
     An array for each quantity, so that the compiler sees loops over rollouts that it can turn into vector instructions;
-    ``of_law`` of :func:`idm_sumo.laws.in_the_type` for the same reason, and ``of_kind``, ``STEADY`` or ``VARYING``.
+    ``of_law`` of :func:`idm_sumo.models.laws.in_the_type` for the same reason, and ``of_kind``, ``STEADY`` or ``VARYING``.
     """
     frames, beside = seen.shape[2], x.shape[2]
     if first == last or beside == 0:

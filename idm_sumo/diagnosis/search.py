@@ -26,7 +26,7 @@ from idm_sumo.diagnosis.result import Estimate
 from idm_sumo.diagnosis.sizes import Tried, anew, magnitude_of, refined, without_cause
 from idm_sumo.diagnosis.together import two_together
 from idm_sumo.diagnosis.twins import driver_noise
-from idm_sumo.effects import BY_NAME, slots
+from idm_sumo.models.effects import BY_NAME, slots
 from idm_sumo.runtime.progress import Progress, silent
 
 Floats = npt.NDArray[np.float64]

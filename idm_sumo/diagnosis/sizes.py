@@ -21,7 +21,7 @@ from idm_sumo.diagnosis.recovery import recovered
 from idm_sumo.diagnosis.result import Gain
 from idm_sumo.diagnosis.rollout import ROWS
 from idm_sumo.diagnosis.windows import Windows
-from idm_sumo.effects import BY_NAME, Parameter
+from idm_sumo.models.effects import BY_NAME, Parameter
 from idm_sumo.runtime.threads import each_in_threads
 
 Floats = npt.NDArray[np.float64]

@@ -20,7 +20,7 @@ from idm_sumo.diagnosis.fit import Fit, fit_drivers, fit_to_population
 from idm_sumo.diagnosis.gain_gates import LAWLIKE
 from idm_sumo.diagnosis.likelihood import log_likelihood
 from idm_sumo.diagnosis.windows import Windows
-from idm_sumo.effects import slots
+from idm_sumo.models.effects import slots
 from idm_sumo.runtime.threads import each_in_threads
 
 Floats = npt.NDArray[np.float64]

@@ -6,7 +6,6 @@ from collections.abc import Mapping
 
 import numpy as np
 
-from idm_sumo import laws
 from idm_sumo.diagnosis import evidence as ev
 from idm_sumo.diagnosis import gain_gates, gates
 from idm_sumo.diagnosis import hypotheses as hy
@@ -20,8 +19,9 @@ from idm_sumo.diagnosis.result import Z95, CauseFound, Estimate, OtherLaw, Power
 from idm_sumo.diagnosis.rollout import ROWS
 from idm_sumo.diagnosis.search import Found
 from idm_sumo.diagnosis.windows import HORIZON, SECOND, UNTIL_CUT_IN, Windows
-from idm_sumo.effects import BY_NAME, Cause, ExtendedModel, in_words, slots
-from idm_sumo.idm import IDMParameters
+from idm_sumo.models import laws
+from idm_sumo.models.effects import BY_NAME, Cause, ExtendedModel, in_words, slots
+from idm_sumo.models.idm import IDMParameters
 from idm_sumo.recordings.recording import Recording
 from idm_sumo.roads.road import FRAME_STEP
 

@@ -8,8 +8,8 @@ import numpy as np
 import numpy.typing as npt
 import pandas as pd
 
-from idm_sumo.effects.hysteresis import LATELY
-from idm_sumo.effects.lane_change_relaxation import LARGEST_JUMP, headway_after
+from idm_sumo.models.effects.hysteresis import LATELY
+from idm_sumo.models.effects.lane_change_relaxation import LARGEST_JUMP, headway_after
 from idm_sumo.recordings import columns as c
 from idm_sumo.recordings.leaders import row_ahead, row_of
 from idm_sumo.recordings.leaders_from_headway import JUMP, leader_lengths, recorded_leaders

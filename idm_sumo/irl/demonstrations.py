@@ -14,9 +14,9 @@ import numpy as np
 import numpy.typing as npt
 from numba import njit
 
-from idm_sumo import bicycle
 from idm_sumo.irl.dynamics import step_jacobian
 from idm_sumo.irl.episodes import Episodes
+from idm_sumo.models import bicycle
 from idm_sumo.roads import road
 from idm_sumo.scenes import Scenes
 

@@ -1,6 +1,6 @@
 """First and second derivatives of the bicycle model's step, for the likelihood of a demonstration.
 
-The step itself is :func:`idm_sumo.bicycle.step`. State ``x, y, psi, v`` of the middle, controls
+The step itself is :func:`idm_sumo.models.bicycle.step`. State ``x, y, psi, v`` of the middle, controls
 ``acceleration, steering``, in this order.
 """
 
@@ -10,7 +10,7 @@ from math import atan, cos, sin, tan
 
 from numba import njit
 
-from idm_sumo.bicycle import REAR_SHARE
+from idm_sumo.models.bicycle import REAR_SHARE
 from idm_sumo.roads import road
 
 X, Y, PSI, V, ACC, STEER = range(6)

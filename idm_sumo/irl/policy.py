@@ -11,9 +11,9 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 
-from idm_sumo import bicycle
 from idm_sumo.irl.episodes import episodes_of
 from idm_sumo.irl.simulation import OBSERVATIONS, Simulation
+from idm_sumo.models import bicycle
 from idm_sumo.rollout import Trajectories
 from idm_sumo.runtime.errors import InputError
 from idm_sumo.runtime.files import new_file

@@ -29,11 +29,11 @@ import numpy as np
 import numpy.typing as npt
 from numba import njit
 
-from idm_sumo import bicycle
 from idm_sumo.collisions import overlap, rectangle
 from idm_sumo.irl import features
 from idm_sumo.irl.demonstrations import start_state
 from idm_sumo.irl.episodes import Episodes, Surroundings
+from idm_sumo.models import bicycle
 from idm_sumo.roads import road
 
 Floats = npt.NDArray[np.float64]

@@ -18,11 +18,11 @@ import numpy as np
 import numpy.typing as npt
 from numba import njit
 
-from idm_sumo.bicycle import wheelbase
 from idm_sumo.irl import features
 from idm_sumo.irl.demonstrations import Demonstrations
 from idm_sumo.irl.dynamics import add_step_curvature, step_jacobian
 from idm_sumo.irl.episodes import Episodes, Surroundings
+from idm_sumo.models.bicycle import wheelbase
 
 Floats = npt.NDArray[np.float64]
 

@@ -6,7 +6,7 @@ import numpy as np
 import numpy.typing as npt
 from numba import njit
 
-from idm_sumo import idm
+from idm_sumo.models import idm
 from idm_sumo.roads import road
 
 Floats = npt.NDArray[np.float64]

@@ -7,7 +7,7 @@ import pandas as pd
 from scipy.stats import norm
 
 from idm_sumo.calibration.hierarchical import SHIFT
-from idm_sumo.idm import LOWER, UPPER, IDMParameters
+from idm_sumo.models.idm import LOWER, UPPER, IDMParameters
 from idm_sumo.prediction.moving_horizon import MovingHorizon, recent
 from idm_sumo.prediction.observation import first_second
 from idm_sumo.prediction.rollout_predictor import RolloutPredictor

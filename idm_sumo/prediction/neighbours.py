@@ -16,7 +16,7 @@ from sklearn.preprocessing import StandardScaler
 from sklearn.utils.validation import check_is_fitted, validate_data
 
 from idm_sumo.driving_code import FEATURES, driving_code
-from idm_sumo.idm import LOWER, UPPER, IDMParameters
+from idm_sumo.models.idm import LOWER, UPPER, IDMParameters
 from idm_sumo.perception import leaders_along
 from idm_sumo.recordings import columns as c
 from idm_sumo.roads import road
@@ -124,7 +124,7 @@ def first_gap_parameters(scenes: Scenes, pooled: IDMParameters, *, desired_speed
 
     .. math:: T = \frac{d\sqrt{1 - (v/v_0)^4} - d_0 - d_1\sqrt{v/v_0}}{v},
 
-    :func:`idm_sumo.idm.equilibrium_gap` solved for ``T``, within the bounds of calibration.
+    :func:`idm_sumo.models.idm.equilibrium_gap` solved for ``T``, within the bounds of calibration.
     Where no ``T`` does it (no leader, at standstill, at or above the desired speed) the
     pooled one stays.
 

@@ -16,7 +16,7 @@ from idm_sumo.calibration.hierarchical import SHIFT
 from idm_sumo.calibration.kernel import from_search, sensitivities, slopes_at, to_search
 from idm_sumo.calibration.pooled import usable_windows
 from idm_sumo.calibration.problem import Problem, only, prepare
-from idm_sumo.idm import IDMParameters
+from idm_sumo.models.idm import IDMParameters
 from idm_sumo.prediction import basis
 from idm_sumo.prediction.noise import ObservedScale, ResidualNoise
 from idm_sumo.prediction.observation import COLUMNS, first_second

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import numpy.typing as npt
 
-from idm_sumo import bicycle
+from idm_sumo.models import bicycle
 from idm_sumo.roads import road
 from idm_sumo.rollout import Trajectories
 from idm_sumo.scenes import LEADER_FROM_LANE, Scenes

@@ -8,7 +8,7 @@ import numpy as np
 import numpy.typing as npt
 import pandas as pd
 
-from idm_sumo import bicycle
+from idm_sumo.models import bicycle
 from idm_sumo.roads import road
 from idm_sumo.rollout import control
 from idm_sumo.sumo.perception import leader_by_getleader

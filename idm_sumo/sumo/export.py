@@ -17,8 +17,8 @@ import pandas as pd
 from idm_sumo import driver_table as d
 from idm_sumo.departures import DESTINATION, THROUGH
 from idm_sumo.departures import departures as departures_of
-from idm_sumo.effects import ExtendedModel
-from idm_sumo.idm import TEXTBOOK
+from idm_sumo.models.effects import ExtendedModel
+from idm_sumo.models.idm import TEXTBOOK
 from idm_sumo.recordings import columns as c
 from idm_sumo.recordings.recording import Recording
 from idm_sumo.runtime.errors import InputError

@@ -11,11 +11,11 @@ from numba import njit
 
 from idm_sumo import driver_table as d
 from idm_sumo.departures import DESTINATION, THROUGH
-from idm_sumo.effects import ExtendedModel, extended_acceleration
-from idm_sumo.effects.hysteresis import LATELY
-from idm_sumo.effects.lane_change_relaxation import headway_after
-from idm_sumo.effects.reaction_delay import REMEMBERED, acted_on
 from idm_sumo.extended_rollout import meet
+from idm_sumo.models.effects import ExtendedModel, extended_acceleration
+from idm_sumo.models.effects.hysteresis import LATELY
+from idm_sumo.models.effects.lane_change_relaxation import headway_after
+from idm_sumo.models.effects.reaction_delay import REMEMBERED, acted_on
 from idm_sumo.recordings import columns as c
 from idm_sumo.roads import road
 from idm_sumo.rollout import perceive

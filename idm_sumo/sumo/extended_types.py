@@ -25,8 +25,8 @@ import numpy.typing as npt
 import pandas as pd
 
 from idm_sumo import driver_table as d
-from idm_sumo.effects import BY_NAME, Cause, ExtendedModel, slots
-from idm_sumo.effects.time_of_day import drifted
+from idm_sumo.models.effects import BY_NAME, Cause, ExtendedModel, slots
+from idm_sumo.models.effects.time_of_day import drifted
 from idm_sumo.recordings import columns as c
 from idm_sumo.recordings.columns import TRUCK
 from idm_sumo.roads import road

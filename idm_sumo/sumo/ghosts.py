@@ -14,7 +14,7 @@ import numpy.typing as npt
 from joblib import Parallel, delayed
 from numba import njit
 
-from idm_sumo import bicycle
+from idm_sumo.models import bicycle
 from idm_sumo.roads import road
 from idm_sumo.rollout import Trajectories, perceive
 from idm_sumo.runtime.progress import Progress, silent

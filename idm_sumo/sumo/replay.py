@@ -17,9 +17,9 @@ import numpy.typing as npt
 from joblib import Parallel, delayed
 from numba import njit
 
-from idm_sumo import bicycle
-from idm_sumo.effects import ExtendedModel
 from idm_sumo.extended_rollout import decide, set_out
+from idm_sumo.models import bicycle
+from idm_sumo.models.effects import ExtendedModel
 from idm_sumo.recordings.recording import Recording
 from idm_sumo.roads import road
 from idm_sumo.rollout import Trajectories, control, steer

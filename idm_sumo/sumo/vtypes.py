@@ -6,7 +6,7 @@ import re
 from typing import NamedTuple
 from xml.etree.ElementTree import Element, SubElement
 
-from idm_sumo import idm
+from idm_sumo.models import idm
 from idm_sumo.roads import road
 
 STEPPING = 0.25  # s: longer than our step, so SUMO's IDM computes one acceleration a step, as we do

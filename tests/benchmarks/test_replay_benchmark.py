@@ -10,7 +10,7 @@ import numpy as np
 import pandas as pd
 import pytest
 
-from idm_sumo import bicycle
+from idm_sumo.models import bicycle
 from idm_sumo.recordings import columns as c
 from idm_sumo.recordings.recording import Recording
 from idm_sumo.roads import road

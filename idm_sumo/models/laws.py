@@ -13,7 +13,7 @@ from math import sqrt, tanh
 
 from numba import njit
 
-from idm_sumo import idm
+from idm_sumo.models import idm
 
 IDM, FULL_VELOCITY_DIFFERENCE, SMOOTH_VELOCITY_DIFFERENCE, KRAUSS, OPTIMAL_VELOCITY, GIPPS, IMPROVED_IDM = range(7)
 NAMES = (
@@ -119,7 +119,7 @@ def acceleration(law, speed, approach_rate, gap, a, weight, T, d0, desired_speed
     speed, approach_rate, gap : float
         m/s, m/s, m (not below the IDM's smallest gap).
     a, weight, T, d0, desired_speed : float
-        ``weight`` of :func:`idm_sumo.idm.closing_weight`, in which ``b`` is.
+        ``weight`` of :func:`idm_sumo.models.idm.closing_weight`, in which ``b`` is.
     reaction : float
         s, in which Krauss's safe speed is reached.
     """

@@ -10,11 +10,11 @@ from pathlib import Path
 import numpy as np
 import numpy.typing as npt
 
-from idm_sumo import laws
-from idm_sumo.effects import slots
-from idm_sumo.effects.catalogue import BY_NAME
-from idm_sumo.effects.record import in_words
-from idm_sumo.idm import IDMParameters
+from idm_sumo.models import laws
+from idm_sumo.models.effects import slots
+from idm_sumo.models.effects.catalogue import BY_NAME
+from idm_sumo.models.effects.record import in_words
+from idm_sumo.models.idm import IDMParameters
 from idm_sumo.roads import road
 from idm_sumo.runtime.errors import InputError
 
@@ -64,7 +64,7 @@ class ExtendedModel:
     source : str
         The recording it was found in.
     law : str
-        The car-following that the causes are beyond: of :data:`idm_sumo.laws.NAMES`, to which the parameters belong.
+        The car-following that the causes are beyond: of :data:`idm_sumo.models.laws.NAMES`, to which the parameters belong.
     reaction : float
         s, in which drivers of Krauss's law reach their safe speed.
     drivers : str

@@ -10,8 +10,8 @@ from __future__ import annotations
 import numpy as np
 from numba import njit
 
-from idm_sumo.effects import slots
-from idm_sumo.effects.record import Effect, Parameter
+from idm_sumo.models.effects import slots
+from idm_sumo.models.effects.record import Effect, Parameter
 
 
 @njit(cache=True, error_model="numpy")

@@ -18,16 +18,16 @@ How to drive with an extended model, step by step (0.1 s):
 :class:`Effect` record (``must_see``), as is how plain SUMO can express it (``sumo``, None if only the Python-driven loop can).
 Events that lie ahead (``until_cut_in``, ``until_own_change``) are known in replay only: in a closed loop they are NaN.
 ``jump`` is the old gap minus the new one (m) at the last change of leader, both at the moment of the change, ``accepted_headway`` what
-:func:`~idm_sumo.effects.lane_change_relaxation.headway_after` makes of the new one and the speed;
-``adjacent_speed`` the mean speed of the vehicles within :data:`~idm_sumo.effects.adjacent_lane_friction.BESIDE` m in the slower of the adjacent lanes,
-``next_beside_speed`` that of the slower of the next vehicles there, up to :data:`~idm_sumo.effects.adjacent_lane_friction.AHEAD` m ahead;
-``leader_acceleration_of_late`` the leader's mean acceleration over the last :data:`~idm_sumo.effects.hysteresis.OF_LATE` s, or since it came.
+:func:`~idm_sumo.models.effects.lane_change_relaxation.headway_after` makes of the new one and the speed;
+``adjacent_speed`` the mean speed of the vehicles within :data:`~idm_sumo.models.effects.adjacent_lane_friction.BESIDE` m in the slower of the adjacent lanes,
+``next_beside_speed`` that of the slower of the next vehicles there, up to :data:`~idm_sumo.models.effects.adjacent_lane_friction.AHEAD` m ahead;
+``leader_acceleration_of_late`` the leader's mean acceleration over the last :data:`~idm_sumo.models.effects.hysteresis.OF_LATE` s, or since it came.
 """
 
-from idm_sumo.effects.acceleration import BLIND, Sight, extended_acceleration
-from idm_sumo.effects.catalogue import BY_NAME, CATALOGUE
-from idm_sumo.effects.extended_model import Cause, ExtendedModel
-from idm_sumo.effects.record import Effect, Parameter, in_words
+from idm_sumo.models.effects.acceleration import BLIND, Sight, extended_acceleration
+from idm_sumo.models.effects.catalogue import BY_NAME, CATALOGUE
+from idm_sumo.models.effects.extended_model import Cause, ExtendedModel
+from idm_sumo.models.effects.record import Effect, Parameter, in_words
 
 __all__ = [
     "BLIND",

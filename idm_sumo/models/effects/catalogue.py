@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from idm_sumo.effects import (
+from idm_sumo.models.effects import (
     acceleration_asymmetry,
     adjacent_lane_friction,
     correlated_noise,
@@ -23,7 +23,7 @@ from idm_sumo.effects import (
     time_of_day,
     vehicle_class,
 )
-from idm_sumo.effects.record import Effect
+from idm_sumo.models.effects.record import Effect
 
 CATALOGUE: tuple[Effect, ...] = (
     reaction_delay.EFFECT,

@@ -9,8 +9,8 @@ from __future__ import annotations
 
 from numba import njit
 
-from idm_sumo.effects import slots
-from idm_sumo.effects.record import Effect, Parameter
+from idm_sumo.models.effects import slots
+from idm_sumo.models.effects.record import Effect, Parameter
 
 SPEED_UNIT = 10.0  # m/s
 LEAST_FACTOR = 0.1  # of the headway: no driver wants to be touched

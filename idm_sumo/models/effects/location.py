@@ -11,8 +11,8 @@ from __future__ import annotations
 
 from numba import njit
 
-from idm_sumo.effects import slots
-from idm_sumo.effects.record import Effect, Parameter
+from idm_sumo.models.effects import slots
+from idm_sumo.models.effects.record import Effect, Parameter
 
 
 @njit(cache=True, error_model="numpy")

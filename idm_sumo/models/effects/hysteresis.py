@@ -12,8 +12,8 @@ from math import tanh
 
 from numba import njit
 
-from idm_sumo.effects import slots
-from idm_sumo.effects.record import Effect, Parameter
+from idm_sumo.models.effects import slots
+from idm_sumo.models.effects.record import Effect, Parameter
 from idm_sumo.roads.road import FRAME_STEP
 
 SATURATION = 0.5  # m/s^2

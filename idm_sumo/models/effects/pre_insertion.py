@@ -11,9 +11,9 @@ from __future__ import annotations
 
 from numba import njit
 
-from idm_sumo.effects import slots
-from idm_sumo.effects.courtesy_yielding import before_cut_in
-from idm_sumo.effects.record import Effect, Parameter
+from idm_sumo.models.effects import slots
+from idm_sumo.models.effects.courtesy_yielding import before_cut_in
+from idm_sumo.models.effects.record import Effect, Parameter
 
 
 @njit(cache=True, error_model="numpy")

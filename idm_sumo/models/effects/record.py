@@ -23,7 +23,7 @@ class Parameter(NamedTuple):
     ----------
     symbol, unit : str
     slot : int
-        Its place in the flat vector of magnitudes (:mod:`idm_sumo.effects.slots`).
+        Its place in the flat vector of magnitudes (:mod:`idm_sumo.models.effects.slots`).
     lower, upper : float
         Bounds of every fit.
     typical : float
@@ -58,7 +58,7 @@ class Effect:
     instead : Parameter or None
         A magnitude of another kind, which may act in place of the first.
     must_see : tuple of str
-        Fields of :class:`~idm_sumo.effects.acceleration.Sight` (beside gap and leader's speed) that a
+        Fields of :class:`~idm_sumo.models.effects.acceleration.Sight` (beside gap and leader's speed) that a
         recording must show for the effect to be testable.
     confusable_with : tuple of str
         Catalogue names.

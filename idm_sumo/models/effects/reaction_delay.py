@@ -18,9 +18,9 @@ from __future__ import annotations
 import numpy as np
 from numba import njit
 
-from idm_sumo.effects import slots
-from idm_sumo.effects.record import Effect, Parameter
-from idm_sumo.idm import SMALLEST_GAP
+from idm_sumo.models.effects import slots
+from idm_sumo.models.effects.record import Effect, Parameter
+from idm_sumo.models.idm import SMALLEST_GAP
 from idm_sumo.roads.road import FRAME_STEP
 
 LONGEST = 1.5  # s, what a past has to hold

@@ -21,8 +21,8 @@ from math import exp
 import numpy as np
 from numba import njit
 
-from idm_sumo.effects import slots
-from idm_sumo.effects.record import Effect, Parameter
+from idm_sumo.models.effects import slots
+from idm_sumo.models.effects.record import Effect, Parameter
 
 LARGEST_JUMP = 40.0  # m; more is a new leader far behind a vanished one, not a gap accepted
 STANDING, SLOWEST = 2.0, 2.0  # m, of a gap, that are no headway; m/s, below which there is none

@@ -6,24 +6,24 @@ from typing import NamedTuple
 
 from numba import njit
 
-from idm_sumo import idm, laws
-from idm_sumo.effects import slots
-from idm_sumo.effects.acceleration_asymmetry import weakened
-from idm_sumo.effects.adjacent_lane_friction import friction
-from idm_sumo.effects.courtesy_yielding import before_cut_in, braking_before
-from idm_sumo.effects.desired_speed import in_lane
-from idm_sumo.effects.follower_pressure import pressed
-from idm_sumo.effects.hysteresis import in_phase
-from idm_sumo.effects.lane_change_relaxation import gap_credit, headway_given_up, within_shortage
-from idm_sumo.effects.leader_class import behind_truck, farther_from_truck
-from idm_sumo.effects.location import at_place
-from idm_sumo.effects.memory import resigned
-from idm_sumo.effects.multi_leader_anticipation import shared_interaction, shared_rate
-from idm_sumo.effects.perception_threshold import perceived
-from idm_sumo.effects.pre_insertion import before_own_change
-from idm_sumo.effects.speed_dependent_headway import at_speed
-from idm_sumo.effects.time_of_day import at_time, drifted
-from idm_sumo.effects.vehicle_class import of_truck
+from idm_sumo.models import idm, laws
+from idm_sumo.models.effects import slots
+from idm_sumo.models.effects.acceleration_asymmetry import weakened
+from idm_sumo.models.effects.adjacent_lane_friction import friction
+from idm_sumo.models.effects.courtesy_yielding import before_cut_in, braking_before
+from idm_sumo.models.effects.desired_speed import in_lane
+from idm_sumo.models.effects.follower_pressure import pressed
+from idm_sumo.models.effects.hysteresis import in_phase
+from idm_sumo.models.effects.lane_change_relaxation import gap_credit, headway_given_up, within_shortage
+from idm_sumo.models.effects.leader_class import behind_truck, farther_from_truck
+from idm_sumo.models.effects.location import at_place
+from idm_sumo.models.effects.memory import resigned
+from idm_sumo.models.effects.multi_leader_anticipation import shared_interaction, shared_rate
+from idm_sumo.models.effects.perception_threshold import perceived
+from idm_sumo.models.effects.pre_insertion import before_own_change
+from idm_sumo.models.effects.speed_dependent_headway import at_speed
+from idm_sumo.models.effects.time_of_day import at_time, drifted
+from idm_sumo.models.effects.vehicle_class import of_truck
 
 NAN = float("nan")
 
@@ -196,9 +196,9 @@ def behaved(speed, approach_rate, gap, x, second_gap, rear_gap, moment, a, weigh
         Of :class:`Sight`.
     moment : Moment
     a, weight, T, d0, d1, desired_speed : float
-        ``weight`` of :func:`idm_sumo.idm.closing_weight`.
+        ``weight`` of :func:`idm_sumo.models.idm.closing_weight`.
     law : float
-        Of :mod:`idm_sumo.laws`; the same for all of many, or the loop over them is none of vector instructions.
+        Of :mod:`idm_sumo.models.laws`; the same for all of many, or the loop over them is none of vector instructions.
     """
     limit = desired_speed * moment.limit
     inverse = 1.0 / limit
@@ -235,13 +235,13 @@ def behaved(speed, approach_rate, gap, x, second_gap, rear_gap, moment, a, weigh
 
 @njit(cache=True, error_model="numpy")
 def extended_acceleration(speed, approach_rate, gap, see, a, b, T, d0, d1, desired_speed, m):  # type: ignore[no-untyped-def]
-    """Return the acceleration (m/s²) of a driver with effects; with ``m`` all zero :func:`idm_sumo.idm.acceleration`.
+    """Return the acceleration (m/s²) of a driver with effects; with ``m`` all zero :func:`idm_sumo.models.idm.acceleration`.
 
     Parameters
     ----------
     speed, approach_rate, gap : float
         m/s, m/s, m as the driver acts on them: of a moment ago with a reaction delay
-        (:func:`idm_sumo.effects.reaction_delay.acted_on`). Gap is infinite without a leader.
+        (:func:`idm_sumo.models.effects.reaction_delay.acted_on`). Gap is infinite without a leader.
     see : Sight
     a, b, T, d0, d1, desired_speed : float
     m : float64, shape (slots.COUNT,)

@@ -5,7 +5,7 @@ Not behaviour, so it has no place in the acceleration; :mod:`idm_sumo.diagnosis`
 
 from __future__ import annotations
 
-from idm_sumo.effects.record import Effect
+from idm_sumo.models.effects.record import Effect
 
 EFFECT = Effect(
     name="measurement_artefact",

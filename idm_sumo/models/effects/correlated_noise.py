@@ -11,7 +11,7 @@ from math import exp, sqrt
 
 from numba import njit
 
-from idm_sumo.effects.record import Effect
+from idm_sumo.models.effects.record import Effect
 
 
 @njit(cache=True, error_model="numpy")

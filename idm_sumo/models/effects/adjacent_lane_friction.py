@@ -10,8 +10,8 @@ from __future__ import annotations
 
 from numba import njit
 
-from idm_sumo.effects import slots
-from idm_sumo.effects.record import Effect, Parameter
+from idm_sumo.models.effects import slots
+from idm_sumo.models.effects.record import Effect, Parameter
 
 BESIDE = 30.0  # m, to either side: who counts as near
 AHEAD = 60.0  # m: how far the next one counts
