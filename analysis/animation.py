@@ -16,7 +16,7 @@ from idm_sumo.recordings.recording import Recording
 from idm_sumo.roads import road
 from idm_sumo.rollout import Trajectories
 from idm_sumo.runtime.progress import Progress, silent
-from idm_sumo.scenes import LEADER_OF_TWIN, Scenes
+from idm_sumo.scenes.windows import LEADER_OF_TWIN, Scenes
 
 from .style import METHOD_COLOURS, RECORDED, TRAFFIC, new_figure
 

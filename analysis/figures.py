@@ -13,7 +13,7 @@ from matplotlib.figure import Figure
 from idm_sumo.models.idm import LOWER, UPPER
 from idm_sumo.roads import road
 from idm_sumo.rollout import Trajectories
-from idm_sumo.scenes import LEADER_FROM_LANE, Scenes
+from idm_sumo.scenes.windows import LEADER_FROM_LANE, Scenes
 
 from .paper import NEIGHBOURS
 from .study import Study

@@ -13,7 +13,7 @@ from idm_sumo.recordings import columns as c
 from idm_sumo.roads import road
 from idm_sumo.rollout import drive_idm
 from idm_sumo.runtime.errors import InputError
-from idm_sumo.scenes import Scenes, Window
+from idm_sumo.scenes.windows import Scenes, Window
 
 from .drivers import Drivers
 from .prediction_share import Learned, drawn_anew, fits_or, share_closed, some_drivers

@@ -26,7 +26,7 @@ from idm_sumo.rollout import Trajectories, drive_idm
 from idm_sumo.runtime.errors import InputError
 from idm_sumo.runtime.files import MANIFEST, new_folder
 from idm_sumo.runtime.progress import Progress, silent
-from idm_sumo.scenes import Scenes, Window, build_scenes
+from idm_sumo.scenes.windows import Scenes, Window, build_scenes
 from idm_sumo.sight import Others, Twin, what_is_seen
 
 from .animation import animate

@@ -10,7 +10,7 @@ from idm_sumo.metrics import summary
 from idm_sumo.reacting import score_with_reacting
 from idm_sumo.recordings import columns as c
 from idm_sumo.runtime.progress import Progress, silent
-from idm_sumo.scenes import LEADER_FROM_LANE, Scenes
+from idm_sumo.scenes.windows import LEADER_FROM_LANE, Scenes
 
 from .populations import PARAMETERS, Drivers
 

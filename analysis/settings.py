@@ -12,7 +12,7 @@ from pydantic.dataclasses import dataclass
 
 from idm_sumo.roads.road import SPEED_LIMIT
 from idm_sumo.runtime.errors import InputError
-from idm_sumo.scenes import Window
+from idm_sumo.scenes.windows import Window
 
 SURROGATE = "surrogate"
 DEFAULT_RUN = Path(__file__).parents[1] / "runs" / "paper.toml"  # beside us in a clone and in a wheel

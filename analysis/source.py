@@ -15,7 +15,7 @@ from idm_sumo.recordings.recording import Recording
 from idm_sumo.recordings.smoothing import smooth
 from idm_sumo.runtime.errors import InputError
 from idm_sumo.runtime.progress import Progress, silent
-from idm_sumo.scenes import Window, build_scenes
+from idm_sumo.scenes.windows import Window, build_scenes
 
 from .builtin import cached_surrogate
 from .drivers import Drivers

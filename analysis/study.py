@@ -14,7 +14,7 @@ from idm_sumo.driving_code import FEATURES, features_of
 from idm_sumo.models.idm import IDMParameters
 from idm_sumo.prediction import KNNPredictor, average_parameters, first_gap_parameters, first_second
 from idm_sumo.runtime.progress import Progress, silent
-from idm_sumo.scenes import Window
+from idm_sumo.scenes.windows import Window
 
 from .drivers import Drivers
 from .prediction_share import Learned, learn

@@ -16,7 +16,7 @@ from idm_sumo.metrics import summary
 from idm_sumo.models.idm import LOWER, UPPER, IDMParameters
 from idm_sumo.rollout import Trajectories, drive_constant_velocity, drive_idm
 from idm_sumo.runtime.progress import Progress, silent
-from idm_sumo.scenes import Window
+from idm_sumo.scenes.windows import Window
 
 from . import paper
 from .drivers import Drive, Drivers

@@ -8,7 +8,7 @@ import numpy as np
 import pandas as pd
 
 from idm_sumo.recordings import columns as c
-from idm_sumo.scenes import LEADER_OF_TWIN
+from idm_sumo.scenes.windows import LEADER_OF_TWIN
 
 from .settings import SURROGATE, Settings
 

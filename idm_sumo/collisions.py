@@ -41,7 +41,7 @@ from numba import njit
 from idm_sumo.models.bicycle import center_of_front
 from idm_sumo.roads import road
 from idm_sumo.rollout import Trajectories
-from idm_sumo.scenes import LEADER_FROM_LANE, Scenes
+from idm_sumo.scenes.windows import LEADER_FROM_LANE, Scenes
 
 REACTION_TIME = 1.0  # s, what a follower needs to answer a car that cuts in
 REACTION_STEPS = round(REACTION_TIME / road.FRAME_STEP)

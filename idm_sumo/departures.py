@@ -10,7 +10,7 @@ from idm_sumo import driver_table as d
 from idm_sumo.recordings import columns as c
 from idm_sumo.recordings.recording import Recording
 from idm_sumo.roads import road
-from idm_sumo.scenes import Scenes
+from idm_sumo.scenes.windows import Scenes
 
 DESTINATION = "destination"  # edge: "downstream" or "off_ramp"
 THROUGH, LEAVING = "downstream", "off_ramp"

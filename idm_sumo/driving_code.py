@@ -23,10 +23,10 @@ import numpy as np
 import numpy.typing as npt
 import pandas as pd
 
-from idm_sumo.perception import leaders_along
 from idm_sumo.roads import road
 from idm_sumo.runtime.errors import InputError
-from idm_sumo.scenes import Scenes
+from idm_sumo.scenes.perception import leaders_along
+from idm_sumo.scenes.windows import Scenes
 
 SPEED = "mean_speed_m_s"  # not the speed at departure, which a driver table holds too
 APPROACH_RATE = "approach_rate_m_s"

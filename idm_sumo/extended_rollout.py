@@ -15,9 +15,9 @@ from idm_sumo.models.effects.reaction_delay import acted_on, follow_another, kno
 from idm_sumo.recordings.recording import Recording
 from idm_sumo.roads import road
 from idm_sumo.rollout import Trajectories, perceive, steer
-from idm_sumo.scenes import LEADER_FROM_LANE, Scenes
+from idm_sumo.scenes.traffic import NOBODY
+from idm_sumo.scenes.windows import LEADER_FROM_LANE, Scenes
 from idm_sumo.sight import NOBODY_YET, Others, Twin, look, what_is_seen
-from idm_sumo.traffic import NOBODY
 
 Floats = npt.NDArray[np.float64]
 Integers = npt.NDArray[np.int64]

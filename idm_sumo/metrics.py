@@ -14,11 +14,11 @@ import numpy.typing as npt
 import pandas as pd
 
 from idm_sumo.collisions import first_contacts
-from idm_sumo.perception import leaders_along
 from idm_sumo.recordings import columns as c
 from idm_sumo.roads import road
 from idm_sumo.rollout import Trajectories
-from idm_sumo.scenes import Scenes
+from idm_sumo.scenes.perception import leaders_along
+from idm_sumo.scenes.windows import Scenes
 
 Floats = npt.NDArray[np.float64]
 

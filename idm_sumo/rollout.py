@@ -13,8 +13,8 @@ from idm_sumo.models import bicycle, idm
 from idm_sumo.models.steering import lookahead_distance, pure_pursuit
 from idm_sumo.roads import road
 from idm_sumo.runtime.threads import in_threads
-from idm_sumo.scenes import Scenes
-from idm_sumo.traffic import NOBODY, leader_row
+from idm_sumo.scenes.traffic import NOBODY, leader_row
+from idm_sumo.scenes.windows import Scenes
 
 Floats = npt.NDArray[np.float64]
 

@@ -23,8 +23,8 @@ from idm_sumo.recordings.recording import Recording
 from idm_sumo.recordings.smoothing import running_mean, same_run
 from idm_sumo.roads import road
 from idm_sumo.rollout import perceive
-from idm_sumo.scenes import LEADER_FROM_LANE, Scenes
-from idm_sumo.traffic import NOBODY, first_ahead
+from idm_sumo.scenes.traffic import NOBODY, first_ahead
+from idm_sumo.scenes.windows import LEADER_FROM_LANE, Scenes
 
 Floats = npt.NDArray[np.float64]
 Integers = npt.NDArray[np.int64]
@@ -33,7 +33,7 @@ NOBODY_YET = -2  # number of the leader before anybody was looked at
 
 
 class Others(NamedTuple):
-    """Of each row of the scenes' traffic, shape (rows,): what :class:`~idm_sumo.traffic.Traffic` does not hold.
+    """Of each row of the scenes' traffic, shape (rows,): what :class:`~idm_sumo.scenes.traffic.Traffic` does not hold.
 
     Attributes
     ----------

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from idm_sumo.roads import road
-from idm_sumo.scenes import Scenes, Window
+from idm_sumo.scenes.windows import Scenes, Window
 from tests.builders import Car, scenes
 
 FRAMES = 40

@@ -9,8 +9,8 @@ from scipy.signal import savgol_filter
 from idm_sumo.models import idm
 from idm_sumo.recordings import columns as c
 from idm_sumo.roads import road
-from idm_sumo.scenes import LEADER_OF_TWIN, Scenes, Window
-from idm_sumo.traffic import sort_into_cells
+from idm_sumo.scenes.traffic import sort_into_cells
+from idm_sumo.scenes.windows import LEADER_OF_TWIN, Scenes, Window
 
 Floats = npt.NDArray[np.float64]
 

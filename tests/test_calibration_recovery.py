@@ -54,7 +54,7 @@ def test_longer_windows_determine_more():
 
 def test_steady_following_determines_hardly_anything():
     """Behind a leader at constant speed only the gap is seen, and it does not tell ``T`` from ``d0`` and ``d1``."""
-    from idm_sumo.scenes import Window
+    from idm_sumo.scenes.windows import Window
     from tests.known_drivers import scenes_of
 
     t = 0.1 * np.arange(110)

@@ -12,7 +12,7 @@ from idm_sumo.recordings.reading import read_recording
 from idm_sumo.recordings.smoothing import smooth
 from idm_sumo.roads import road
 from idm_sumo.rollout import drive_constant_velocity, drive_idm
-from idm_sumo.scenes import Window, build_scenes
+from idm_sumo.scenes.windows import Window, build_scenes
 from tests.builders import Car, scenes, trajectories
 
 STEPS = np.arange(21)

@@ -2,9 +2,9 @@ import numpy as np
 import pytest
 
 from idm_sumo.driving_code import SLOWEST, driving_code, features_of
-from idm_sumo.perception import leaders_along
 from idm_sumo.roads import road
 from idm_sumo.runtime.errors import InputError
+from idm_sumo.scenes.perception import leaders_along
 from tests.builders import Car, scenes
 
 COLUMNS = ["mean_speed_m_s", "approach_rate_m_s", "offset_m", "time_headway_s", "leader_frames"]

@@ -18,7 +18,7 @@ from idm_sumo.recordings import columns as c
 from idm_sumo.recordings.recording import Recording
 from idm_sumo.roads import road
 from idm_sumo.runtime.errors import InputError
-from idm_sumo.scenes import Window, build_scenes
+from idm_sumo.scenes.windows import Window, build_scenes
 from idm_sumo.sumo import network, session
 from idm_sumo.sumo.courses import StraightRoads
 from idm_sumo.sumo.distribution import export_distribution

@@ -20,7 +20,7 @@ from idm_sumo.recordings.reading import read_recording
 from idm_sumo.recordings.recording import Recording
 from idm_sumo.recordings.smoothing import smooth
 from idm_sumo.roads import road
-from idm_sumo.scenes import Scenes, Window, build_scenes
+from idm_sumo.scenes.windows import Scenes, Window, build_scenes
 from idm_sumo.sumo import parity as p
 from idm_sumo.sumo.export import export_routes
 

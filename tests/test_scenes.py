@@ -2,7 +2,7 @@ import numpy as np
 import pytest
 
 from idm_sumo.roads import road
-from idm_sumo.scenes import LEADER_FROM_LANE, LEADER_OF_TWIN, TOO_SHORT, Window, build_scenes
+from idm_sumo.scenes.windows import LEADER_FROM_LANE, LEADER_OF_TWIN, TOO_SHORT, Window, build_scenes
 from tests.builders import Car, recording
 
 WINDOW = Window(observed=4, horizon=20)  # frames 0..3 observed, 3..23 simulated

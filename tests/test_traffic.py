@@ -4,7 +4,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from idm_sumo.roads import road
-from idm_sumo.traffic import NOBODY, build_traffic, leader_row, sort_into_cells
+from idm_sumo.scenes.traffic import NOBODY, build_traffic, leader_row, sort_into_cells
 from tests.builders import Car, recording
 
 positions = st.integers(0, 30).map(float)  # coarse, so that fronts coincide

@@ -7,7 +7,7 @@ from dataclasses import replace
 
 import numpy as np
 
-from idm_sumo.scenes import Scenes
+from idm_sumo.scenes.windows import Scenes
 
 CHUNK = 4096  # windows: about 30 MB of 10 s windows
 

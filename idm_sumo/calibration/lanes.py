@@ -16,7 +16,7 @@ from idm_sumo.calibration.coordinates import D_UNIT, PARAMETERS, T_UNIT, paramet
 from idm_sumo.models import idm
 from idm_sumo.roads import road
 from idm_sumo.rollout import perceive
-from idm_sumo.traffic import NOBODY
+from idm_sumo.scenes.traffic import NOBODY
 
 DT = road.FRAME_STEP
 LANES = L = 8  # parameter sets side by side: two vectors of four

@@ -23,7 +23,7 @@ from idm_sumo.calibration.steps import steps_from
 from idm_sumo.models.idm import IDMParameters
 from idm_sumo.roads import road
 from idm_sumo.runtime.errors import InputError
-from idm_sumo.scenes import Scenes
+from idm_sumo.scenes.windows import Scenes
 
 Floats = npt.NDArray[np.float64]
 

@@ -15,8 +15,8 @@ from idm_sumo.models.steering import lookahead_distance, pure_pursuit
 from idm_sumo.roads import road
 from idm_sumo.runtime.errors import InputError
 from idm_sumo.runtime.threads import in_threads
-from idm_sumo.scenes import LEADER_FROM_LANE, Scenes
-from idm_sumo.traffic import NOBODY, leader_row
+from idm_sumo.scenes.traffic import NOBODY, leader_row
+from idm_sumo.scenes.windows import LEADER_FROM_LANE, Scenes
 
 Floats = npt.NDArray[np.float64]
 Integers = npt.NDArray[np.int64]
@@ -44,7 +44,7 @@ class Problem(NamedTuple):
         The corridor: while the front is in ``behind <= x < ahead`` (m), the leader is the
         recorded twin's, with its rear bumper (m) and speed (m/s). Elsewhere the traffic is searched.
     offsets, x, speed, length, vehicle
-        As in :class:`~idm_sumo.traffic.Traffic`.
+        As in :class:`~idm_sumo.scenes.traffic.Traffic`.
     objective, loss : int
         Codes of :mod:`idm_sumo.calibration.objective`.
     scale : float

@@ -22,7 +22,7 @@ from idm_sumo.roads import road
 from idm_sumo.rollout import drive_idm
 from idm_sumo.runtime.errors import InputError
 from idm_sumo.runtime.progress import Progress, silent
-from idm_sumo.scenes import Scenes
+from idm_sumo.scenes.windows import Scenes
 
 Floats = npt.NDArray[np.float64]
 Integers = npt.NDArray[np.int64]

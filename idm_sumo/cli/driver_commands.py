@@ -14,7 +14,7 @@ if TYPE_CHECKING:
 
     import pandas as pd
 
-    from idm_sumo.scenes import Scenes
+    from idm_sumo.scenes.windows import Scenes
 
 
 def add(commands: Any) -> None:
@@ -153,7 +153,7 @@ def _through_rollout(options: argparse.Namespace) -> Callable[[Scenes], pd.DataF
         drivers_of,
         predict_through_rollout,
     )
-    from idm_sumo.scenes import Window
+    from idm_sumo.scenes.windows import Window
 
     def training(window: Window) -> list[Scenes]:
         found, _ = shared.scenes_of(options, window)

@@ -13,7 +13,7 @@ if TYPE_CHECKING:
     from idm_sumo.recordings.cleaning import CleanResult
     from idm_sumo.recordings.reading import ReadResult
     from idm_sumo.recordings.recording import Recording
-    from idm_sumo.scenes import Scenes, Window
+    from idm_sumo.scenes.windows import Scenes, Window
 
 
 def command(
@@ -64,7 +64,7 @@ def output_argument(parser: argparse.ArgumentParser, metavar: str, help_text: st
 
 def window_of(options: argparse.Namespace, every: int | None = None) -> Window:
     """Return the window the options ask for."""
-    from idm_sumo.scenes import Window
+    from idm_sumo.scenes.windows import Window
 
     return Window(options.observed, options.horizon, options.rollout_start == "entry", every)
 
@@ -90,7 +90,7 @@ def scenes_of(options: argparse.Namespace, window: Window) -> tuple[list[Scenes]
     """
     from idm_sumo.recordings import columns as c
     from idm_sumo.runtime.errors import InputError
-    from idm_sumo.scenes import build_scenes
+    from idm_sumo.scenes.windows import build_scenes
 
     _, cleaned, recording = load(options)
     reasons = dict(cleaned.accounting.vehicles_dropped)

@@ -12,7 +12,7 @@ from idm_sumo.irl.episodes import episodes_of
 from idm_sumo.irl.features import first_row_from
 from idm_sumo.models import bicycle
 from idm_sumo.rollout import Trajectories
-from idm_sumo.scenes import Scenes
+from idm_sumo.scenes.windows import Scenes
 
 Floats = npt.NDArray[np.float64]
 

@@ -18,7 +18,7 @@ from idm_sumo.irl.dynamics import step_jacobian
 from idm_sumo.irl.episodes import Episodes
 from idm_sumo.models import bicycle
 from idm_sumo.roads import road
-from idm_sumo.scenes import Scenes
+from idm_sumo.scenes.windows import Scenes
 
 Floats = npt.NDArray[np.float64]
 

@@ -13,7 +13,7 @@ from idm_sumo.irl.episodes import episodes_of
 from idm_sumo.irl.reward import Reward
 from idm_sumo.irl.simulation import RUNNING, Simulation
 from idm_sumo.irl.vec_environment import OUTCOMES, action_space, observation_space
-from idm_sumo.scenes import Scenes
+from idm_sumo.scenes.windows import Scenes
 
 Observation = npt.NDArray[np.float32]
 

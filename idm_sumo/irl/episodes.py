@@ -9,14 +9,14 @@ import numpy as np
 import numpy.typing as npt
 
 from idm_sumo.roads import road
-from idm_sumo.scenes import LEADER_FROM_LANE, Scenes
+from idm_sumo.scenes.windows import LEADER_FROM_LANE, Scenes
 
 Floats = npt.NDArray[np.float64]
 Integers = npt.NDArray[np.int64]
 
 
 class Surroundings(NamedTuple):
-    """Recorded vehicles as sorted cells (see :class:`idm_sumo.traffic.Traffic`), of one or more periods.
+    """Recorded vehicles as sorted cells (see :class:`idm_sumo.scenes.traffic.Traffic`), of one or more periods.
 
     Attributes
     ----------

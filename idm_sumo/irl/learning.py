@@ -19,7 +19,7 @@ from idm_sumo.irl.reward import Reward
 from idm_sumo.irl.trajectory import derivatives, step_features
 from idm_sumo.runtime.errors import InputError
 from idm_sumo.runtime.progress import Progress, silent
-from idm_sumo.scenes import Scenes
+from idm_sumo.scenes.windows import Scenes
 
 if TYPE_CHECKING:
     import pandas as pd

@@ -17,8 +17,8 @@ from idm_sumo.models import bicycle
 from idm_sumo.rollout import Trajectories
 from idm_sumo.runtime.errors import InputError
 from idm_sumo.runtime.files import new_file
-from idm_sumo.scenes import Scenes
-from idm_sumo.traffic import NOBODY
+from idm_sumo.scenes.traffic import NOBODY
+from idm_sumo.scenes.windows import Scenes
 
 Floats = npt.NDArray[np.float64]
 

@@ -14,7 +14,7 @@ from idm_sumo.prediction.rollout_predictor import RolloutPredictor
 from idm_sumo.prediction.spread import logarithms
 from idm_sumo.recordings import columns as c
 from idm_sumo.runtime.errors import InputError
-from idm_sumo.scenes import Scenes
+from idm_sumo.scenes.windows import Scenes
 
 LEARNING_STEP = 30  # frames between the windows that are learned from
 WATCHING_STEP = 60  # between those from which is learned how much a longer past counts

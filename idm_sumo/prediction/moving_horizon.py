@@ -31,7 +31,7 @@ from idm_sumo.prediction.rollout_predictor import OK, Prediction, RolloutPredict
 from idm_sumo.prediction.spread import logarithms
 from idm_sumo.roads import road
 from idm_sumo.runtime.errors import InputError
-from idm_sumo.scenes import LEADER_FROM_LANE, Scenes, Window
+from idm_sumo.scenes.windows import LEADER_FROM_LANE, Scenes, Window
 
 Floats = npt.NDArray[np.float64]
 

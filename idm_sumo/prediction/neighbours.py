@@ -17,11 +17,11 @@ from sklearn.utils.validation import check_is_fitted, validate_data
 
 from idm_sumo.driving_code import FEATURES, driving_code
 from idm_sumo.models.idm import LOWER, UPPER, IDMParameters
-from idm_sumo.perception import leaders_along
 from idm_sumo.recordings import columns as c
 from idm_sumo.roads import road
 from idm_sumo.runtime.errors import InputError
-from idm_sumo.scenes import Scenes
+from idm_sumo.scenes.perception import leaders_along
+from idm_sumo.scenes.windows import Scenes
 
 Floats = npt.NDArray[np.float64]
 

@@ -24,7 +24,7 @@ from idm_sumo.prediction.spread import remaining_covariance
 from idm_sumo.prediction.through_rollout import at, fit_weights
 from idm_sumo.roads import road
 from idm_sumo.runtime.errors import InputError
-from idm_sumo.scenes import Scenes
+from idm_sumo.scenes.windows import Scenes
 
 Floats = npt.NDArray[np.float64]
 Integers = npt.NDArray[np.int64]

@@ -23,7 +23,7 @@ from idm_sumo.recordings import columns as c
 from idm_sumo.recordings.recording import Recording
 from idm_sumo.runtime.errors import InputError
 from idm_sumo.runtime.files import new_file
-from idm_sumo.scenes import Scenes
+from idm_sumo.scenes.windows import Scenes
 from idm_sumo.sumo import network, run_recipe
 from idm_sumo.sumo.extended_types import Expressed, express
 from idm_sumo.sumo.translation import desired_speeds, driver_type, identifiers, save, sumo_parameters, with_parameters

@@ -19,8 +19,8 @@ from idm_sumo.models.effects.reaction_delay import REMEMBERED, acted_on
 from idm_sumo.recordings import columns as c
 from idm_sumo.roads import road
 from idm_sumo.rollout import perceive
+from idm_sumo.scenes.traffic import NOBODY
 from idm_sumo.sight import NOBODY_YET, Others, look
-from idm_sumo.traffic import NOBODY
 
 Floats = npt.NDArray[np.float64]
 Integers = npt.NDArray[np.int64]

@@ -18,11 +18,11 @@ from idm_sumo.models import bicycle
 from idm_sumo.roads import road
 from idm_sumo.rollout import Trajectories, perceive
 from idm_sumo.runtime.progress import Progress, silent
-from idm_sumo.scenes import Scenes
+from idm_sumo.scenes.traffic import NOBODY
+from idm_sumo.scenes.windows import Scenes
 from idm_sumo.sumo.replay import advance
 from idm_sumo.sumo.session import simulation
 from idm_sumo.sumo.stage import Cast, Stage, cast, check_on_network
-from idm_sumo.traffic import NOBODY
 
 Floats = npt.NDArray[np.float64]
 Integers = npt.NDArray[np.int64]

@@ -21,7 +21,7 @@ from idm_sumo.jam_distance import keys_of
 from idm_sumo.recordings import columns as c
 from idm_sumo.roads import road
 from idm_sumo.runtime.errors import InputError
-from idm_sumo.scenes import Scenes
+from idm_sumo.scenes.windows import Scenes
 from idm_sumo.sumo import network, run_recipe, session
 from idm_sumo.sumo.courses import StraightRoads, StudySection
 from idm_sumo.sumo.translation import sumo_parameters

@@ -25,11 +25,11 @@ from idm_sumo.roads import road
 from idm_sumo.rollout import Trajectories, control, steer
 from idm_sumo.runtime.errors import InputError
 from idm_sumo.runtime.progress import Progress, silent
-from idm_sumo.scenes import LEADER_FROM_LANE, Scenes
+from idm_sumo.scenes.traffic import NOBODY
+from idm_sumo.scenes.windows import LEADER_FROM_LANE, Scenes
 from idm_sumo.sumo.perception import lane_strip, leader_in_lane
 from idm_sumo.sumo.session import simulation
 from idm_sumo.sumo.stage import Cast, Stage, cast, check_on_network, compass, inside_lane
-from idm_sumo.traffic import NOBODY
 
 Floats = npt.NDArray[np.float64]
 Integers = npt.NDArray[np.int64]

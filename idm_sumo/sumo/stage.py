@@ -11,7 +11,7 @@ import numpy.typing as npt
 
 from idm_sumo.roads import road
 from idm_sumo.runtime.errors import InputError
-from idm_sumo.scenes import LEADER_FROM_LANE, Scenes
+from idm_sumo.scenes.windows import LEADER_FROM_LANE, Scenes
 from idm_sumo.sumo.network import MAINLINE, mainline_ends
 
 Floats = npt.NDArray[np.float64]

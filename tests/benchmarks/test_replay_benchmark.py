@@ -15,12 +15,12 @@ from idm_sumo.recordings import columns as c
 from idm_sumo.recordings.recording import Recording
 from idm_sumo.roads import road
 from idm_sumo.rollout import Trajectories, drive_idm
-from idm_sumo.scenes import Scenes, Window, build_scenes
+from idm_sumo.scenes.traffic import NOBODY
+from idm_sumo.scenes.windows import Scenes, Window, build_scenes
 from idm_sumo.sumo.ghosts import replay_ghosts
 from idm_sumo.sumo.network import MAINLINE
 from idm_sumo.sumo.replay import advance, replay, start_of
 from idm_sumo.sumo.session import simulation
-from idm_sumo.traffic import NOBODY
 
 DRIVER = np.array([1.4, 1.8, 1.1, 2.0, 1.0])
 LANES = np.arange(1, road.MAIN_LANES + 1)

@@ -13,7 +13,7 @@ from idm_sumo.recordings import columns as c
 from idm_sumo.recordings.leaders_from_headway import leader_lengths, recorded_leaders
 from idm_sumo.recordings.recording import Recording
 from idm_sumo.roads import road
-from idm_sumo.traffic import Traffic, build_traffic, sort_into_cells
+from idm_sumo.scenes.traffic import Traffic, build_traffic, sort_into_cells
 
 Floats = npt.NDArray[np.float64]
 Integers = npt.NDArray[np.int64]

@@ -9,8 +9,8 @@ import numpy.typing as npt
 from numba import njit
 
 from idm_sumo.roads import road
-from idm_sumo.scenes import LEADER_FROM_LANE, Scenes
-from idm_sumo.traffic import NOBODY, leader_row
+from idm_sumo.scenes.traffic import NOBODY, leader_row
+from idm_sumo.scenes.windows import LEADER_FROM_LANE, Scenes
 
 Floats = npt.NDArray[np.float64]
 
