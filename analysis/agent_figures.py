@@ -13,8 +13,8 @@ from idm_sumo.irl import features
 from idm_sumo.irl.episodes import episodes_of
 from idm_sumo.models import bicycle
 from idm_sumo.roads import road
-from idm_sumo.rollout import Trajectories
 from idm_sumo.scenes.windows import LEADER_FROM_LANE, Scenes
+from idm_sumo.simulation.rollout import Trajectories
 
 from .agents import AGENT, Agents, clearances, recorded_paths
 from .drivers import Drivers

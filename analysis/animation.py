@@ -14,9 +14,9 @@ from matplotlib.transforms import Affine2D
 from idm_sumo.recordings import columns as c
 from idm_sumo.recordings.recording import Recording
 from idm_sumo.roads import road
-from idm_sumo.rollout import Trajectories
 from idm_sumo.runtime.progress import Progress, silent
 from idm_sumo.scenes.windows import LEADER_OF_TWIN, Scenes
+from idm_sumo.simulation.rollout import Trajectories
 
 from .style import METHOD_COLOURS, RECORDED, TRAFFIC, new_figure
 

@@ -12,8 +12,8 @@ import pandas as pd
 from idm_sumo import metrics
 from idm_sumo.driving_code import driving_code
 from idm_sumo.recordings import columns as c
-from idm_sumo.rollout import Trajectories, drive_idm
 from idm_sumo.scenes.windows import Scenes
+from idm_sumo.simulation.rollout import Trajectories, drive_idm
 
 Drive = Callable[[Scenes, npt.NDArray[np.float64]], Trajectories]
 

@@ -12,8 +12,8 @@ from matplotlib.figure import Figure
 
 from idm_sumo.models.idm import LOWER, UPPER
 from idm_sumo.roads import road
-from idm_sumo.rollout import Trajectories
 from idm_sumo.scenes.windows import LEADER_FROM_LANE, Scenes
+from idm_sumo.simulation.rollout import Trajectories
 
 from .paper import NEIGHBOURS
 from .study import Study

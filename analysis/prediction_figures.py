@@ -13,8 +13,8 @@ from idm_sumo.calibration.hierarchical import to_parameters
 from idm_sumo.prediction import Prediction, first_second
 from idm_sumo.prediction.spread import logarithms
 from idm_sumo.roads import road
-from idm_sumo.rollout import drive_idm
 from idm_sumo.scenes.windows import Scenes
+from idm_sumo.simulation.rollout import drive_idm
 
 from .prediction_seconds import ORACLE, OWN_PAST, POOLED, SECONDS, WATCHED
 from .study import Study

@@ -11,9 +11,9 @@ from idm_sumo.prediction import MovingHorizon, RolloutPredictor, first_second, r
 from idm_sumo.prediction.moving_horizon import past
 from idm_sumo.recordings import columns as c
 from idm_sumo.roads import road
-from idm_sumo.rollout import drive_idm
 from idm_sumo.runtime.errors import InputError
 from idm_sumo.scenes.windows import Scenes, Window
+from idm_sumo.simulation.rollout import drive_idm
 
 from .drivers import Drivers
 from .prediction_share import Learned, drawn_anew, fits_or, share_closed, some_drivers

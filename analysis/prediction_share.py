@@ -21,8 +21,8 @@ from idm_sumo.prediction.driver_prediction import LEARNING_STEP
 from idm_sumo.prediction.noise import ResidualNoise
 from idm_sumo.recordings import columns as c
 from idm_sumo.roads import road
-from idm_sumo.rollout import Trajectories, drive_constant_velocity, drive_idm
 from idm_sumo.scenes.windows import Scenes, Window
+from idm_sumo.simulation.rollout import Trajectories, drive_constant_velocity, drive_idm
 
 from .drivers import Drivers
 from .settings import Settings

@@ -15,19 +15,19 @@ from scipy.optimize import least_squares
 
 from idm_sumo.calibration import calibrate
 from idm_sumo.driver_table import read_drivers
-from idm_sumo.extended_rollout import drive_extended
 from idm_sumo.metrics import score
 from idm_sumo.models.effects import ExtendedModel
 from idm_sumo.models.idm import LOWER, UPPER
 from idm_sumo.recordings import columns as c
 from idm_sumo.recordings.recording import Recording
 from idm_sumo.roads import road
-from idm_sumo.rollout import Trajectories, drive_idm
 from idm_sumo.runtime.errors import InputError
 from idm_sumo.runtime.files import MANIFEST, new_folder
 from idm_sumo.runtime.progress import Progress, silent
 from idm_sumo.scenes.windows import Scenes, Window, build_scenes
-from idm_sumo.sight import Others, Twin, what_is_seen
+from idm_sumo.simulation.extended_rollout import drive_extended
+from idm_sumo.simulation.rollout import Trajectories, drive_idm
+from idm_sumo.simulation.surroundings import Others, Twin, what_is_seen
 
 from .animation import animate
 from .figures import time_space

@@ -10,10 +10,10 @@ import numpy as np
 import pandas as pd
 
 from idm_sumo.recordings import columns as c
-from idm_sumo.rollout import Trajectories, drive_idm
 from idm_sumo.runtime.files import MANIFEST, new_folder
 from idm_sumo.runtime.progress import Progress, silent
 from idm_sumo.scenes.windows import LEADER_OF_TWIN
+from idm_sumo.simulation.rollout import Trajectories, drive_idm
 
 from . import agent_figures, agent_words, agents, figures, paper, prediction_figures, prediction_words, tables
 from .drivers import Drive

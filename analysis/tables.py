@@ -14,9 +14,9 @@ from idm_sumo.calibration.problem import prepare as calibration_problem
 from idm_sumo.driving_code import FEATURES
 from idm_sumo.metrics import summary
 from idm_sumo.models.idm import LOWER, UPPER, IDMParameters
-from idm_sumo.rollout import Trajectories, drive_constant_velocity, drive_idm
 from idm_sumo.runtime.progress import Progress, silent
 from idm_sumo.scenes.windows import Window
+from idm_sumo.simulation.rollout import Trajectories, drive_constant_velocity, drive_idm
 
 from . import paper
 from .drivers import Drive, Drivers

@@ -14,8 +14,8 @@ from idm_sumo.metrics import score
 from idm_sumo.recordings import columns as c
 from idm_sumo.recordings.recording import Recording
 from idm_sumo.roads import road
-from idm_sumo.rollout import drive_idm
 from idm_sumo.scenes.windows import Window, build_scenes
+from idm_sumo.simulation.rollout import drive_idm
 
 CARS, FRAMES, HEADWAY = 4, 40, 25.0
 

@@ -40,8 +40,8 @@ from numba import njit
 
 from idm_sumo.models.bicycle import center_of_front
 from idm_sumo.roads import road
-from idm_sumo.rollout import Trajectories
 from idm_sumo.scenes.windows import LEADER_FROM_LANE, Scenes
+from idm_sumo.simulation.rollout import Trajectories
 
 REACTION_TIME = 1.0  # s, what a follower needs to answer a car that cuts in
 REACTION_STEPS = round(REACTION_TIME / road.FRAME_STEP)

@@ -16,9 +16,9 @@ import pandas as pd
 from idm_sumo.collisions import first_contacts
 from idm_sumo.recordings import columns as c
 from idm_sumo.roads import road
-from idm_sumo.rollout import Trajectories
 from idm_sumo.scenes.perception import leaders_along
 from idm_sumo.scenes.windows import Scenes
+from idm_sumo.simulation.rollout import Trajectories
 
 Floats = npt.NDArray[np.float64]
 

@@ -23,10 +23,10 @@ from idm_sumo.metrics import score
 from idm_sumo.models import bicycle
 from idm_sumo.recordings import columns as c
 from idm_sumo.roads import road
-from idm_sumo.rollout import Trajectories, control, drive_idm, perceive
 from idm_sumo.runtime.errors import InputError
 from idm_sumo.scenes.traffic import NOBODY, Traffic, sort_into_cells
 from idm_sumo.scenes.windows import LEADER_FROM_LANE, Scenes
+from idm_sumo.simulation.rollout import Trajectories, control, drive_idm, perceive
 
 Floats = npt.NDArray[np.float64]
 Integers = npt.NDArray[np.int64]

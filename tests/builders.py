@@ -11,8 +11,8 @@ import pandas as pd
 from idm_sumo.recordings import columns as c
 from idm_sumo.recordings.recording import Recording
 from idm_sumo.roads import road
-from idm_sumo.rollout import Trajectories
 from idm_sumo.scenes.windows import Scenes, Window, build_scenes
+from idm_sumo.simulation.rollout import Trajectories
 
 
 class Car(NamedTuple):

@@ -11,9 +11,9 @@ from idm_sumo.calibration.chunks import chunks, with_needed_traffic
 from idm_sumo.calibration.hierarchical import ROUNDS
 from idm_sumo.calibration.problem import prepare
 from idm_sumo.models import idm
-from idm_sumo.rollout import drive_idm
 from idm_sumo.runtime.errors import InputError
 from idm_sumo.scenes.windows import Window, build_scenes
+from idm_sumo.simulation.rollout import drive_idm
 from tests.builders import Car, recording
 from tests.known_drivers import known_drivers, scenes_of
 

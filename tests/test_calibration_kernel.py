@@ -10,9 +10,9 @@ from idm_sumo.calibration.objective import CODES, LOSSES
 from idm_sumo.calibration.problem import prepare
 from idm_sumo.models import idm
 from idm_sumo.roads import road
-from idm_sumo.rollout import drive_idm
 from idm_sumo.runtime.errors import InputError
 from idm_sumo.scenes.windows import Window, build_scenes
+from idm_sumo.simulation.rollout import drive_idm
 from tests.builders import Car, recording
 from tests.known_drivers import known_drivers, scenes_of
 

@@ -11,8 +11,8 @@ from idm_sumo.recordings.cleaning import clean
 from idm_sumo.recordings.reading import read_recording
 from idm_sumo.recordings.smoothing import smooth
 from idm_sumo.roads import road
-from idm_sumo.rollout import drive_constant_velocity, drive_idm
 from idm_sumo.scenes.windows import Window, build_scenes
+from idm_sumo.simulation.rollout import drive_constant_velocity, drive_idm
 from tests.builders import Car, scenes, trajectories
 
 STEPS = np.arange(21)

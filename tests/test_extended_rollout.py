@@ -4,13 +4,13 @@ import numpy as np
 import pandas as pd
 import pytest
 
-from idm_sumo.extended_rollout import drive_extended
 from idm_sumo.models.effects import CATALOGUE, Cause, ExtendedModel
 from idm_sumo.models.idm import TEXTBOOK
 from idm_sumo.recordings.recording import Recording
 from idm_sumo.roads import road
-from idm_sumo.rollout import drive_idm
 from idm_sumo.scenes.windows import Window, build_scenes
+from idm_sumo.simulation.extended_rollout import drive_extended
+from idm_sumo.simulation.rollout import drive_idm
 from idm_sumo.sumo.replay import replay
 from tests.test_sumo_replay import DRIVER, assert_same, crowd, vehicle
 

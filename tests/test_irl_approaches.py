@@ -7,7 +7,7 @@ import pytest
 
 from idm_sumo.irl.approaches import closest_approaches
 from idm_sumo.roads import road
-from idm_sumo.rollout import drive_constant_velocity
+from idm_sumo.simulation.rollout import drive_constant_velocity
 from tests.builders import Car, scenes
 
 

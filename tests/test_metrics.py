@@ -5,8 +5,8 @@ import pytest
 from idm_sumo.metrics import displacement, is_critical, score, standard_error_name, summary
 from idm_sumo.models.idm import TEXTBOOK
 from idm_sumo.roads import road
-from idm_sumo.rollout import drive_constant_velocity, drive_idm
 from idm_sumo.scenes.windows import Window
+from idm_sumo.simulation.rollout import drive_constant_velocity, drive_idm
 from tests.builders import Car, scenes, trajectories
 
 STEPS = np.arange(21)

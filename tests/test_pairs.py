@@ -9,10 +9,10 @@ from idm_sumo.recordings.cleaning import clean
 from idm_sumo.recordings.reading import read_recording, write_parquet
 from idm_sumo.recordings.smoothing import smooth
 from idm_sumo.roads import road
-from idm_sumo.rollout import drive_idm
 from idm_sumo.runtime.errors import InputError
 from idm_sumo.scenes.traffic import NOBODY
 from idm_sumo.scenes.windows import LEADER_OF_TWIN, Window, build_scenes
+from idm_sumo.simulation.rollout import drive_idm
 
 FEET = 1 / road.FOOT
 SHORT = Window(observed=2, horizon=20)

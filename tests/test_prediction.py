@@ -13,8 +13,8 @@ from idm_sumo.models import idm
 from idm_sumo.models.idm import LOWER, TEXTBOOK, UPPER
 from idm_sumo.prediction import KNNPredictor, average_parameters, first_gap_parameters
 from idm_sumo.roads import road
-from idm_sumo.rollout import drive_idm
 from idm_sumo.runtime.errors import InputError
+from idm_sumo.simulation.rollout import drive_idm
 from tests.builders import Car, scenes
 
 NAMES = list(FEATURES.values())

@@ -11,9 +11,9 @@ from idm_sumo.prediction import MovingHorizon, RolloutPredictor, first_second, r
 from idm_sumo.prediction.driver_prediction import predict_through_rollout
 from idm_sumo.prediction.moving_horizon import past
 from idm_sumo.roads import road
-from idm_sumo.rollout import drive_idm
 from idm_sumo.runtime.errors import InputError
 from idm_sumo.scenes.windows import Window
+from idm_sumo.simulation.rollout import drive_idm
 from tests.builders import Car
 from tests.builders import scenes as build
 from tests.known_drivers import draw_drivers, known_drivers

@@ -18,8 +18,8 @@ from idm_sumo.prediction.driver_prediction import drivers_of, predict_through_ro
 from idm_sumo.prediction.noise import ObservedScale, ResidualNoise
 from idm_sumo.prediction.observation import ACCELERATION, APPROACH_RATE, GAP, LATERAL_SPEED, LEADER_ACCELERATION, SPEED
 from idm_sumo.prediction.through_rollout import _derivatives, _values, fit_weights
-from idm_sumo.rollout import drive_idm
 from idm_sumo.runtime.errors import InputError
+from idm_sumo.simulation.rollout import drive_idm
 from tests.builders import Car
 from tests.builders import scenes as build
 from tests.known_drivers import known_drivers

@@ -7,9 +7,9 @@ import pytest
 from idm_sumo.metrics import score
 from idm_sumo.reacting import parameters_of_followers, score_with_reacting, vehicles_behind
 from idm_sumo.recordings import columns as c
-from idm_sumo.rollout import drive_idm
 from idm_sumo.runtime.errors import InputError
 from idm_sumo.scenes.windows import Window
+from idm_sumo.simulation.rollout import drive_idm
 from tests.builders import Car, scenes
 
 CALM = np.array([1.0, 1.5, 1.2, 2.0, 1.0])

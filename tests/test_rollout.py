@@ -7,8 +7,8 @@ from hypothesis import strategies as st
 
 from idm_sumo.models.idm import LOWER, TEXTBOOK, UPPER, IDMParameters, equilibrium_gap
 from idm_sumo.roads import road
-from idm_sumo.rollout import drive_constant_velocity, drive_idm
 from idm_sumo.scenes.windows import Window
+from idm_sumo.simulation.rollout import drive_constant_velocity, drive_idm
 from tests.builders import Car, scenes
 
 parameters = st.builds(

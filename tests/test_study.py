@@ -13,8 +13,8 @@ from analysis.settings import Settings
 from analysis.source import Source, load_source
 from analysis.study import Study, predictions, prepare
 from analysis.words import paired_difference
-from idm_sumo.rollout import drive_idm
 from idm_sumo.runtime.errors import InputError
+from idm_sumo.simulation.rollout import drive_idm
 from tests.platoons import platoon_recording
 
 

@@ -13,9 +13,9 @@ from idm_sumo.recordings.reading import read_recording
 from idm_sumo.recordings.recording import Recording
 from idm_sumo.recordings.smoothing import smooth
 from idm_sumo.roads import road
-from idm_sumo.rollout import Trajectories, drive_idm
 from idm_sumo.runtime.errors import InputError
 from idm_sumo.scenes.windows import Scenes, Window, build_scenes
+from idm_sumo.simulation.rollout import Trajectories, drive_idm
 from idm_sumo.sumo.ghosts import replay_ghosts
 from idm_sumo.sumo.perception import HAS_LEFT, OVERLAP, STRADDLES, compare_perception
 from idm_sumo.sumo.playback import play

@@ -1,6 +1,6 @@
 """The longitudinal rollout of many drivers: costs, gradients and matrices, sensitivities frame by frame.
 
-The same model as :func:`idm_sumo.rollout.drive_idm` (Euler with the old speed, the leader
+The same model as :func:`idm_sumo.simulation.rollout.drive_idm` (Euler with the old speed, the leader
 perceived at the simulated position), with the lateral motion fixed beforehand
 (:mod:`idm_sumo.calibration.problem`), at search coordinates
 (:mod:`idm_sumo.calibration.coordinates`).

@@ -15,8 +15,8 @@ from idm_sumo.calibration import objective as o
 from idm_sumo.calibration.coordinates import D_UNIT, PARAMETERS, T_UNIT, parameters_at
 from idm_sumo.models import idm
 from idm_sumo.roads import road
-from idm_sumo.rollout import perceive
 from idm_sumo.scenes.traffic import NOBODY
+from idm_sumo.simulation.rollout import perceive
 
 DT = road.FRAME_STEP
 LANES = L = 8  # parameter sets side by side: two vectors of four

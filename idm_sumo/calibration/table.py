@@ -19,10 +19,10 @@ from idm_sumo.calibration.problem import Problem, only, prepare
 from idm_sumo.models import idm
 from idm_sumo.recordings import columns as c
 from idm_sumo.roads import road
-from idm_sumo.rollout import drive_idm
 from idm_sumo.runtime.errors import InputError
 from idm_sumo.runtime.progress import Progress, silent
 from idm_sumo.scenes.windows import Scenes
+from idm_sumo.simulation.rollout import drive_idm
 
 Floats = npt.NDArray[np.float64]
 Integers = npt.NDArray[np.int64]

@@ -11,8 +11,8 @@ from idm_sumo.collisions import rectangle, separation
 from idm_sumo.irl.episodes import episodes_of
 from idm_sumo.irl.features import first_row_from
 from idm_sumo.models import bicycle
-from idm_sumo.rollout import Trajectories
 from idm_sumo.scenes.windows import Scenes
+from idm_sumo.simulation.rollout import Trajectories
 
 Floats = npt.NDArray[np.float64]
 

@@ -14,11 +14,11 @@ import numpy.typing as npt
 from idm_sumo.irl.episodes import episodes_of
 from idm_sumo.irl.simulation import OBSERVATIONS, Simulation
 from idm_sumo.models import bicycle
-from idm_sumo.rollout import Trajectories
 from idm_sumo.runtime.errors import InputError
 from idm_sumo.runtime.files import new_file
 from idm_sumo.scenes.traffic import NOBODY
 from idm_sumo.scenes.windows import Scenes
+from idm_sumo.simulation.rollout import Trajectories
 
 Floats = npt.NDArray[np.float64]
 

@@ -10,7 +10,7 @@ import pandas as pd
 
 from idm_sumo.models import bicycle
 from idm_sumo.roads import road
-from idm_sumo.rollout import control
+from idm_sumo.simulation.rollout import control
 from idm_sumo.sumo.perception import leader_by_getleader
 from idm_sumo.sumo.stage import ON_ROUTE_AT_EXACT_PLACE, compass
 

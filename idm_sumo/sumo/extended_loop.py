@@ -11,16 +11,16 @@ from numba import njit
 
 from idm_sumo import driver_table as d
 from idm_sumo.departures import DESTINATION, THROUGH
-from idm_sumo.extended_rollout import meet
 from idm_sumo.models.effects import ExtendedModel, extended_acceleration
 from idm_sumo.models.effects.hysteresis import LATELY
 from idm_sumo.models.effects.lane_change_relaxation import headway_after
 from idm_sumo.models.effects.reaction_delay import REMEMBERED, acted_on
 from idm_sumo.recordings import columns as c
 from idm_sumo.roads import road
-from idm_sumo.rollout import perceive
 from idm_sumo.scenes.traffic import NOBODY
-from idm_sumo.sight import NOBODY_YET, Others, look
+from idm_sumo.simulation.extended_rollout import meet
+from idm_sumo.simulation.rollout import perceive
+from idm_sumo.simulation.surroundings import NOBODY_YET, Others, look
 
 Floats = npt.NDArray[np.float64]
 Integers = npt.NDArray[np.int64]

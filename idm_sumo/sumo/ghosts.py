@@ -16,10 +16,10 @@ from numba import njit
 
 from idm_sumo.models import bicycle
 from idm_sumo.roads import road
-from idm_sumo.rollout import Trajectories, perceive
 from idm_sumo.runtime.progress import Progress, silent
 from idm_sumo.scenes.traffic import NOBODY
 from idm_sumo.scenes.windows import Scenes
+from idm_sumo.simulation.rollout import Trajectories, perceive
 from idm_sumo.sumo.replay import advance
 from idm_sumo.sumo.session import simulation
 from idm_sumo.sumo.stage import Cast, Stage, cast, check_on_network

@@ -9,11 +9,11 @@ import numpy.typing as npt
 import pandas as pd
 
 from idm_sumo.roads import road
-from idm_sumo.rollout import perceive
 from idm_sumo.runtime.errors import InputError
 from idm_sumo.runtime.progress import Progress, silent
 from idm_sumo.scenes.traffic import NOBODY
 from idm_sumo.scenes.windows import LEADER_FROM_LANE, Scenes
+from idm_sumo.simulation.rollout import perceive
 from idm_sumo.sumo.network import MAINLINE
 from idm_sumo.sumo.session import simulation
 from idm_sumo.sumo.stage import Cast, Stage, cast, check_on_network

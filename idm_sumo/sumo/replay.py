@@ -17,16 +17,16 @@ import numpy.typing as npt
 from joblib import Parallel, delayed
 from numba import njit
 
-from idm_sumo.extended_rollout import decide, set_out
 from idm_sumo.models import bicycle
 from idm_sumo.models.effects import ExtendedModel
 from idm_sumo.recordings.recording import Recording
 from idm_sumo.roads import road
-from idm_sumo.rollout import Trajectories, control, steer
 from idm_sumo.runtime.errors import InputError
 from idm_sumo.runtime.progress import Progress, silent
 from idm_sumo.scenes.traffic import NOBODY
 from idm_sumo.scenes.windows import LEADER_FROM_LANE, Scenes
+from idm_sumo.simulation.extended_rollout import decide, set_out
+from idm_sumo.simulation.rollout import Trajectories, control, steer
 from idm_sumo.sumo.perception import lane_strip, leader_in_lane
 from idm_sumo.sumo.session import simulation
 from idm_sumo.sumo.stage import Cast, Stage, cast, check_on_network, compass, inside_lane
@@ -63,7 +63,7 @@ def replay(
         Mask or numbers of the windows to replay; by default all.
     extension : tuple of Recording and ExtendedModel, optional
         Causes beyond the IDM, and the period in which their drivers are looked up
-        (:mod:`idm_sumo.extended_rollout`). What they see beside the leader is where SUMO shows it.
+        (:mod:`idm_sumo.simulation.extended_rollout`). What they see beside the leader is where SUMO shows it.
     jobs : int
         Processes; the results do not depend on it.
     progress : Progress

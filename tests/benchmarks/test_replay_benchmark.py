@@ -14,9 +14,9 @@ from idm_sumo.models import bicycle
 from idm_sumo.recordings import columns as c
 from idm_sumo.recordings.recording import Recording
 from idm_sumo.roads import road
-from idm_sumo.rollout import Trajectories, drive_idm
 from idm_sumo.scenes.traffic import NOBODY
 from idm_sumo.scenes.windows import Scenes, Window, build_scenes
+from idm_sumo.simulation.rollout import Trajectories, drive_idm
 from idm_sumo.sumo.ghosts import replay_ghosts
 from idm_sumo.sumo.network import MAINLINE
 from idm_sumo.sumo.replay import advance, replay, start_of

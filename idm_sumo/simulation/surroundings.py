@@ -22,9 +22,9 @@ from idm_sumo.recordings.leaders_from_headway import leader_lengths, leader_runs
 from idm_sumo.recordings.recording import Recording
 from idm_sumo.recordings.smoothing import running_mean, same_run
 from idm_sumo.roads import road
-from idm_sumo.rollout import perceive
 from idm_sumo.scenes.traffic import NOBODY, first_ahead
 from idm_sumo.scenes.windows import LEADER_FROM_LANE, Scenes
+from idm_sumo.simulation.rollout import perceive
 
 Floats = npt.NDArray[np.float64]
 Integers = npt.NDArray[np.int64]

@@ -14,10 +14,10 @@ from idm_sumo.models.effects.lane_change_relaxation import headway_after
 from idm_sumo.models.effects.reaction_delay import acted_on, follow_another, knows_new_leader
 from idm_sumo.recordings.recording import Recording
 from idm_sumo.roads import road
-from idm_sumo.rollout import Trajectories, perceive, steer
 from idm_sumo.scenes.traffic import NOBODY
 from idm_sumo.scenes.windows import LEADER_FROM_LANE, Scenes
-from idm_sumo.sight import NOBODY_YET, Others, Twin, look, what_is_seen
+from idm_sumo.simulation.rollout import Trajectories, perceive, steer
+from idm_sumo.simulation.surroundings import NOBODY_YET, Others, Twin, look, what_is_seen
 
 Floats = npt.NDArray[np.float64]
 Integers = npt.NDArray[np.int64]
@@ -90,7 +90,7 @@ def set_out(
     Parameters
     ----------
     scenes : Scenes
-    recording : Recording, or what :func:`idm_sumo.sight.what_is_seen` returns of it
+    recording : Recording, or what :func:`idm_sumo.simulation.surroundings.what_is_seen` returns of it
         The period they were cut from.
     model : ExtendedModel
     parameters : array_like, shape (windows, 5) or (5,)
@@ -128,7 +128,7 @@ def drive_extended(
 ) -> Trajectories:
     """Drive every vehicle by an extended model and pure pursuit from its start over the horizon.
 
-    The same equations of motion, perception and result as :func:`idm_sumo.rollout.drive_idm`; without causes the
+    The same equations of motion, perception and result as :func:`idm_sumo.simulation.rollout.drive_idm`; without causes the
     same figures. Parameters as in :func:`set_out`.
     """
     minds, ground, body = set_out(scenes, recording, model, parameters, desired_speed)
