@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from idm_sumo import risk
+from idm_sumo.evaluation import risk
 
 from .agents import AGENT, CLONE, Agents, clearances, recorded_paths, rewards_a_step
 from .drivers import Drivers

@@ -12,7 +12,8 @@ import numpy as np
 import pandas as pd
 from joblib import Parallel, cpu_count, delayed
 
-from idm_sumo import risk
+from idm_sumo.evaluation import risk
+from idm_sumo.evaluation.metrics import summary
 from idm_sumo.irl import approaches, simulation
 from idm_sumo.irl.demonstrations import Demonstrations, rollout
 from idm_sumo.irl.learning import (
@@ -27,7 +28,6 @@ from idm_sumo.irl.learning import (
 )
 from idm_sumo.irl.policy import Policy, drive_policy
 from idm_sumo.irl.trajectory import step_features
-from idm_sumo.metrics import summary
 from idm_sumo.runtime.errors import InputError
 from idm_sumo.runtime.files import new_file
 from idm_sumo.runtime.progress import Progress, silent

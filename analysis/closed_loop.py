@@ -14,7 +14,7 @@ import pandas as pd
 from joblib import Parallel, cpu_count, delayed
 
 from idm_sumo import driver_table as d
-from idm_sumo.comparison import compare_portraits, portray
+from idm_sumo.evaluation.comparison import compare_portraits, portray
 from idm_sumo.models.effects import ExtendedModel
 from idm_sumo.recordings import columns as c
 from idm_sumo.recordings.recording import Recording

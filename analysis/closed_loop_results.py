@@ -7,7 +7,7 @@ from typing import Any
 
 import pandas as pd
 
-from idm_sumo.comparison import RECORDING, Comparison
+from idm_sumo.evaluation.comparison import RECORDING, Comparison
 from idm_sumo.recordings.recording import Recording
 from idm_sumo.sumo.closed_loop import Measured, glimpse_of
 
@@ -28,7 +28,7 @@ FIRST = ["population", "seed", "vehicles", "mean_speed_m_s", "flow_veh_h", "dens
 def closed_loop_table(comparison: Comparison, measured: list[tuple[Case, Measured]]) -> pd.DataFrame:
     """Return ``tables/closed_loop.csv``: the recording's row, then one row a population and seed.
 
-    Columns of :func:`idm_sumo.comparison.compare`'s summary, and ``population, seed, late`` (vehicles inserted later than recorded,
+    Columns of :func:`idm_sumo.evaluation.comparison.compare`'s summary, and ``population, seed, late`` (vehicles inserted later than recorded,
     or never), ``largest_delay_s, mean_delay_s`` (over all vehicles), ``never_inserted, collisions``.
     """
     rows: list[dict[str, Any]] = [{POPULATION: RECORDED, RECORDING: RECORDED}]

@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 import pandas as pd
 
-from idm_sumo.comparison import ALL_PERIODS, RECORDING, Comparison, compare, matched_periods
+from idm_sumo.evaluation.comparison import ALL_PERIODS, RECORDING, Comparison, compare, matched_periods
 from idm_sumo.recordings import columns as c
 from idm_sumo.recordings.reading import read_recording
 from idm_sumo.recordings.recording import Recording

@@ -12,7 +12,7 @@ from idm_sumo.calibration import hierarchical, pooled
 from idm_sumo.calibration.identifiability import UNDETERMINED_SHARE, identify
 from idm_sumo.calibration.kernel import LOWER, UPPER, slopes_at, to_search
 from idm_sumo.calibration.problem import prepare
-from idm_sumo.metrics import displacement
+from idm_sumo.evaluation.metrics import displacement
 from idm_sumo.models.idm import IDMParameters
 from idm_sumo.prediction import KNNPredictor
 from idm_sumo.recordings import columns as c

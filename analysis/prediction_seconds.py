@@ -6,7 +6,7 @@ import numpy as np
 import numpy.typing as npt
 import pandas as pd
 
-from idm_sumo.metrics import displacement
+from idm_sumo.evaluation.metrics import displacement
 from idm_sumo.prediction import MovingHorizon, RolloutPredictor, first_second, recent
 from idm_sumo.prediction.moving_horizon import past
 from idm_sumo.recordings import columns as c

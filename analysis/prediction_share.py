@@ -13,7 +13,7 @@ from sklearn.model_selection import GroupKFold, cross_val_predict
 
 from idm_sumo.calibration import calibrate
 from idm_sumo.calibration.kernel import to_search
-from idm_sumo.metrics import displacement
+from idm_sumo.evaluation.metrics import displacement
 from idm_sumo.models.idm import IDMParameters
 from idm_sumo.prediction import Prediction, RolloutPredictor, first_second
 from idm_sumo.prediction.basis import plain

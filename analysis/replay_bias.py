@@ -6,8 +6,8 @@ import numpy as np
 import numpy.typing as npt
 import pandas as pd
 
-from idm_sumo.metrics import summary
-from idm_sumo.reacting import score_with_reacting
+from idm_sumo.evaluation.metrics import summary
+from idm_sumo.evaluation.reacting import score_with_reacting
 from idm_sumo.recordings import columns as c
 from idm_sumo.runtime.progress import Progress, silent
 from idm_sumo.scenes.windows import LEADER_FROM_LANE, Scenes

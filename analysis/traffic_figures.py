@@ -11,8 +11,8 @@ import pandas as pd
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
-from idm_sumo import macroscopic as m
-from idm_sumo.comparison import Comparison, Portrait, matched_periods
+from idm_sumo.evaluation import macroscopic as m
+from idm_sumo.evaluation.comparison import Comparison, Portrait, matched_periods
 from idm_sumo.recordings import columns as c
 from idm_sumo.recordings.recording import Recording
 from idm_sumo.roads import road

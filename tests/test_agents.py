@@ -14,9 +14,9 @@ from analysis import agent_figures, agent_study, agent_words, agents
 from analysis.drivers import Drivers
 from analysis.settings import Settings
 from idm_sumo.cli import main
+from idm_sumo.evaluation.metrics import summary
 from idm_sumo.irl import learning
 from idm_sumo.irl.features import NAMES
-from idm_sumo.metrics import summary
 from idm_sumo.runtime.errors import InputError
 from tests.platoons import platoon_recording
 

@@ -5,7 +5,7 @@ import pytest
 from hypothesis import assume, given, settings
 from hypothesis import strategies as st
 
-from idm_sumo.collisions import first_contacts, overlap, rectangle, separation
+from idm_sumo.evaluation.collisions import first_contacts, overlap, rectangle, separation
 from idm_sumo.models.idm import TEXTBOOK
 from idm_sumo.recordings.cleaning import clean
 from idm_sumo.recordings.reading import read_recording

@@ -6,8 +6,8 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from idm_sumo import macroscopic as m
-from idm_sumo import waves
+from idm_sumo.evaluation import macroscopic as m
+from idm_sumo.evaluation import waves
 from idm_sumo.recordings import columns as c
 from idm_sumo.roads import road
 from tests.builders import Car, recording

@@ -2,7 +2,7 @@ import numpy as np
 import pandas as pd
 import pytest
 
-from idm_sumo.metrics import displacement, is_critical, score, standard_error_name, summary
+from idm_sumo.evaluation.metrics import displacement, is_critical, score, standard_error_name, summary
 from idm_sumo.models.idm import TEXTBOOK
 from idm_sumo.roads import road
 from idm_sumo.scenes.windows import Window

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from idm_sumo.driver_table import check_drivers
-from idm_sumo.metrics import displacement
+from idm_sumo.evaluation.metrics import displacement
 from idm_sumo.prediction import MovingHorizon, RolloutPredictor, first_second, recent
 from idm_sumo.prediction.driver_prediction import predict_through_rollout
 from idm_sumo.prediction.moving_horizon import past

@@ -4,8 +4,8 @@ import numpy as np
 import pandas as pd
 import pytest
 
-from idm_sumo.metrics import score
-from idm_sumo.reacting import parameters_of_followers, score_with_reacting, vehicles_behind
+from idm_sumo.evaluation.metrics import score
+from idm_sumo.evaluation.reacting import parameters_of_followers, score_with_reacting, vehicles_behind
 from idm_sumo.recordings import columns as c
 from idm_sumo.runtime.errors import InputError
 from idm_sumo.scenes.windows import Window

@@ -10,7 +10,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 from scipy import stats
 
-from idm_sumo.risk import covariance, risk, risk_by_completed_square, risk_derivatives
+from idm_sumo.evaluation.risk import covariance, risk, risk_by_completed_square, risk_derivatives
 
 CAR = (4.7, 1.9)
 TRUCK = (12.0, 2.5)

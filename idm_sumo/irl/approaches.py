@@ -7,7 +7,7 @@ import numpy.typing as npt
 import pandas as pd
 from numba import njit
 
-from idm_sumo.collisions import rectangle, separation
+from idm_sumo.evaluation.collisions import rectangle, separation
 from idm_sumo.irl.episodes import episodes_of
 from idm_sumo.irl.features import first_row_from
 from idm_sumo.models import bicycle

@@ -20,7 +20,7 @@ from math import cos, exp, pi, sin
 import numpy as np
 from numba import njit
 
-from idm_sumo.risk import LENGTH_SCALE, WIDTH_SCALE, risk_derivatives
+from idm_sumo.evaluation.risk import LENGTH_SCALE, WIDTH_SCALE, risk_derivatives
 from idm_sumo.roads import road
 
 LANE, BOUNDARY, SPEED, HEADING, COLLISION, ACCELERATION, STEERING = range(7)

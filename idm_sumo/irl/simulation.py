@@ -29,7 +29,7 @@ import numpy as np
 import numpy.typing as npt
 from numba import njit
 
-from idm_sumo.collisions import overlap, rectangle
+from idm_sumo.evaluation.collisions import overlap, rectangle
 from idm_sumo.irl import features
 from idm_sumo.irl.demonstrations import start_state
 from idm_sumo.irl.episodes import Episodes, Surroundings

@@ -13,7 +13,7 @@ import numpy as np
 import pandas as pd
 
 from idm_sumo import driver_table as d
-from idm_sumo.comparison import Portrait, portray
+from idm_sumo.evaluation.comparison import Portrait, portray
 from idm_sumo.recordings import columns as c
 from idm_sumo.recordings.reading import read_recording
 from idm_sumo.recordings.recording import Recording

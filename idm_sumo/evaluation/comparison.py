@@ -8,15 +8,15 @@ from dataclasses import dataclass
 import numpy as np
 import pandas as pd
 
-from idm_sumo import macroscopic as m
-from idm_sumo.distances import RESAMPLES, Sample, distance
+from idm_sumo.evaluation import macroscopic as m
+from idm_sumo.evaluation.distances import RESAMPLES, Sample, distance
+from idm_sumo.evaluation.waves import wave_speeds
 from idm_sumo.recordings import columns as c
 from idm_sumo.recordings.leaders import row_ahead
 from idm_sumo.recordings.recording import Recording
 from idm_sumo.roads import road
 from idm_sumo.runtime.errors import InputError
 from idm_sumo.runtime.progress import Progress, silent
-from idm_sumo.waves import wave_speeds
 
 ALL_PERIODS = "all"
 RECORDING = "recording"
@@ -36,9 +36,9 @@ class Portrait:
     Attributes
     ----------
     fields : pandas.DataFrame
-        :func:`idm_sumo.macroscopic.edie`.
+        :func:`idm_sumo.evaluation.macroscopic.edie`.
     positions : pandas.DataFrame
-        :func:`idm_sumo.macroscopic.speed_by_position`.
+        :func:`idm_sumo.evaluation.macroscopic.speed_by_position`.
     travel_times, lane_changes, waves : pandas.DataFrame
         Of the functions with these names.
     following : pandas.DataFrame

@@ -13,7 +13,7 @@ import numpy as np
 import numpy.typing as npt
 import pandas as pd
 
-from idm_sumo.collisions import first_contacts
+from idm_sumo.evaluation.collisions import first_contacts
 from idm_sumo.recordings import columns as c
 from idm_sumo.roads import road
 from idm_sumo.scenes.perception import leaders_along
@@ -56,7 +56,7 @@ def score(scenes: Scenes, trajectories: Trajectories) -> pd.DataFrame:
         ``speed_rmse_m_s``
             of the speed against the twin's.
         ``collision``, ``at_fault``, ``contact_time_s``, ``contact_with``, ``contact_edge``
-            see :mod:`idm_sumo.collisions`.
+            see :mod:`idm_sumo.evaluation.collisions`.
         ``min_gap_m``
             smallest gap to whoever is ahead in the lane the front is in, negative where it
             stands inside another vehicle; NaN if nobody ever is. Where the scenes know the

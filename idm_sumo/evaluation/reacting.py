@@ -19,7 +19,7 @@ import numpy.typing as npt
 import pandas as pd
 from numba import njit
 
-from idm_sumo.metrics import score
+from idm_sumo.evaluation.metrics import score
 from idm_sumo.models import bicycle
 from idm_sumo.recordings import columns as c
 from idm_sumo.roads import road
@@ -57,7 +57,7 @@ def score_with_reacting(
     Returns
     -------
     pandas.DataFrame
-        :func:`idm_sumo.metrics.score`, and ``followers``: how many vehicles reacted.
+        :func:`idm_sumo.evaluation.metrics.score`, and ``followers``: how many vehicles reacted.
 
     Raises
     ------
