@@ -13,7 +13,7 @@ import numpy.typing as npt
 import pandas as pd
 from joblib import Parallel, cpu_count, delayed
 
-from idm_sumo import driver_table as d
+from idm_sumo.calibration import driver_table as d
 from idm_sumo.evaluation.comparison import compare_portraits, portray
 from idm_sumo.models.effects import ExtendedModel
 from idm_sumo.recordings import columns as c

@@ -12,7 +12,7 @@ from typing import Any
 import numpy as np
 import pandas as pd
 
-from idm_sumo.departures import departures
+from idm_sumo.calibration.departures import departures
 from idm_sumo.diagnosis import CauseFound, Diagnosis, Gain, RuledOut
 from idm_sumo.diagnosis.diagnose import diagnose
 from idm_sumo.recordings.cleaning import clean

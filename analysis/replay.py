@@ -14,7 +14,7 @@ import pandas as pd
 from scipy.optimize import least_squares
 
 from idm_sumo.calibration import calibrate
-from idm_sumo.driver_table import read_drivers
+from idm_sumo.calibration.driver_table import read_drivers
 from idm_sumo.evaluation.metrics import score
 from idm_sumo.models.effects import ExtendedModel
 from idm_sumo.models.idm import LOWER, UPPER

@@ -13,10 +13,10 @@ from analysis.diagnosis_contract import Diagnosis as Contract
 from analysis.diagnosis_contract import write_diagnosis
 from analysis.diagnosis_curves import clustered_mean, curves, lag_response, map_of
 from analysis.diagnosis_report import contract, groups
+from idm_sumo.calibration.driver_table import check_departures, read_drivers
 from idm_sumo.cli import main
 from idm_sumo.diagnosis import CauseFound, Diagnosis, Estimate, Gain, Power, Region, RuledOut, Scan, Unexplained
 from idm_sumo.diagnosis.result import Law, LawCompared, OtherLaw
-from idm_sumo.driver_table import check_departures, read_drivers
 from idm_sumo.models.effects import Cause, ExtendedModel
 from idm_sumo.models.idm import TEXTBOOK
 from tests.planting import plan, simulate

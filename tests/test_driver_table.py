@@ -6,7 +6,7 @@ import numpy as np
 import pandas as pd
 import pytest
 
-from idm_sumo import driver_table as d
+from idm_sumo.calibration import driver_table as d
 from idm_sumo.models import idm
 from idm_sumo.runtime.errors import InputError
 

@@ -11,8 +11,8 @@ import numpy as np
 import pandas as pd
 import pytest
 
-from idm_sumo.departures import departures
-from idm_sumo.jam_distance import linearise
+from idm_sumo.calibration.departures import departures
+from idm_sumo.calibration.without_d1 import linearise
 from idm_sumo.models import idm
 from idm_sumo.recordings import columns as c
 from idm_sumo.recordings.recording import Recording

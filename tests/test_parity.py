@@ -8,11 +8,10 @@ import numpy as np
 import pandas as pd
 import pytest
 
-from idm_sumo import integrators
-from idm_sumo.calibration import calibrate
+from idm_sumo.calibration import calibrate, integrators
+from idm_sumo.calibration.departures import departures
 from idm_sumo.calibration.problem import prepare
-from idm_sumo.departures import departures
-from idm_sumo.jam_distance import cost_summary, jam_distance_costs, keys_of, refit_table
+from idm_sumo.calibration.without_d1 import cost_summary, jam_distance_costs, keys_of, refit_table
 from idm_sumo.models import idm
 from idm_sumo.recordings import columns as c
 from idm_sumo.recordings.cleaning import clean

@@ -5,7 +5,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from idm_sumo.driver_table import check_drivers
+from idm_sumo.calibration.driver_table import check_drivers
 from idm_sumo.evaluation.metrics import displacement
 from idm_sumo.prediction import MovingHorizon, RolloutPredictor, first_second, recent
 from idm_sumo.prediction.driver_prediction import predict_through_rollout

@@ -7,9 +7,9 @@ import pandas as pd
 import pytest
 from sklearn.base import clone
 
+from idm_sumo.calibration.driver_table import check_drivers
 from idm_sumo.calibration.kernel import to_search
 from idm_sumo.calibration.problem import prepare
-from idm_sumo.driver_table import check_drivers
 from idm_sumo.evaluation.metrics import displacement
 from idm_sumo.models.idm import LOWER, UPPER
 from idm_sumo.prediction import RolloutPredictor, first_second

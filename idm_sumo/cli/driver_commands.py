@@ -88,9 +88,9 @@ def calibrate(options: argparse.Namespace) -> None:
     import pandas as pd
 
     from idm_sumo.calibration import calibrate as fit
-    from idm_sumo.departures import departures
+    from idm_sumo.calibration.departures import departures
+    from idm_sumo.calibration.without_d1 import jam_distance_costs, refit_table
     from idm_sumo.driving_code import driving_code
-    from idm_sumo.jam_distance import jam_distance_costs, refit_table
 
     scenes, left_out = shared.scenes_of(options, shared.window_of(options, options.every))
     tables = []
@@ -115,7 +115,7 @@ def predict(options: argparse.Namespace) -> None:
     """Predict every driver from its first frames."""
     import pandas as pd
 
-    from idm_sumo.departures import departures
+    from idm_sumo.calibration.departures import departures
 
     foresee = _through_rollout(options) if options.method == "rollout" else _neighbours(options)
     scenes, left_out = shared.scenes_of(options, shared.window_of(options))
@@ -130,7 +130,7 @@ def predict(options: argparse.Namespace) -> None:
 
 def _neighbours(options: argparse.Namespace) -> Callable[[Scenes], pd.DataFrame]:
     """Return the paper's prediction."""
-    from idm_sumo.driver_table import read_drivers
+    from idm_sumo.calibration.driver_table import read_drivers
     from idm_sumo.prediction import predict_drivers
     from idm_sumo.runtime.errors import InputError
 
@@ -144,7 +144,7 @@ def _neighbours(options: argparse.Namespace) -> Callable[[Scenes], pd.DataFrame]
 
 def _through_rollout(options: argparse.Namespace) -> Callable[[Scenes], pd.DataFrame]:
     """Learn from the recording; return the prediction."""
-    from idm_sumo.driver_table import read_drivers
+    from idm_sumo.calibration.driver_table import read_drivers
     from idm_sumo.prediction import MovingHorizon, RolloutPredictor
     from idm_sumo.prediction.driver_prediction import (
         LEARNING_STEP,
@@ -177,8 +177,8 @@ def _beside(table: pd.DataFrame, *more: pd.DataFrame) -> pd.DataFrame:
 
 def export(options: argparse.Namespace) -> None:
     """Write vehicle types, their vehicles and the run that drives them."""
-    from idm_sumo.driver_table import read_drivers
-    from idm_sumo.jam_distance import cost_summary
+    from idm_sumo.calibration.driver_table import read_drivers
+    from idm_sumo.calibration.without_d1 import cost_summary
     from idm_sumo.models.effects import ExtendedModel
     from idm_sumo.runtime.errors import InputError
     from idm_sumo.sumo.distribution import export_distribution

@@ -9,9 +9,9 @@ import numpy as np
 import numpy.typing as npt
 import pandas as pd
 
+from idm_sumo.calibration.driver_table import DESIRED_SPEED, HAS
 from idm_sumo.diagnosis import windows as w
 from idm_sumo.diagnosis.fit import Fit
-from idm_sumo.driver_table import DESIRED_SPEED, HAS
 from idm_sumo.models import idm
 from idm_sumo.roads.road import FRAME_STEP
 

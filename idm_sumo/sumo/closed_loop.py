@@ -12,7 +12,7 @@ from xml.etree.ElementTree import Element, SubElement
 import numpy as np
 import pandas as pd
 
-from idm_sumo import driver_table as d
+from idm_sumo.calibration import driver_table as d
 from idm_sumo.evaluation.comparison import Portrait, portray
 from idm_sumo.recordings import columns as c
 from idm_sumo.recordings.reading import read_recording

@@ -14,8 +14,8 @@ import numpy.typing as npt
 import pandas as pd
 from scipy.ndimage import uniform_filter1d
 
-from idm_sumo import driver_table as d
-from idm_sumo.departures import DESTINATION, LEAVING, THROUGH, departures
+from idm_sumo.calibration import driver_table as d
+from idm_sumo.calibration.departures import DESTINATION, LEAVING, THROUGH, departures
 from idm_sumo.recordings import columns as c
 from idm_sumo.recordings.recording import Recording
 from idm_sumo.roads import road
@@ -42,7 +42,7 @@ def demand_of(recording: Recording) -> pd.DataFrame:
     Returns
     -------
     pandas.DataFrame
-        Columns of :func:`idm_sumo.departures.departures`, with ``depart_s`` counted from the recording's first
+        Columns of :func:`idm_sumo.calibration.departures.departures`, with ``depart_s`` counted from the recording's first
         frame, and SUMO's ``edge, lane_index, position`` (m). Vehicles that are on the road in the first frame depart
         where they are.
 

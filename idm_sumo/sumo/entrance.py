@@ -6,7 +6,7 @@ from typing import Any
 
 import pandas as pd
 
-from idm_sumo import driver_table as d
+from idm_sumo.calibration import driver_table as d
 from idm_sumo.recordings import columns as c
 from idm_sumo.sumo.demand import LANE_INDEX, POSITION
 from idm_sumo.sumo.vtypes import number

@@ -14,9 +14,9 @@ import numpy as np
 import numpy.typing as npt
 import pandas as pd
 
-from idm_sumo import driver_table as d
-from idm_sumo.departures import DESTINATION, THROUGH
-from idm_sumo.departures import departures as departures_of
+from idm_sumo.calibration import driver_table as d
+from idm_sumo.calibration.departures import DESTINATION, THROUGH
+from idm_sumo.calibration.departures import departures as departures_of
 from idm_sumo.models.effects import ExtendedModel
 from idm_sumo.models.idm import TEXTBOOK
 from idm_sumo.recordings import columns as c
@@ -72,15 +72,15 @@ def export_routes(
     Parameters
     ----------
     drivers : pandas.DataFrame
-        See :func:`idm_sumo.driver_table.check_drivers`.
+        See :func:`idm_sumo.calibration.driver_table.check_drivers`.
     path : Path or str
         ``FILE.rou.xml``; beside it ``FILE.sumocfg`` and ``FILE.net.xml`` are written.
     departures : pandas.DataFrame, Recording, Scenes or sequence of Scenes, optional
-        When, where and as what the drivers enter (:mod:`idm_sumo.departures`); by default
+        When, where and as what the drivers enter (:mod:`idm_sumo.calibration.departures`); by default
         the drivers' own columns.
     jam_distance : {"refit", "linearised", "none"}
         What stands for ``d1``, which SUMO's IDM lacks: the columns of
-        :func:`idm_sumo.jam_distance.refit_table`; the tangent at ``mean_speed_m_s``; nothing.
+        :func:`idm_sumo.calibration.without_d1.refit_table`; the tangent at ``mean_speed_m_s``; nothing.
     integration : {"euler", "ballistic"}
         What the configuration asks of SUMO.
     desired_speed : float, optional

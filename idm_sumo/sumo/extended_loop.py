@@ -9,8 +9,8 @@ import numpy.typing as npt
 import pandas as pd
 from numba import njit
 
-from idm_sumo import driver_table as d
-from idm_sumo.departures import DESTINATION, THROUGH
+from idm_sumo.calibration import driver_table as d
+from idm_sumo.calibration.departures import DESTINATION, THROUGH
 from idm_sumo.models.effects import ExtendedModel, extended_acceleration
 from idm_sumo.models.effects.hysteresis import LATELY
 from idm_sumo.models.effects.lane_change_relaxation import headway_after

@@ -24,7 +24,7 @@ import numpy as np
 import numpy.typing as npt
 import pandas as pd
 
-from idm_sumo import driver_table as d
+from idm_sumo.calibration import driver_table as d
 from idm_sumo.models.effects import BY_NAME, Cause, ExtendedModel, slots
 from idm_sumo.models.effects.time_of_day import drifted
 from idm_sumo.recordings import columns as c

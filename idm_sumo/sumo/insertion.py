@@ -8,7 +8,7 @@ from xml.etree.ElementTree import parse
 import numpy as np
 import pandas as pd
 
-from idm_sumo import driver_table as d
+from idm_sumo.calibration import driver_table as d
 from idm_sumo.roads import road
 from idm_sumo.sumo import session
 

@@ -13,11 +13,11 @@ import numpy.typing as npt
 import pandas as pd
 from numba import njit
 
-from idm_sumo import driver_table as d
-from idm_sumo import integrators
+from idm_sumo.calibration import driver_table as d
+from idm_sumo.calibration import integrators
 from idm_sumo.calibration.kernel import look_ahead
 from idm_sumo.calibration.problem import Problem, prepare
-from idm_sumo.jam_distance import keys_of
+from idm_sumo.calibration.without_d1 import keys_of
 from idm_sumo.recordings import columns as c
 from idm_sumo.roads import road
 from idm_sumo.runtime.errors import InputError

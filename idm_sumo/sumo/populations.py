@@ -9,7 +9,7 @@ import numpy as np
 import numpy.typing as npt
 import pandas as pd
 
-from idm_sumo import driver_table as d
+from idm_sumo.calibration import driver_table as d
 from idm_sumo.roads import road
 from idm_sumo.runtime.errors import InputError
 from idm_sumo.sumo.vtypes import AS_CALIBRATED, CLASSES, DriverType, number, type_element

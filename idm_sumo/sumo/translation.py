@@ -10,8 +10,8 @@ import numpy as np
 import numpy.typing as npt
 import pandas as pd
 
-from idm_sumo import driver_table as d
-from idm_sumo import jam_distance as j
+from idm_sumo.calibration import driver_table as d
+from idm_sumo.calibration import without_d1 as j
 from idm_sumo.recordings import columns as c
 from idm_sumo.roads import road
 from idm_sumo.runtime.errors import InputError

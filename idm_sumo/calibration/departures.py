@@ -6,7 +6,7 @@ from collections.abc import Sequence
 
 import pandas as pd
 
-from idm_sumo import driver_table as d
+from idm_sumo.calibration import driver_table as d
 from idm_sumo.recordings import columns as c
 from idm_sumo.recordings.recording import Recording
 from idm_sumo.roads import road

@@ -20,7 +20,7 @@ DESIRED_SPEED = "desired_speed_m_s"
 HAS = "has_what_some_have"  # 1 if a driver has those causes of an extended model, too, that only some have, else 0
 TOLERANCE = 1e-9  # relative, of a bound: a table may have been through text
 
-# Where, when and as what a driver enters, as `idm_sumo.departures.departures` writes it.
+# Where, when and as what a driver enters, as `idm_sumo.calibration.departures.departures` writes it.
 DEPART, LANE, X, Y, SPEED = "depart_s", "lane", "x_m", "y_m", "speed_m_s"
 LENGTH, WIDTH, CLASS = "length_m", "width_m", "vehicle_class"
 DEPARTURE = (DEPART, LANE, X, Y, SPEED, LENGTH, WIDTH, CLASS)

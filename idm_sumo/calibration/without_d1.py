@@ -19,9 +19,9 @@ import pandas as pd
 from numba import njit
 from scipy.stats import qmc
 
-from idm_sumo import integrators
+from idm_sumo.calibration import integrators
+from idm_sumo.calibration.driver_table import FIRST_FRAME, PARAMETERS, key_columns
 from idm_sumo.calibration.problem import Problem, prepare
-from idm_sumo.driver_table import FIRST_FRAME, PARAMETERS, key_columns
 from idm_sumo.models import idm
 from idm_sumo.recordings import columns as c
 from idm_sumo.roads import road
