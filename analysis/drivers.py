@@ -9,8 +9,8 @@ import numpy as np
 import numpy.typing as npt
 import pandas as pd
 
-from idm_sumo.driving_code import driving_code
 from idm_sumo.evaluation import metrics
+from idm_sumo.prediction.driving_code import driving_code
 from idm_sumo.recordings import columns as c
 from idm_sumo.scenes.windows import Scenes
 from idm_sumo.simulation.rollout import Trajectories, drive_idm

@@ -12,10 +12,10 @@ import pandas as pd
 from idm_sumo.calibration import calibrate, pooled
 from idm_sumo.calibration.driver_table import DESIRED_SPEED, HAS, read_drivers
 from idm_sumo.calibration.without_d1 import MEAN_SPEED, REFIT, mean_speeds, refit_table
-from idm_sumo.driving_code import FEATURES, driving_code
 from idm_sumo.models.effects import ExtendedModel
 from idm_sumo.models.idm import IDMParameters
 from idm_sumo.prediction import predict_drivers
+from idm_sumo.prediction.driving_code import FEATURES, driving_code
 from idm_sumo.recordings import columns as c
 from idm_sumo.recordings.cleaning import clean
 from idm_sumo.recordings.recording import Recording

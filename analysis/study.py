@@ -10,9 +10,9 @@ import numpy.typing as npt
 import pandas as pd
 
 from idm_sumo.calibration import Population, calibrate, hierarchical, pooled
-from idm_sumo.driving_code import FEATURES, features_of
 from idm_sumo.models.idm import IDMParameters
 from idm_sumo.prediction import KNNPredictor, average_parameters, first_gap_parameters, first_second
+from idm_sumo.prediction.driving_code import FEATURES, features_of
 from idm_sumo.runtime.progress import Progress, silent
 from idm_sumo.scenes.windows import Window
 

@@ -11,9 +11,9 @@ import pandas as pd
 from idm_sumo.calibration.identifiability import along_flat_direction
 from idm_sumo.calibration.kernel import to_search
 from idm_sumo.calibration.problem import prepare as calibration_problem
-from idm_sumo.driving_code import FEATURES
 from idm_sumo.evaluation.metrics import summary
 from idm_sumo.models.idm import LOWER, UPPER, IDMParameters
+from idm_sumo.prediction.driving_code import FEATURES
 from idm_sumo.runtime.progress import Progress, silent
 from idm_sumo.scenes.windows import Window
 from idm_sumo.simulation.rollout import Trajectories, drive_constant_velocity, drive_idm

@@ -9,8 +9,8 @@ import numpy as np
 import pandas as pd
 
 from idm_sumo.calibration import calibrate, pooled
-from idm_sumo.driving_code import driving_code
 from idm_sumo.evaluation.metrics import score
+from idm_sumo.prediction.driving_code import driving_code
 from idm_sumo.recordings import columns as c
 from idm_sumo.recordings.recording import Recording
 from idm_sumo.roads import road

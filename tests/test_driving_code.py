@@ -1,7 +1,7 @@
 import numpy as np
 import pytest
 
-from idm_sumo.driving_code import SLOWEST, driving_code, features_of
+from idm_sumo.prediction.driving_code import SLOWEST, driving_code, features_of
 from idm_sumo.roads import road
 from idm_sumo.runtime.errors import InputError
 from idm_sumo.scenes.perception import leaders_along

@@ -8,10 +8,10 @@ from hypothesis import strategies as st
 from sklearn.base import clone
 from sklearn.utils.estimator_checks import parametrize_with_checks
 
-from idm_sumo.driving_code import FEATURES, driving_code
 from idm_sumo.models import idm
 from idm_sumo.models.idm import LOWER, TEXTBOOK, UPPER
 from idm_sumo.prediction import KNNPredictor, average_parameters, first_gap_parameters
+from idm_sumo.prediction.driving_code import FEATURES, driving_code
 from idm_sumo.roads import road
 from idm_sumo.runtime.errors import InputError
 from idm_sumo.simulation.rollout import drive_idm

@@ -90,7 +90,7 @@ def calibrate(options: argparse.Namespace) -> None:
     from idm_sumo.calibration import calibrate as fit
     from idm_sumo.calibration.departures import departures
     from idm_sumo.calibration.without_d1 import jam_distance_costs, refit_table
-    from idm_sumo.driving_code import driving_code
+    from idm_sumo.prediction.driving_code import driving_code
 
     scenes, left_out = shared.scenes_of(options, shared.window_of(options, options.every))
     tables = []

@@ -15,8 +15,8 @@ from sklearn.pipeline import Pipeline, make_pipeline
 from sklearn.preprocessing import StandardScaler
 from sklearn.utils.validation import check_is_fitted, validate_data
 
-from idm_sumo.driving_code import FEATURES, driving_code
 from idm_sumo.models.idm import LOWER, UPPER, IDMParameters
+from idm_sumo.prediction.driving_code import FEATURES, driving_code
 from idm_sumo.recordings import columns as c
 from idm_sumo.roads import road
 from idm_sumo.runtime.errors import InputError
