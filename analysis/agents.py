@@ -200,7 +200,7 @@ def drive_agents(test: Drivers, learners: Learners, *, in_sumo: bool, progress: 
 
 def _sumo_difference(test: Drivers, driven: list[Trajectories]) -> float:
     """Return how far (m) SUMO and the kernels are apart at most, on the actions of a few test drivers."""
-    from idm_sumo.sumo.actions import replay_controls
+    from idm_sumo.sumo.replay.actions import replay_controls
 
     which = np.unique(np.linspace(0, len(test.scenes[0]) - 1, CHECKED).astype(np.int64))
     ours = driven[0].rows(which)

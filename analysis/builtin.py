@@ -30,7 +30,7 @@ def cached_surrogate(minutes: float, seed: int, progress: Progress = silent) -> 
     are compiled on another. :func:`idm_sumo.recordings.reading.read_recording` reads the folder
     as well as each part.
     """
-    from idm_sumo.sumo import surrogate
+    from idm_sumo.sumo.surrogate import make as surrogate
 
     folder = cache_folder() / f"surrogate-{minutes:g}min-seed{seed}-{_maker()}"
     if folder.is_dir():
@@ -53,5 +53,5 @@ def cached_surrogate(minutes: float, seed: int, progress: Progress = silent) -> 
 def _maker() -> str:
     """Return a fingerprint of what makes the recording, so that a changed maker does not serve old files."""
     folder = Path(network.__file__).parent
-    sources = [*sorted(folder.glob("surrogate*.py")), network.net_file()]
+    sources = [*sorted((folder / "surrogate").glob("*.py")), network.net_file()]
     return hashlib.sha256(b"".join(path.read_bytes() for path in sources)).hexdigest()[:8]

@@ -23,12 +23,18 @@ from idm_sumo.roads import road
 from idm_sumo.runtime.errors import InputError
 from idm_sumo.runtime.files import MANIFEST, new_folder
 from idm_sumo.runtime.progress import Progress, silent
-from idm_sumo.sumo.closed_loop import Measured, run_and_measure, write_run
-from idm_sumo.sumo.demand import boundary_speeds, demand_of
-from idm_sumo.sumo.ego import Ego
-from idm_sumo.sumo.extended_loop import ModelDrivers
+from idm_sumo.sumo.closed_loop.demand import boundary_speeds, demand_of
+from idm_sumo.sumo.closed_loop.ego import Ego
+from idm_sumo.sumo.closed_loop.extended_loop import ModelDrivers
+from idm_sumo.sumo.closed_loop.populations import (
+    DEFAULTS,
+    SUBLANE,
+    calibrated_types,
+    default_types,
+    lane_change_attributes,
+)
+from idm_sumo.sumo.closed_loop.run import Measured, run_and_measure, write_run
 from idm_sumo.sumo.gui import gui_binary
-from idm_sumo.sumo.populations import DEFAULTS, SUBLANE, calibrated_types, default_types, lane_change_attributes
 
 from .closed_loop_results import closed_loop_table, write_results
 from .closed_loop_settings import EXTENDED, LOOPS, Case, Settings

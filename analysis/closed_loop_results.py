@@ -9,7 +9,7 @@ import pandas as pd
 
 from idm_sumo.evaluation.comparison import RECORDING, Comparison
 from idm_sumo.recordings.recording import Recording
-from idm_sumo.sumo.closed_loop import Measured, glimpse_of
+from idm_sumo.sumo.closed_loop.run import Measured, glimpse_of
 
 from . import closed_loop_words as words
 from .closed_loop_settings import Case, Settings

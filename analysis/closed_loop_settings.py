@@ -6,9 +6,9 @@ from collections.abc import Mapping
 from dataclasses import dataclass
 from pathlib import Path
 
-from idm_sumo.sumo.closed_loop import RunFiles
-from idm_sumo.sumo.extended_loop import ModelDrivers
-from idm_sumo.sumo.populations import DEFAULTS
+from idm_sumo.sumo.closed_loop.extended_loop import ModelDrivers
+from idm_sumo.sumo.closed_loop.populations import DEFAULTS
+from idm_sumo.sumo.closed_loop.run import RunFiles
 
 from .populations import CALIBRATED
 from .settings import SURROGATE

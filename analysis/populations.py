@@ -24,7 +24,7 @@ from idm_sumo.roads import road
 from idm_sumo.runtime.errors import InputError
 from idm_sumo.runtime.progress import Progress, silent
 from idm_sumo.scenes.windows import Scenes, Window, build_scenes
-from idm_sumo.sumo.translation import desired_speeds, sumo_parameters, with_parameters
+from idm_sumo.sumo.export.translation import desired_speeds, sumo_parameters, with_parameters
 
 Floats = npt.NDArray[np.float64]
 

@@ -210,7 +210,7 @@ def _drive(
         if extension is not None:
             return drive_extended(scenes, *extension, theta, desired_speed=request.desired_speed)
         return drive_idm(scenes, theta, desired_speed=request.desired_speed)
-    from idm_sumo.sumo.replay import replay
+    from idm_sumo.sumo.replay.one_vehicle import replay
 
     return replay(scenes, theta, desired_speed=request.desired_speed, extension=extension)
 

@@ -124,7 +124,7 @@ def _driver(settings: Settings, jobs: int) -> Drive:
     """Return what drives the modelled vehicles of the table of methods."""
     if settings.backend == "kernel":
         return _kernel(settings)
-    from idm_sumo.sumo.ghosts import replay_ghosts
+    from idm_sumo.sumo.replay.ghosts import replay_ghosts
 
     return lambda scenes, theta: replay_ghosts(scenes, theta, desired_speed=settings.desired_speed, jobs=jobs)
 

@@ -14,9 +14,10 @@ from idm_sumo.recordings.reading import write_parquet
 from idm_sumo.recordings.recording import Recording
 from idm_sumo.roads import road
 from idm_sumo.runtime.errors import InputError
-from idm_sumo.sumo import closed_loop, populations
-from idm_sumo.sumo.demand import SLOWEST_SIGN, boundary_speeds, demand_of
-from idm_sumo.sumo.ego import Ego
+from idm_sumo.sumo.closed_loop import populations
+from idm_sumo.sumo.closed_loop import run as closed_loop
+from idm_sumo.sumo.closed_loop.demand import SLOWEST_SIGN, boundary_speeds, demand_of
+from idm_sumo.sumo.closed_loop.ego import Ego
 from idm_sumo.sumo.gui import gui_binary
 from idm_sumo.sumo.session import simulation
 from tests.builders import Car, recording

@@ -20,11 +20,11 @@ from idm_sumo.roads import road
 from idm_sumo.runtime.errors import InputError
 from idm_sumo.scenes.windows import Window, build_scenes
 from idm_sumo.sumo import network, session
-from idm_sumo.sumo.courses import StraightRoads
-from idm_sumo.sumo.distribution import export_distribution
-from idm_sumo.sumo.export import Exported, export_routes
-from idm_sumo.sumo.insertion import departure_delays
-from idm_sumo.sumo.parity import read_types
+from idm_sumo.sumo.closed_loop.insertion import departure_delays
+from idm_sumo.sumo.export.courses import StraightRoads
+from idm_sumo.sumo.export.distribution import export_distribution
+from idm_sumo.sumo.export.parity import read_types
+from idm_sumo.sumo.export.routes import Exported, export_routes
 
 PERIODS = ("0750-0805", "0805-0820")
 

@@ -12,9 +12,10 @@ from idm_sumo.recordings import columns as c
 from idm_sumo.recordings.reading import write_parquet
 from idm_sumo.roads import road
 from idm_sumo.runtime.errors import InputError
-from idm_sumo.sumo import closed_loop, populations
-from idm_sumo.sumo.demand import demand_of
-from idm_sumo.sumo.extended_loop import ModelDrivers
+from idm_sumo.sumo.closed_loop import populations
+from idm_sumo.sumo.closed_loop import run as closed_loop
+from idm_sumo.sumo.closed_loop.demand import demand_of
+from idm_sumo.sumo.closed_loop.extended_loop import ModelDrivers
 from tests.builders import Car, recording
 
 

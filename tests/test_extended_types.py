@@ -9,7 +9,7 @@ import pytest
 from idm_sumo.models.effects import CATALOGUE, Cause, ExtendedModel
 from idm_sumo.models.idm import TEXTBOOK
 from idm_sumo.roads import road
-from idm_sumo.sumo.export import Exported, export_routes
+from idm_sumo.sumo.export.routes import Exported, export_routes
 from idm_sumo.sumo.session import simulation
 from tests.test_export import drivers, sumo
 

@@ -13,7 +13,7 @@ from idm_sumo.irl.reward import ALIVE, PENALTY, WORST, Reward
 from idm_sumo.roads import road
 from idm_sumo.scenes.windows import Scenes
 from idm_sumo.simulation.rollout import drive_constant_velocity
-from idm_sumo.sumo.actions import replay_controls
+from idm_sumo.sumo.replay.actions import replay_controls
 from tests.builders import Car, scenes
 from tests.irl_traffic import busy
 

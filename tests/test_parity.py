@@ -20,8 +20,8 @@ from idm_sumo.recordings.recording import Recording
 from idm_sumo.recordings.smoothing import smooth
 from idm_sumo.roads import road
 from idm_sumo.scenes.windows import Scenes, Window, build_scenes
-from idm_sumo.sumo import parity as p
-from idm_sumo.sumo.export import export_routes
+from idm_sumo.sumo.export import parity as p
+from idm_sumo.sumo.export.routes import export_routes
 
 MILLIMETRE = 1e-3  # m
 SCHEMES = ("euler", "ballistic")

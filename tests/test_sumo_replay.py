@@ -16,11 +16,11 @@ from idm_sumo.roads import road
 from idm_sumo.runtime.errors import InputError
 from idm_sumo.scenes.windows import Scenes, Window, build_scenes
 from idm_sumo.simulation.rollout import Trajectories, drive_idm
-from idm_sumo.sumo.ghosts import replay_ghosts
-from idm_sumo.sumo.perception import HAS_LEFT, OVERLAP, STRADDLES, compare_perception
-from idm_sumo.sumo.playback import play
-from idm_sumo.sumo.replay import replay
-from idm_sumo.sumo.surrogate import make_surrogate
+from idm_sumo.sumo.replay.ghosts import replay_ghosts
+from idm_sumo.sumo.replay.one_vehicle import replay
+from idm_sumo.sumo.replay.perception import HAS_LEFT, OVERLAP, STRADDLES, compare_perception
+from idm_sumo.sumo.replay.playback import play
+from idm_sumo.sumo.surrogate.make import make_surrogate
 
 DRIVER = (1.4, 1.8, 1.1, 2.0, 1.0)
 SHORT = Window(observed=2, horizon=30)

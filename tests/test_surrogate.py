@@ -10,7 +10,9 @@ import pytest
 from idm_sumo.recordings.readers.delimited import OFFICIAL
 from idm_sumo.roads.road import FOOT, OFF_RAMP_X, ON_RAMP_X, SECTION_LENGTH
 from idm_sumo.runtime.errors import InputError
-from idm_sumo.sumo import surrogate, surrogate_noise, surrogate_traffic
+from idm_sumo.sumo.surrogate import make as surrogate
+from idm_sumo.sumo.surrogate import noise as surrogate_noise
+from idm_sumo.sumo.surrogate import traffic as surrogate_traffic
 
 MINUTES, SEED = 3.0, 5
 KEYS = ["period", "Vehicle_ID"]

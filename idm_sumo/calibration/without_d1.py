@@ -5,7 +5,7 @@ r"""SUMO's IDM has no :math:`d_1\sqrt{v/v_0}`: three ways to do without it, and 
 ``linearised``
     :math:`\sqrt v` replaced by its tangent at the driver's mean speed; see :func:`linearise`.
 ``exact``
-    The jam distance set anew every step from outside (:func:`idm_sumo.sumo.parity.drive_natively`
+    The jam distance set anew every step from outside (:func:`idm_sumo.sumo.export.parity.drive_natively`
     with ``d1``): no vehicle type can hold it.
 """
 
@@ -213,7 +213,7 @@ def jam_distance_costs(drivers: pd.DataFrame, scenes: Scenes | Sequence[Scenes],
         ``period, vehicle, first_frame``; ``ade_m`` (five parameters, the paper's
         integration), ``ade_exact_m`` (five parameters, SUMO's), ``ade_refit_m``,
         ``ade_linearised_m`` and ``ade_dropped_m`` (``d1`` left out without a replacement), in
-        metres, by the compiled kernel; :mod:`idm_sumo.sumo.parity` proves that SUMO drives the same.
+        metres, by the compiled kernel; :mod:`idm_sumo.sumo.export.parity` proves that SUMO drives the same.
     """
     fitted = drivers
     if not refitted_for(drivers, integration):

@@ -181,9 +181,9 @@ def export(options: argparse.Namespace) -> None:
     from idm_sumo.calibration.without_d1 import cost_summary
     from idm_sumo.models.effects import ExtendedModel
     from idm_sumo.runtime.errors import InputError
-    from idm_sumo.sumo.distribution import export_distribution
-    from idm_sumo.sumo.export import export_routes
-    from idm_sumo.sumo.insertion import departure_delays
+    from idm_sumo.sumo.closed_loop.insertion import departure_delays
+    from idm_sumo.sumo.export.distribution import export_distribution
+    from idm_sumo.sumo.export.routes import export_routes
 
     drivers, shared_options = (
         read_drivers(options.drivers),

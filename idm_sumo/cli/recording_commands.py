@@ -60,7 +60,7 @@ def fetch(options: argparse.Namespace) -> None:
 
 def surrogate(options: argparse.Namespace) -> None:
     """Make the stand-in."""
-    from idm_sumo.sumo.surrogate import make_surrogate
+    from idm_sumo.sumo.surrogate.make import make_surrogate
 
     with progress_bar() as report:
         make_surrogate(

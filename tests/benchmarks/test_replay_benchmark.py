@@ -17,9 +17,9 @@ from idm_sumo.roads import road
 from idm_sumo.scenes.traffic import NOBODY
 from idm_sumo.scenes.windows import Scenes, Window, build_scenes
 from idm_sumo.simulation.rollout import Trajectories, drive_idm
-from idm_sumo.sumo.ghosts import replay_ghosts
 from idm_sumo.sumo.network import MAINLINE
-from idm_sumo.sumo.replay import advance, replay, start_of
+from idm_sumo.sumo.replay.ghosts import replay_ghosts
+from idm_sumo.sumo.replay.one_vehicle import advance, replay, start_of
 from idm_sumo.sumo.session import simulation
 
 DRIVER = np.array([1.4, 1.8, 1.1, 2.0, 1.0])

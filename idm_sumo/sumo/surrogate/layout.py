@@ -12,9 +12,9 @@ import pandas as pd
 from idm_sumo.recordings.readers.delimited import OFFICIAL
 from idm_sumo.roads import road
 from idm_sumo.roads.road import FOOT
-from idm_sumo.sumo.surrogate_demand import PERIODS
-from idm_sumo.sumo.surrogate_noise import speed_and_acceleration, starts_of
-from idm_sumo.sumo.surrogate_traffic import Trajectories
+from idm_sumo.sumo.surrogate.demand import PERIODS
+from idm_sumo.sumo.surrogate.noise import speed_and_acceleration, starts_of
+from idm_sumo.sumo.surrogate.traffic import Trajectories
 
 # ms since 1970: `Global_Time - 100 Frame_ID` of the official files, and when our periods begin
 # (07:49:40 and every 15 minutes, about where the official files have their first rows).
@@ -54,7 +54,7 @@ def lay_out(
     frames, noisy : dict of ndarray, shape (rows,)
         What happened and what a camera saw of it; sorted by vehicle and frame.
     drivers : pandas.DataFrame
-        See :func:`~idm_sumo.sumo.surrogate_demand.draw_drivers`; row number is vehicle number.
+        See :func:`~idm_sumo.sumo.surrogate.demand.draw_drivers`; row number is vehicle number.
     frames_a_period : int
         A vehicle belongs to the period in which it is first seen.
 

@@ -12,8 +12,8 @@ from idm_sumo.roads import road
 from idm_sumo.runtime.errors import InputError
 from idm_sumo.runtime.progress import Progress, silent
 from idm_sumo.sumo.network import DESTINATIONS, OFF_RAMP, ON_RAMP, ORIGINS, recorded_lane, route
+from idm_sumo.sumo.replay.stage import Stage, compass
 from idm_sumo.sumo.session import simulation
-from idm_sumo.sumo.stage import Stage, compass
 
 
 class Played(NamedTuple):

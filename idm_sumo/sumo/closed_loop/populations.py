@@ -12,7 +12,7 @@ import pandas as pd
 from idm_sumo.calibration import driver_table as d
 from idm_sumo.roads import road
 from idm_sumo.runtime.errors import InputError
-from idm_sumo.sumo.vtypes import AS_CALIBRATED, CLASSES, DriverType, number, type_element
+from idm_sumo.sumo.export.vtypes import AS_CALIBRATED, CLASSES, DriverType, number, type_element
 
 Floats = npt.NDArray[np.float64]
 
@@ -67,7 +67,7 @@ def calibrated_types(
     Parameters
     ----------
     demand : pandas.DataFrame
-        Of :func:`idm_sumo.sumo.demand.demand_of`.
+        Of :func:`idm_sumo.sumo.closed_loop.demand.demand_of`.
     theta : array, shape (vehicles, 5)
         ``a, b, T, d0`` of each, and a ``d1`` that is zero, for SUMO has none.
     lane_change : mapping of str to str

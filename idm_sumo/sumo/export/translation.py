@@ -15,7 +15,7 @@ from idm_sumo.calibration import without_d1 as j
 from idm_sumo.recordings import columns as c
 from idm_sumo.roads import road
 from idm_sumo.runtime.errors import InputError
-from idm_sumo.sumo.vtypes import DriverType, identifier
+from idm_sumo.sumo.export.vtypes import DriverType, identifier
 
 Floats = npt.NDArray[np.float64]
 

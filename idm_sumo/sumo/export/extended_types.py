@@ -30,7 +30,7 @@ from idm_sumo.models.effects.time_of_day import drifted
 from idm_sumo.recordings import columns as c
 from idm_sumo.recordings.columns import TRUCK
 from idm_sumo.roads import road
-from idm_sumo.sumo.vtypes import number
+from idm_sumo.sumo.export.vtypes import number
 
 Floats = npt.NDArray[np.float64]
 Booleans = npt.NDArray[np.bool_]

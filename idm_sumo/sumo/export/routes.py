@@ -24,10 +24,18 @@ from idm_sumo.recordings.recording import Recording
 from idm_sumo.runtime.errors import InputError
 from idm_sumo.runtime.files import new_file
 from idm_sumo.scenes.windows import Scenes
-from idm_sumo.sumo import network, run_recipe
-from idm_sumo.sumo.extended_types import Expressed, express
-from idm_sumo.sumo.translation import desired_speeds, driver_type, identifiers, save, sumo_parameters, with_parameters
-from idm_sumo.sumo.vtypes import number, type_element
+from idm_sumo.sumo import network
+from idm_sumo.sumo.export import run_recipe
+from idm_sumo.sumo.export.extended_types import Expressed, express
+from idm_sumo.sumo.export.translation import (
+    desired_speeds,
+    driver_type,
+    identifiers,
+    save,
+    sumo_parameters,
+    with_parameters,
+)
+from idm_sumo.sumo.export.vtypes import number, type_element
 
 Floats = npt.NDArray[np.float64]
 
@@ -89,7 +97,7 @@ def export_routes(
     net_file : Path or str, optional
         A build of our network, say with another speed limit; by default the one that comes along.
     model : ExtendedModel, optional
-        Causes beyond the IDM; those that SUMO's types can hold go into them (:mod:`idm_sumo.sumo.extended_types`), of the
+        Causes beyond the IDM; those that SUMO's types can hold go into them (:mod:`idm_sumo.sumo.export.extended_types`), of the
         others notes and a comment in the file say that they do not.
     source : str
         How messages name the drivers.

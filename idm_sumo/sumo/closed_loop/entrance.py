@@ -8,8 +8,8 @@ import pandas as pd
 
 from idm_sumo.calibration import driver_table as d
 from idm_sumo.recordings import columns as c
-from idm_sumo.sumo.demand import LANE_INDEX, POSITION
-from idm_sumo.sumo.vtypes import number
+from idm_sumo.sumo.closed_loop.demand import LANE_INDEX, POSITION
+from idm_sumo.sumo.export.vtypes import number
 
 PATIENCE = 1.0  # s a vehicle waits for a gap that is safe at its recorded speed
 

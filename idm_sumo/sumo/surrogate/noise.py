@@ -9,7 +9,7 @@ import numpy.typing as npt
 from scipy.ndimage import gaussian_filter1d
 
 from idm_sumo.roads.road import FOOT, FRAME_STEP
-from idm_sumo.sumo.surrogate_traffic import FRAMES_A_STEP, STEP, Trajectories
+from idm_sumo.sumo.surrogate.traffic import FRAMES_A_STEP, STEP, Trajectories
 
 Floats = npt.NDArray[np.float64]
 
@@ -34,7 +34,7 @@ def between_steps(steps: Trajectories) -> Trajectories:
     Parameters
     ----------
     steps : dict of ndarray, shape (rows,)
-        See :func:`~idm_sumo.sumo.surrogate_traffic.run`.
+        See :func:`~idm_sumo.sumo.surrogate.traffic.run`.
 
     Returns
     -------

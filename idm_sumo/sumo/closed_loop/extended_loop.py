@@ -65,7 +65,7 @@ class ModelDrivers:
     ----------
     model : ExtendedModel
     demand : pandas.DataFrame
-        Of :func:`idm_sumo.sumo.demand.demand_of`.
+        Of :func:`idm_sumo.sumo.closed_loop.demand.demand_of`.
     theta : array, shape (vehicles, 5)
         ``a, b, T, d0, d1`` of each vehicle of the demand.
     desired_speed : float or array, shape (vehicles,)

@@ -13,8 +13,15 @@ import pandas as pd
 from idm_sumo.calibration import driver_table as d
 from idm_sumo.runtime.errors import InputError
 from idm_sumo.runtime.files import new_file
-from idm_sumo.sumo.translation import desired_speeds, driver_type, identifiers, save, sumo_parameters, with_parameters
-from idm_sumo.sumo.vtypes import identifier, number, type_element
+from idm_sumo.sumo.export.translation import (
+    desired_speeds,
+    driver_type,
+    identifiers,
+    save,
+    sumo_parameters,
+    with_parameters,
+)
+from idm_sumo.sumo.export.vtypes import identifier, number, type_element
 
 Floats = npt.NDArray[np.float64]
 

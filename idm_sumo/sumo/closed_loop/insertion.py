@@ -21,7 +21,7 @@ def departure_delays(config: Path | str) -> pd.DataFrame:
     Parameters
     ----------
     config : Path or str
-        A ``.sumocfg`` of :func:`idm_sumo.sumo.export.export_routes`.
+        A ``.sumocfg`` of :func:`idm_sumo.sumo.export.routes.export_routes`.
 
     Returns
     -------

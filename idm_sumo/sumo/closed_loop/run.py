@@ -20,14 +20,15 @@ from idm_sumo.recordings.recording import Recording
 from idm_sumo.roads import road
 from idm_sumo.runtime.errors import InputError
 from idm_sumo.runtime.progress import Progress, silent
-from idm_sumo.sumo import network, run_recipe
-from idm_sumo.sumo.demand import SAFE, write_boundary, write_routes
-from idm_sumo.sumo.ego import Ego
-from idm_sumo.sumo.entrance import Entrance
-from idm_sumo.sumo.extended_loop import ModelDrivers
+from idm_sumo.sumo import network
+from idm_sumo.sumo.closed_loop.demand import SAFE, write_boundary, write_routes
+from idm_sumo.sumo.closed_loop.ego import Ego
+from idm_sumo.sumo.closed_loop.entrance import Entrance
+from idm_sumo.sumo.closed_loop.extended_loop import ModelDrivers
+from idm_sumo.sumo.export import run_recipe
+from idm_sumo.sumo.export.translation import save
 from idm_sumo.sumo.gui import gui_simulation
 from idm_sumo.sumo.session import ALWAYS, simulation
-from idm_sumo.sumo.translation import save
 
 ON_TIME = 0.05  # s, half a step
 LANES_BY_PLACE = "lane is taken from the lateral position"
@@ -110,7 +111,7 @@ def write_run(
     recording : Recording
         One period; it says how long to run.
     demand, types
-        Of :mod:`idm_sumo.sumo.demand` and :mod:`idm_sumo.sumo.populations`.
+        Of :mod:`idm_sumo.sumo.closed_loop.demand` and :mod:`idm_sumo.sumo.closed_loop.populations`.
     downstream : array, shape (seconds, 5), or None
         Speeds (m/s) to impose behind the section. Recorded traffic is held up by what lies downstream of it;
         without that a closed loop runs free.

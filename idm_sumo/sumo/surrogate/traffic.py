@@ -15,7 +15,7 @@ import pyarrow.parquet as pq
 from idm_sumo.roads.road import FRAME_STEP, LANE_WIDTH, SECTION_LENGTH, SPEED_LIMIT
 from idm_sumo.sumo.network import OFF_RAMP, route
 from idm_sumo.sumo.session import simulation
-from idm_sumo.sumo.surrogate_demand import Schedule
+from idm_sumo.sumo.surrogate.demand import Schedule
 
 SECTION = ("entry", "weave", "exit")
 AFTER_RAMPS = ("exit", "downstream")

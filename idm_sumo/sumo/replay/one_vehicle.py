@@ -27,9 +27,9 @@ from idm_sumo.scenes.traffic import NOBODY
 from idm_sumo.scenes.windows import LEADER_FROM_LANE, Scenes
 from idm_sumo.simulation.extended_rollout import decide, set_out
 from idm_sumo.simulation.rollout import Trajectories, control, steer
-from idm_sumo.sumo.perception import lane_strip, leader_in_lane
+from idm_sumo.sumo.replay.perception import lane_strip, leader_in_lane
+from idm_sumo.sumo.replay.stage import Cast, Stage, cast, check_on_network, compass, inside_lane
 from idm_sumo.sumo.session import simulation
-from idm_sumo.sumo.stage import Cast, Stage, cast, check_on_network, compass, inside_lane
 
 Floats = npt.NDArray[np.float64]
 Integers = npt.NDArray[np.int64]
@@ -86,9 +86,9 @@ def replay(
     distance ahead. Perception is along the own lane, so the choice never changes a result; the
     recorded twin is not there.
 
-    *Perception.* SUMO names the leader (:func:`~idm_sumo.sumo.perception.leader_in_lane`); the
+    *Perception.* SUMO names the leader (:func:`~idm_sumo.sumo.replay.perception.leader_in_lane`); the
     gap is between the positions read back from SUMO, less the leader's recorded length, since
-    vehicles are points there (:class:`~idm_sumo.sumo.stage.Stage`). The leader's speed is the
+    vehicles are points there (:class:`~idm_sumo.sumo.replay.stage.Stage`). The leader's speed is the
     recorded one: SUMO derives the speed of a moved vehicle from its last displacement, which
     lags half a frame.
 

@@ -23,8 +23,11 @@ import pyarrow.parquet as pq
 from idm_sumo.roads.road import FRAME_STEP
 from idm_sumo.runtime.errors import InputError
 from idm_sumo.runtime.files import new_file
-from idm_sumo.sumo import surrogate_demand, surrogate_layout, surrogate_noise, surrogate_traffic
-from idm_sumo.sumo.surrogate_traffic import STEP, Trajectories
+from idm_sumo.sumo.surrogate import demand as surrogate_demand
+from idm_sumo.sumo.surrogate import layout as surrogate_layout
+from idm_sumo.sumo.surrogate import noise as surrogate_noise
+from idm_sumo.sumo.surrogate import traffic as surrogate_traffic
+from idm_sumo.sumo.surrogate.traffic import STEP, Trajectories
 
 WARM_UP = 180.0  # s, until the road is full
 SHORTEST, LONGEST = 0.5, 180.0  # minutes

@@ -10,9 +10,9 @@ from idm_sumo.roads import road
 from idm_sumo.scenes.traffic import NOBODY
 from idm_sumo.scenes.windows import LEADER_FROM_LANE, Scenes
 from idm_sumo.simulation.rollout import Trajectories
-from idm_sumo.sumo.replay import EGO, start_of
+from idm_sumo.sumo.replay.one_vehicle import EGO, start_of
+from idm_sumo.sumo.replay.stage import Stage, cast, check_on_network, compass
 from idm_sumo.sumo.session import simulation
-from idm_sumo.sumo.stage import Stage, cast, check_on_network, compass
 
 Floats = npt.NDArray[np.float64]
 

@@ -11,8 +11,8 @@ import pandas as pd
 from idm_sumo.models import bicycle
 from idm_sumo.roads import road
 from idm_sumo.simulation.rollout import control
-from idm_sumo.sumo.perception import leader_by_getleader
-from idm_sumo.sumo.stage import ON_ROUTE_AT_EXACT_PLACE, compass
+from idm_sumo.sumo.replay.perception import leader_by_getleader
+from idm_sumo.sumo.replay.stage import ON_ROUTE_AT_EXACT_PLACE, compass
 
 COLUMNS = ("time_s", "x", "y", "heading", "speed", "acceleration", "steering", "gap_m", "leader")
 KEEP_LANE = 0  # SUMO's lane change mode: none of its own

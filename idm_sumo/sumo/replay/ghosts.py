@@ -20,9 +20,9 @@ from idm_sumo.runtime.progress import Progress, silent
 from idm_sumo.scenes.traffic import NOBODY
 from idm_sumo.scenes.windows import Scenes
 from idm_sumo.simulation.rollout import Trajectories, perceive
-from idm_sumo.sumo.replay import advance
+from idm_sumo.sumo.replay.one_vehicle import advance
+from idm_sumo.sumo.replay.stage import Cast, Stage, cast, check_on_network
 from idm_sumo.sumo.session import simulation
-from idm_sumo.sumo.stage import Cast, Stage, cast, check_on_network
 
 Floats = npt.NDArray[np.float64]
 Integers = npt.NDArray[np.int64]
@@ -55,7 +55,7 @@ def replay_ghosts(
     Returns
     -------
     Trajectories
-        The same figures as :func:`idm_sumo.sumo.replay.replay`; by Euler with the old speed.
+        The same figures as :func:`idm_sumo.sumo.replay.one_vehicle.replay`; by Euler with the old speed.
 
     Raises
     ------

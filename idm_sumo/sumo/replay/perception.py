@@ -15,8 +15,8 @@ from idm_sumo.scenes.traffic import NOBODY
 from idm_sumo.scenes.windows import LEADER_FROM_LANE, Scenes
 from idm_sumo.simulation.rollout import perceive
 from idm_sumo.sumo.network import MAINLINE
+from idm_sumo.sumo.replay.stage import Cast, Stage, cast, check_on_network
 from idm_sumo.sumo.session import simulation
-from idm_sumo.sumo.stage import Cast, Stage, cast, check_on_network
 
 Integers = npt.NDArray[np.int64]
 

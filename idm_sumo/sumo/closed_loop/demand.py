@@ -21,8 +21,8 @@ from idm_sumo.recordings.recording import Recording
 from idm_sumo.roads import road
 from idm_sumo.runtime.errors import InputError
 from idm_sumo.sumo import network
-from idm_sumo.sumo.translation import save
-from idm_sumo.sumo.vtypes import number
+from idm_sumo.sumo.export.translation import save
+from idm_sumo.sumo.export.vtypes import number
 
 Floats = npt.NDArray[np.float64]
 

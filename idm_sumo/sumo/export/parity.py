@@ -22,10 +22,11 @@ from idm_sumo.recordings import columns as c
 from idm_sumo.roads import road
 from idm_sumo.runtime.errors import InputError
 from idm_sumo.scenes.windows import Scenes
-from idm_sumo.sumo import network, run_recipe, session
-from idm_sumo.sumo.courses import StraightRoads, StudySection
-from idm_sumo.sumo.translation import sumo_parameters
-from idm_sumo.sumo.vtypes import DriverType, type_element
+from idm_sumo.sumo import network, session
+from idm_sumo.sumo.export import run_recipe
+from idm_sumo.sumo.export.courses import StraightRoads, StudySection
+from idm_sumo.sumo.export.translation import sumo_parameters
+from idm_sumo.sumo.export.vtypes import DriverType, type_element
 
 Floats = npt.NDArray[np.float64]
 
@@ -36,7 +37,7 @@ ROOM = 200.0  # m, beyond the farthest vehicle
 
 
 class Course(Protocol):
-    """Where the drivers are compared; see :mod:`idm_sumo.sumo.courses`."""
+    """Where the drivers are compared; see :mod:`idm_sumo.sumo.export.courses`."""
 
     def write_net(self, folder: Path) -> Path:
         """Return the network."""
@@ -68,7 +69,7 @@ def parity(
     Parameters
     ----------
     drivers : pandas.DataFrame
-        One row a window of ``scenes``, as given to :func:`~idm_sumo.sumo.export.export_routes`.
+        One row a window of ``scenes``, as given to :func:`~idm_sumo.sumo.export.routes.export_routes`.
     scenes : Scenes
     integration : {"euler", "ballistic"}
     jam_distance : {"refit", "linearised", "none", "exact"}
