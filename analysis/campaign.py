@@ -146,7 +146,7 @@ def find(file: Path, seed: int) -> dict[str, Any]:
     from idm_sumo.recordings.cleaning import clean
     from idm_sumo.recordings.reading import read_recording
 
-    from .diagnosis_report import contract
+    from .diagnosis.report import contract
 
     recording = clean(read_recording(file).recording).recording
     return dict(json.loads(json.dumps(contract(diagnose(recording, seed=seed)), default=plain)))

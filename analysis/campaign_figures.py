@@ -9,7 +9,7 @@ from matplotlib.figure import Figure
 from matplotlib.lines import Line2D
 
 from .campaign_scores import GAIN_BOUNDS, RIGHT, RIGHT_AND_MORE, SILENT, UNKNOWN, WRONG
-from .style import new_figure
+from .page.style import new_figure
 
 # How an outcome of a single effect looks: face, edge.
 LOOKS = {

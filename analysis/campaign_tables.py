@@ -11,7 +11,7 @@ from idm_sumo.diagnosis.hypotheses import BEFORE_A_CHANGE
 
 from .campaign_figures import at_a_glance
 from .campaign_scores import GAIN_CLASSES, RIGHT, RIGHT_AND_MORE, SILENT, scored, sized
-from .style import save
+from .page.style import save
 
 CONDITIONS = ("underlying", "noise", "sigma", "form", "density", "lanes")
 GOOD = (RIGHT, RIGHT_AND_MORE)

@@ -10,9 +10,12 @@ import numpy as np
 import pandas as pd
 import pytest
 
-from analysis import agent_figures, agent_study, agent_words, agents
-from analysis.drivers import Drivers
-from analysis.settings import Settings
+from analysis.reproduce.agents import figures as agent_figures
+from analysis.reproduce.agents import rows as agents
+from analysis.reproduce.agents import study as agent_study
+from analysis.reproduce.agents import words as agent_words
+from analysis.reproduce.drivers import Drivers
+from analysis.reproduce.settings import Settings
 from idm_sumo.cli import main
 from idm_sumo.evaluation.metrics import summary
 from idm_sumo.irl import learning

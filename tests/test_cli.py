@@ -293,7 +293,7 @@ def test_interrupted_run_leaves_nothing(recording: Path, tmp_path: Path) -> None
         "import os, signal, sys, threading\n"
         "import idm_sumo.outputs\n"
         "from idm_sumo.cli import main\n"
-        "import analysis.reproduce as study\n"
+        "import analysis.reproduce.run as study\n"
         "whole = study.load_source\n"
         "signal.signal(signal.SIGINT, signal.default_int_handler)\n"  # a shell's background jobs ignore it
         "def interrupted(*given):\n"

@@ -3,7 +3,7 @@
 import numpy as np
 import pandas as pd
 
-from analysis import closed_loop_words as words
+from analysis.closed_loop import words
 
 RECORDED = {
     "mean_speed_m_s": 10.0, "flow_veh_h": 7000.0, "density_veh_km": 180.0, "travel_time_s": 50.0, "gap_m": 15.0,

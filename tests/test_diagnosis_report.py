@@ -8,11 +8,12 @@ import pandas as pd
 import pytest
 from pydantic import ValidationError
 
-from analysis import diagnosis_report, diagnosis_words
-from analysis.diagnosis_contract import Diagnosis as Contract
-from analysis.diagnosis_contract import write_diagnosis
-from analysis.diagnosis_curves import clustered_mean, curves, lag_response, map_of
-from analysis.diagnosis_report import contract, groups
+from analysis.diagnosis import report as diagnosis_report
+from analysis.diagnosis import words as diagnosis_words
+from analysis.diagnosis.contract import Diagnosis as Contract
+from analysis.diagnosis.contract import write_diagnosis
+from analysis.diagnosis.curves import clustered_mean, curves, lag_response, map_of
+from analysis.diagnosis.report import contract, groups
 from idm_sumo.calibration.driver_table import check_departures, read_drivers
 from idm_sumo.cli import main
 from idm_sumo.diagnosis import CauseFound, Diagnosis, Estimate, Gain, Power, Region, RuledOut, Scan, Unexplained

@@ -4,7 +4,7 @@ import numpy as np
 import pandas as pd
 import pytest
 
-from analysis.populations import refitted_for
+from analysis.closed_loop.populations import refitted_for
 from idm_sumo.cli import main
 from idm_sumo.models.effects import Cause, ExtendedModel
 from idm_sumo.models.idm import TEXTBOOK

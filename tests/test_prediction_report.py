@@ -9,12 +9,14 @@ import numpy as np
 import pandas as pd
 import pytest
 
-from analysis import prediction_figures, prediction_seconds, prediction_words
-from analysis.drivers import Drivers
-from analysis.prediction_reasons import averaging, directions, hindsight, prediction_tables
-from analysis.settings import Settings
-from analysis.source import Source, load_source
-from analysis.study import Study, prepare
+from analysis.reproduce.drivers import Drivers
+from analysis.reproduce.prediction import figures as prediction_figures
+from analysis.reproduce.prediction import seconds as prediction_seconds
+from analysis.reproduce.prediction import words as prediction_words
+from analysis.reproduce.prediction.reasons import averaging, directions, hindsight, prediction_tables
+from analysis.reproduce.settings import Settings
+from analysis.reproduce.source import Source, load_source
+from analysis.reproduce.study import Study, prepare
 from idm_sumo.calibration import calibrate
 from idm_sumo.models.idm import IDMParameters
 from tests.known_drivers import known_drivers

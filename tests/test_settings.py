@@ -4,7 +4,7 @@ from pathlib import Path
 
 import pytest
 
-from analysis.settings import Settings, load_settings
+from analysis.reproduce.settings import Settings, load_settings
 from idm_sumo.runtime.errors import InputError
 
 ROOT = Path(__file__).parents[1]

@@ -8,11 +8,11 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from analysis import paper, tables
-from analysis.settings import Settings
-from analysis.source import Source, load_source
-from analysis.study import Study, predictions, prepare
-from analysis.words import paired_difference
+from analysis.reproduce import paper, tables
+from analysis.reproduce.settings import Settings
+from analysis.reproduce.source import Source, load_source
+from analysis.reproduce.study import Study, predictions, prepare
+from analysis.reproduce.words import paired_difference
 from idm_sumo.runtime.errors import InputError
 from idm_sumo.simulation.rollout import drive_idm
 from tests.platoons import platoon_recording

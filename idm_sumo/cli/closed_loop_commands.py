@@ -48,7 +48,7 @@ def _minutes(text: str) -> float:
 
 def compare(options: argparse.Namespace) -> None:
     """Compare recordings."""
-    module = study_module("comparison")
+    module = study_module("comparison.run")
     with progress_bar() as report:
         table = module.compare_files(
             [options.recording, *options.others], options.output, minutes=options.minutes, seed=options.seed,
@@ -108,7 +108,7 @@ def interactive(options: argparse.Namespace) -> None:
     """Run the closed loop."""
     if options.seeds < 1 or options.replay_bias < 0:
         raise InputError("--seeds must be 1 or more and --replay-bias 0 or more")
-    module = study_module("closed_loop")
+    module = study_module("closed_loop.run")
     single = options.gui or options.ego is not None  # one population is all that can be watched or driven among
     types = tuple(dict.fromkeys(options.types or (TYPES[:1] if single else TYPES)))
     if options.model is not None:
@@ -116,7 +116,7 @@ def interactive(options: argparse.Namespace) -> None:
 
         ExtendedModel.read(options.model)  # before hours of simulation
         types = ("extended",) if single and not options.types else (*types, "own-loop", "extended")
-    settings = study_module("closed_loop_settings").Settings(
+    settings = study_module("closed_loop.settings").Settings(
         recording=options.recording, period=options.period, drivers=options.drivers, types=types, refit=options.jam_distance == "refit",
         lane_change_model=options.lane_change_model, lane_change=dict(options.lane_change), ego=options.ego, gui=options.gui,
         downstream_speed=not options.no_downstream_speed, seeds=options.seeds, bias_sample=0 if single else options.replay_bias,
@@ -126,6 +126,6 @@ def interactive(options: argparse.Namespace) -> None:
         table = module.interactive(settings, options.output, command=sys.argv, progress=report)
     say(
         text_table(table[SHOWN_LOOP]),
-        study_module("closed_loop_words").in_words(table),
+        study_module("closed_loop.words").in_words(table),
         f"open {options.output / 'report.html'}",
     )

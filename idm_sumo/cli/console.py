@@ -2,10 +2,11 @@
 
 from __future__ import annotations
 
-import importlib
 import sys
 from collections.abc import Iterator
 from contextlib import contextmanager
+from importlib import import_module
+from importlib.util import find_spec
 from types import ModuleType
 from typing import TYPE_CHECKING
 
@@ -66,9 +67,5 @@ def text_table(table: pd.DataFrame) -> str:
 
 def study_module(name: str) -> ModuleType:
     """Return a module of the study: below this package in a wheel, beside it in a clone."""
-    try:
-        return importlib.import_module(f"idm_sumo.analysis.{name}")
-    except ModuleNotFoundError as error:
-        if error.name not in ("idm_sumo.analysis", f"idm_sumo.analysis.{name}"):
-            raise
-        return importlib.import_module(f"analysis.{name}")
+    package = "idm_sumo.analysis" if find_spec("idm_sumo.analysis") else "analysis"
+    return import_module(f"{package}.{name}")

@@ -49,7 +49,7 @@ def add(commands: Any) -> None:
 def diagnose(options: argparse.Namespace) -> None:
     """Diagnose a recording."""
     keep_freed_memory()
-    module, words = study_module("diagnosis_report"), study_module("diagnosis_words")
+    module, words = study_module("diagnosis.report"), study_module("diagnosis.words")
     with progress_bar() as report:
         found = module.diagnose_file(
             options.recording, options.output, location=options.location, seed=options.seed,

@@ -76,7 +76,7 @@ def _source_arguments(parser: argparse.ArgumentParser) -> None:
 
 def _settings(options: argparse.Namespace) -> Any:
     """Return the settings of the study these options ask for; the same as those of `reproduce`."""
-    module = study_module("settings")
+    module = study_module("reproduce.settings")
     named = options.recording == [module.SURROGATE]
     overrides = {
         "recordings": None if named else tuple(options.recording), "train": options.train, "test": options.test,
@@ -84,12 +84,12 @@ def _settings(options: argparse.Namespace) -> Any:
         "agent_seeds": getattr(options, "seeds", None),
     }  # fmt: skip
     settings = module.load_settings(module.DEFAULT_RUN if named else None, overrides)
-    return study_module("reproduce").quick(settings) if options.quick else settings
+    return study_module("reproduce.run").quick(settings) if options.quick else settings
 
 
 def learn(options: argparse.Namespace) -> None:
     """Learn the reward."""
-    module = study_module("agent_study")
+    module = study_module("reproduce.agents.study")
     with progress_bar() as report:
         table, words = module.learn(
             _settings(options),
@@ -106,7 +106,7 @@ def train(options: argparse.Namespace) -> None:
     from idm_sumo.irl.learning import require_rl
 
     require_rl()
-    module = study_module("agent_study")
+    module = study_module("reproduce.agents.study")
     with progress_bar() as report:
         table = module.train(_settings(options), options.output, progress=report)
     say(
@@ -117,7 +117,7 @@ def train(options: argparse.Namespace) -> None:
 
 def evaluate(options: argparse.Namespace) -> None:
     """Score agents."""
-    module = study_module("agent_study")
+    module = study_module("reproduce.agents.study")
     with progress_bar() as report:
         table, missing = module.evaluate(_settings(options), options.agents, options.output, progress=report)
     if missing:

@@ -64,7 +64,7 @@ def add(commands: Any) -> None:
 
 def replay(options: argparse.Namespace) -> None:
     """Replay one vehicle."""
-    module = study_module("replay")
+    module = study_module("replay.run")
     request = module.Request(
         options.recording, options.vehicle, tuple(options.period or ()), shared.window_of(options), options.backend,
         options.drivers, options.desired_speed, options.seed, options.model,
@@ -77,7 +77,7 @@ def replay(options: argparse.Namespace) -> None:
 
 def reproduce(options: argparse.Namespace) -> None:
     """Run the study."""
-    settings_module, module = study_module("settings"), study_module("reproduce")
+    settings_module, module = study_module("reproduce.settings"), study_module("reproduce.run")
     overrides = {
         "recordings": tuple(str(path) for path in options.recording) or None,
         "train": options.train, "test": options.test, "rollout_start": options.rollout_start,
@@ -91,6 +91,6 @@ def reproduce(options: argparse.Namespace) -> None:
         settings = module.quick(settings)
     with progress_bar() as report:
         table = module.reproduce(settings, options.output, command=sys.argv, jobs=options.jobs, progress=report)
-    if not options.no_agents and (missing := study_module("agents").missing_row(table)):
+    if not options.no_agents and (missing := study_module("reproduce.agents.rows").missing_row(table)):
         note(missing)
     say(text_table(table[SHOWN]), f"open {options.output / 'report.html'}")

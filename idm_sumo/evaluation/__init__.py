@@ -1,1 +1,1 @@
-"""TODO."""
+"""How far a simulation is from a recording."""

@@ -1,1 +1,1 @@
-"""TODO."""
+"""Equations only, as compiled scalar kernels."""

@@ -1,1 +1,1 @@
-"""TODO."""
+"""Recorded trajectories: read, checked, cleaned and smoothed."""

@@ -1,1 +1,1 @@
-"""TODO."""
+"""The road that traffic was recorded on."""

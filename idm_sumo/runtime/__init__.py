@@ -1,1 +1,1 @@
-"""TODO."""
+"""What any program needs: errors, progress, files, threads, memory."""

@@ -1,1 +1,1 @@
-"""TODO."""
+"""Windows of drivers and the traffic around them."""

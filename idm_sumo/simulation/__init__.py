@@ -1,1 +1,1 @@
-"""TODO."""
+"""Modelled vehicles in recorded traffic."""

@@ -1,1 +1,1 @@
-"""TODO."""
+"""Readers, one file a layout."""

@@ -1,1 +1,1 @@
-"""TODO."""
+"""Recorded demand as vehicles that react."""

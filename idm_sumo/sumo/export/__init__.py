@@ -1,1 +1,1 @@
-"""TODO."""
+"""Calibrated drivers as SUMO vehicle types."""

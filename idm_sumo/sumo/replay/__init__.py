@@ -1,1 +1,1 @@
-"""TODO."""
+"""Recorded vehicles on the road of SUMO, some of them modelled."""

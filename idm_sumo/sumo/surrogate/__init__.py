@@ -1,1 +1,1 @@
-"""TODO."""
+"""A stand-in recording, made with SUMO."""

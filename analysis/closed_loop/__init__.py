@@ -1,0 +1,1 @@
+"""Runs, tables and page of a closed loop."""

@@ -1,0 +1,206 @@
+"""``interactive``: the recorded demand as vehicles that react, held against the recording."""
+
+from __future__ import annotations
+
+import time
+from copy import deepcopy
+from dataclasses import asdict, replace
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import numpy.typing as npt
+import pandas as pd
+from joblib import Parallel, cpu_count, delayed
+
+from idm_sumo.calibration import driver_table as d
+from idm_sumo.evaluation.comparison import compare_portraits, portray
+from idm_sumo.models.effects import ExtendedModel
+from idm_sumo.recordings import columns as c
+from idm_sumo.recordings.recording import Recording
+from idm_sumo.recordings.smoothing import smooth
+from idm_sumo.roads import road
+from idm_sumo.runtime.errors import InputError
+from idm_sumo.runtime.files import MANIFEST, new_folder
+from idm_sumo.runtime.progress import Progress, silent
+from idm_sumo.sumo.closed_loop.demand import boundary_speeds, demand_of
+from idm_sumo.sumo.closed_loop.ego import Ego
+from idm_sumo.sumo.closed_loop.extended_loop import ModelDrivers
+from idm_sumo.sumo.closed_loop.populations import (
+    DEFAULTS,
+    SUBLANE,
+    calibrated_types,
+    default_types,
+    lane_change_attributes,
+)
+from idm_sumo.sumo.closed_loop.run import Measured, run_and_measure, write_run
+from idm_sumo.sumo.gui import gui_binary
+
+from ..comparison.run import read_all
+from ..page.manifest import manifest, write_manifest
+from ..reproduce.replay_bias import replay_bias
+from .populations import CALIBRATED, PARAMETERS, Drivers, drivers_of, mean_speed_of, parameters_for, refitted_for
+from .results import closed_loop_table, write_results
+from .settings import EXTENDED, LOOPS, Case, Settings
+from .words import RECORDED
+
+Floats = npt.NDArray[np.float64]
+
+
+def interactive(settings: Settings, out: Path, *, command: list[str], progress: Progress = silent) -> pd.DataFrame:
+    """Run the populations, compare them with the recording, leave the results in ``out`` and return the table.
+
+    Raises
+    ------
+    InputError
+        If the recording is no demand, a type, lane change parameter, period or ego is not there, or a display is missing.
+    """
+    begin = time.perf_counter()
+    lane_change = lane_change_attributes(settings.lane_change_model, settings.lane_change or {})
+    if settings.gui:
+        gui_binary()
+        if len(settings.types) > 1:
+            raise InputError("--gui shows one population; choose it with --types")
+    with new_folder(out) as part:
+        recorded, path = _recorded(settings, progress)
+        demand = demand_of(recorded)
+        _check_ego(settings, demand, recorded)
+        needed = (
+            bool(set(settings.types) & {*CALIBRATED, *LOOPS}) or settings.ego is not None or settings.bias_sample > 0
+        )
+        drivers = (
+            drivers_of(recorded, settings.drivers, settings.seed, refit=settings.refit, progress=progress)
+            if needed
+            else None
+        )
+        cases = _cases(settings, recorded, demand, drivers, lane_change, part)
+        measured = _run_all(settings, cases, recorded, demand, drivers, part, progress)
+        bias = (
+            replay_bias(drivers, settings.bias_sample, settings.seed, progress)
+            if drivers is not None and settings.bias_sample
+            else pd.DataFrame()
+        )
+        progress("writing", 0, 1)
+        comparison = compare_portraits(
+            {RECORDED: portray(recorded)} | {case.name: m.portrait for case, m in measured}, seed=settings.seed
+        )
+        table = closed_loop_table(comparison, measured)
+        write_results(part, table, comparison, measured, bias, recorded, demand, settings)
+        plain = {key: value for key, value in asdict(settings).items() if key not in ("gui",)}
+        record = manifest(command, plain, [path, *(file for file in (settings.drivers, settings.model) if file)], seconds=round(time.perf_counter() - begin, 1),
+                          integrator="SUMO, Euler with the new speed, 0.1 s", lane_change=lane_change, period=recorded.periods[0],
+                          drivers=None if drivers is None else drivers.origin, pooled=None if drivers is None else drivers.pooled._asdict(),
+                          pooled_vehicles={case.name: case.pooled for case, _ in measured})  # fmt: skip
+        write_manifest(part / MANIFEST, record)
+        progress("writing", 1, 1)
+    return table
+
+
+def _recorded(settings: Settings, progress: Progress) -> tuple[Recording, Path]:
+    """Return the wanted period, smoothed, all lanes and ramps, and the file."""
+    recordings, paths = read_all([settings.recording], settings.minutes, settings.seed, settings.location, progress)
+    whole = next(iter(recordings.values()))
+    one = whole.of_period(settings.period or whole.periods[0])
+    table = one.table.assign(**{c.PERIOD: one.table[c.PERIOD].cat.remove_unused_categories()})
+    return smooth(one.with_table(table)), paths[0]
+
+
+def _check_ego(settings: Settings, demand: pd.DataFrame, recorded: Recording) -> None:
+    if settings.ego is None:
+        return
+    own = demand[demand[c.VEHICLE] == settings.ego]
+    if own.empty:
+        raise InputError(
+            f"--ego {settings.ego}: is not in period {recorded.periods[0]} of {recorded.source}; see `idm-sumo inspect`"
+        )
+    if own[d.LANE].iloc[0] > road.MAIN_LANES:
+        raise InputError(
+            f"--ego {settings.ego}: enters by the on-ramp, and we drive on main lanes only; choose another vehicle"
+        )
+    if len(settings.types) > 1:
+        raise InputError("--ego drives among one population; choose it with --types")
+
+
+def _cases(
+    settings: Settings,
+    recorded: Recording,
+    demand: pd.DataFrame,
+    drivers: Drivers | None,
+    lane_change: dict[str, str],
+    part: Path,
+) -> list[Case]:
+    """Write the inputs of every population."""
+    speeds = mean_speed_of(recorded)
+    downstream = boundary_speeds(recorded) if settings.downstream_speed else None
+    cases = []
+    for population in settings.types:
+        pooled = 0
+        if population in DEFAULTS:
+            types = default_types(demand, population, lane_change)
+        elif drivers is not None:
+            own = "drivers" if population in LOOPS else population
+            theta, pooled = parameters_for(own, drivers, demand, speeds)
+            types = calibrated_types(demand, theta, lane_change)
+        ours = None
+        if population in LOOPS and settings.model is not None:
+            ours = _ours(settings.model, population, demand, recorded.periods[0], theta)
+        options = SUBLANE.get(settings.lane_change_model, ())
+        files = write_run(
+            part / "simulation", population, recorded, demand, types, downstream=downstream, options=options
+        )
+        seeds = [0] if settings.seeds == 1 else range(settings.seed, settings.seed + settings.seeds)
+        cases += [Case(population, seed, files, pooled, deepcopy(ours)) for seed in seeds]
+    return cases
+
+
+def _ours(file: Path, population: str, demand: pd.DataFrame, period: str, calibrated: Floats) -> ModelDrivers:
+    """Return the drivers of a population that our own loop drives: with a model's causes, or by its law without them."""
+    model = ExtendedModel.read(file)
+    if population != EXTENDED:
+        model = replace(model, causes=())
+        if model.is_idm:
+            return ModelDrivers(model, demand, calibrated, model.desired_speed)
+    return ModelDrivers(model, demand, *refitted_for(model, file, demand, period, calibrated))
+
+
+def _run_all(
+    settings: Settings,
+    cases: list[Case],
+    recorded: Recording,
+    demand: pd.DataFrame,
+    drivers: Drivers | None,
+    part: Path,
+    progress: Progress,
+) -> list[tuple[Case, Measured]]:
+    """Run the cases, each in a process of its own where there are several."""
+    (part / "fcd").mkdir()
+    jobs = min(settings.jobs or cpu_count(), len(cases))
+    work: list[tuple[Case, dict[str, Any]]] = [
+        (case, {"fcd": part / "fcd" / f"{case.name.replace(', ', '-').replace(' ', '')}.parquet", "name": case.name,
+                "seed": case.seed or settings.seed, "ego": _ego(settings, demand, drivers), "ours": case.ours, "gui": settings.gui})
+        for case in cases
+    ]  # fmt: skip
+    clock = Recording(
+        recorded.table.iloc[[0]], recorded.source
+    )  # all that a worker needs of it: period and first frame
+    if jobs == 1:
+        return [(case, run_and_measure(case.files, recorded=clock, progress=progress, **more)) for case, more in work]
+    progress("simulating", 0, len(cases))
+    results = Parallel(n_jobs=jobs, return_as="generator")(
+        delayed(run_and_measure)(case.files, recorded=clock, **more) for case, more in work
+    )
+    done = []
+    for case, measured in zip(cases, results, strict=True):
+        done.append((case, measured))
+        progress("simulating", len(done), len(cases))
+    return done
+
+
+def _ego(settings: Settings, demand: pd.DataFrame, drivers: Drivers | None) -> Ego | None:
+    """Return the vehicle we drive, by its own calibrated parameters or else the pooled ones."""
+    if settings.ego is None or drivers is None:
+        return None
+    own = demand[demand[c.VEHICLE] == settings.ego].iloc[0]
+    fitted = drivers.table[drivers.table[c.VEHICLE] == settings.ego]
+    theta = np.asarray(drivers.pooled if fitted.empty else fitted[PARAMETERS].iloc[0], dtype=np.float64)
+    return Ego(settings.ego, int(own[d.LANE]), theta, float(own[d.LENGTH]))

@@ -1,0 +1,1 @@
+"""Recordings side by side."""

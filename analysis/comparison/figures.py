@@ -1,0 +1,126 @@
+"""Pictures of whole recordings side by side: time-space diagrams, speeds, distributions."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from typing import Any
+
+import numpy as np
+import numpy.typing as npt
+import pandas as pd
+from matplotlib.axes import Axes
+from matplotlib.figure import Figure
+
+from idm_sumo.evaluation import macroscopic as m
+from idm_sumo.evaluation.comparison import Comparison, Portrait, matched_periods
+from idm_sumo.recordings import columns as c
+from idm_sumo.recordings.recording import Recording
+from idm_sumo.roads import road
+
+from ..page.style import new_figure
+
+PALETTE = ("#000000", "#D55E00", "#0072B2", "#009E73", "#CC79A7", "#E69F00", "#56B4E9")
+SPEED_MAP = "RdYlGn"
+HIGHEST = 22.0  # m/s, the colours' end
+CELL_LENGTH, CELL_TIME = 5.0, 2.0  # m, s: fine enough to see single vehicles
+
+
+def colours(names: Sequence[str]) -> dict[str, str]:
+    """Return one colour a recording, the reference black."""
+    return {name: PALETTE[number % len(PALETTE)] for number, name in enumerate(names)}
+
+
+def overview(comparison: Comparison) -> Figure:
+    """Draw speed by position for up to three periods, and the distributions of gap, time headway and travel time.
+
+    The distributions are of the period in which the reference holds most vehicles: recordings that mix periods
+    in unequal shares would differ by that alone.
+    """
+    portraits = comparison.portraits
+    reference = portraits[comparison.reference]
+    periods = reference.periods[:3]
+    figure, axes = new_figure(11, 6.2, columns=3, rows=2)
+    paint = colours(list(portraits))
+    for ax, period in zip(axes, periods, strict=False):
+        _speed_by_position(ax, portraits, period, paint)
+    for ax in axes[len(periods) : 3]:
+        ax.axis("off")
+    fullest = str(reference.counts.idxmax())
+    span = f"travel time over {np.ptp(m.STATIONS):.0f} m (s)"
+    for ax, (table, column, edges, label) in zip(axes[3:], (
+        ("following", "gap_m", np.linspace(0, 60, 61), "gap (m)"),
+        ("following", "time_headway_s", np.linspace(0, 6, 61), "time headway (s)"),
+        ("travel_times", "travel_time_s", np.linspace(20, 140, 41), span),
+    ), strict=True):  # fmt: skip
+        _distribution(ax, portraits, paint, table, column, edges, fullest)
+        ax.set(xlabel=label)
+    handles, labels = axes[3].get_legend_handles_labels()
+    figure.legend(handles, labels, loc="outside upper center", ncols=min(len(labels), 4), fontsize=9, frameon=False)
+    return figure
+
+
+def _speed_by_position(ax: Axes, portraits: Mapping[str, Portrait], period: str, paint: dict[str, str]) -> None:
+    reference = next(iter(portraits.values()))
+    for name, portrait in portraits.items():
+        theirs = dict(matched_periods(reference.periods, portrait.periods)).get(period)
+        table = portrait.positions[portrait.positions[c.PERIOD] == theirs]
+        if table.empty:
+            continue
+        mean, se = table[m.MEAN_SPEED], table["speed_se_m_s"].fillna(0.0)
+        ax.plot(table["x_m"], mean, color=paint[name], marker="o", markersize=3)
+        ax.fill_between(table["x_m"], mean - se, mean + se, color=paint[name], alpha=0.2, linewidth=0)
+    for place in (road.ON_RAMP_X, road.OFF_RAMP_X):
+        ax.axvline(place, color="0.8", linewidth=1, zorder=0)
+    ax.set(
+        title=period, xlabel="position (m)", ylabel="mean speed (m/s)", ylim=(0, HIGHEST), xlim=(0, road.SECTION_LENGTH)
+    )
+
+
+def _distribution(
+    ax: Axes, portraits: Mapping[str, Portrait], paint: dict[str, str], table: str, column: str,
+    edges: npt.NDArray[np.float64], period: str,
+) -> None:  # fmt: skip
+    reference = next(iter(portraits.values()))
+    for name, portrait in portraits.items():
+        theirs = dict(matched_periods(reference.periods, portrait.periods)).get(period)
+        rows = getattr(portrait, table)
+        values = rows.loc[rows[c.PERIOD] == theirs, column].dropna().to_numpy()
+        if len(values):
+            density = np.histogram(values, edges)[0] / len(values) / np.diff(edges)
+            ax.stairs(density, edges, color=paint[name], label=name, linewidth=1.6)
+    ax.set(title=period, ylabel="density", xlim=(edges[0], edges[-1]))
+
+
+def time_space(recordings: Mapping[str, Recording], *, lanes: Sequence[int] = range(1, road.MAIN_LANES + 1)) -> Figure:
+    """Draw where and when who drives how fast: one row a recording (of one period), one column a lane."""
+    figure, axes = new_figure(2.6 * len(lanes), 0.6 + 1.9 * len(recordings), columns=len(lanes), rows=len(recordings))
+    longest = max(_minutes(recording.table).max() for recording in recordings.values())
+    image: Any = None
+    for row, (name, recording) in enumerate(recordings.items()):
+        table = recording.table.assign(minutes=_minutes(recording.table))
+        for column, lane in enumerate(lanes):
+            ax = axes[row * len(lanes) + column]
+            image = _lane_image(ax, table[table[c.LANE] == lane], longest)
+            ax.set(title=f"lane {lane}" if row == 0 else "", xlabel="minute" if row == len(recordings) - 1 else "",
+                   ylabel=f"{name}\nposition (m)" if column == 0 else "")  # fmt: skip
+            ax.tick_params(labelleft=column == 0, labelbottom=row == len(recordings) - 1)
+    figure.colorbar(image, ax=axes, label="speed (m/s)", shrink=0.8, pad=0.01)
+    return figure
+
+
+def _minutes(table: pd.DataFrame) -> pd.Series:
+    """Return minutes since the first frame."""
+    return (table[c.FRAME] - table[c.FRAME].min()) * road.FRAME_STEP / 60.0
+
+
+def _lane_image(ax: Axes, table: pd.DataFrame, longest: float) -> Any:
+    """Draw mean speeds of fine cells of one lane; white where nobody drives."""
+    times = np.arange(0.0, longest + CELL_TIME / 60.0, CELL_TIME / 60.0)
+    places = np.arange(0.0, road.SECTION_LENGTH + CELL_LENGTH, CELL_LENGTH)
+    where = (table["minutes"], table[c.X])
+    count = np.histogram2d(*where, bins=(times, places))[0]
+    total = np.histogram2d(*where, bins=(times, places), weights=table[c.SPEED])[0]
+    speed = np.divide(total, count, out=np.full(count.shape, np.nan), where=count > 0)
+    ax.grid(False)
+    return ax.imshow(speed.T, origin="lower", aspect="auto", cmap=SPEED_MAP, vmin=0.0, vmax=HIGHEST, interpolation="nearest",
+                     extent=(0.0, times[-1], 0.0, places[-1]))  # fmt: skip

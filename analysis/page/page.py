@@ -1,0 +1,68 @@
+"""The report: one self-contained page that opens from disk."""
+
+from __future__ import annotations
+
+import base64
+from pathlib import Path
+from typing import Any
+
+import pandas as pd
+from jinja2 import Environment, FileSystemLoader, select_autoescape
+from markupsafe import Markup
+
+from .style import METHOD_NAMES
+
+TITLES = {
+    "method": "method", "ade_m": "ADE (m)", "fde_m": "FDE (m)", "collisions": "at-fault collisions",
+    "vehicles": "vehicles", "paper_ade_m": "paper: ADE", "paper_fde_m": "paper: FDE",
+    "paper_collisions": "paper: collisions", "min_gap_m": "smallest gap (m)", "critical_ttc_share": "TTC < 1.5 s",
+    "hard_acceleration_share": "|a| > 3 m/s²", "jerk_rms_m_s3": "jerk (m/s³)", "lane_departure_share": "outside lane",
+    "gap_rmse_m": "gap RMSE (m)", "speed_rmse_m_s": "speed RMSE (m/s)", "contacts": "all contacts", "brushes": "brushes", "ade_10th_m": "ADE, 10th percentile", "ade_90th_m": "90th", "ade_largest_m": "largest", "features": "driving code", "frames": "observed frames", "k": "k",
+    "base_ade_m": "ADE, IDM (m)", "extended_ade_m": "ADE, extended (m)",
+}  # fmt: skip
+
+
+def render(path: Path, template: str, **content: Any) -> None:
+    """Fill a template of `analysis` and write the page."""
+    environment = Environment(
+        loader=FileSystemLoader(Path(__file__).parents[1]),
+        autoescape=select_autoescape(["j2"]),
+        trim_blocks=True,
+        lstrip_blocks=True,
+    )
+    environment.filters["table"] = html_table
+    environment.filters["picture"] = picture
+    path.write_text(environment.get_template(template).render(**content), encoding="utf-8")
+
+
+def html_table(table: pd.DataFrame) -> Markup:
+    """Return a table as HTML, means and standard errors joined as in the paper."""
+    shown = pd.DataFrame(index=table.index)
+    for name in table.columns:
+        if name.endswith("_se_m"):
+            continue
+        se = name.replace("_m", "_se_m")
+        shown[TITLES.get(name, name)] = (
+            [f"{mean:.2f} ± {error:.2f}" for mean, error in zip(table[name], table[se], strict=True)]
+            if se in table.columns and se != name
+            else [_cell(name, value) for value in table[name]]
+        )
+    return Markup(shown.to_html(index=False, border=0, classes="numbers", escape=True))
+
+
+def _cell(name: str, value: Any) -> str:
+    """Return one cell: metres with centimetres, whole numbers without a point, missing as a dash."""
+    if isinstance(value, str):
+        return METHOD_NAMES.get(value, value)
+    if pd.isna(value):
+        return "–"
+    if name.endswith("de_m"):
+        return f"{value:.2f}"
+    return f"{value:.0f}" if float(value).is_integer() else f"{value:.3g}"
+
+
+def picture(path: Path) -> Markup:
+    """Return a picture as part of the page itself."""
+    kind = "gif" if path.suffix == ".gif" else "png"
+    data = base64.b64encode(path.read_bytes()).decode("ascii")
+    return Markup(f'<img alt="{path.stem.replace("_", " ")}" src="data:image/{kind};base64,{data}">')

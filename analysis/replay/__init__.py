@@ -1,0 +1,1 @@
+"""One replay to look at."""

@@ -1,0 +1,233 @@
+"""One replay to look at: trajectory, scores, time-space picture and animation."""
+
+from __future__ import annotations
+
+import json
+from dataclasses import asdict, dataclass
+from dataclasses import replace as changed
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import numpy.typing as npt
+import pandas as pd
+from scipy.optimize import least_squares
+
+from idm_sumo.calibration import calibrate
+from idm_sumo.calibration.driver_table import read_drivers
+from idm_sumo.evaluation.metrics import score
+from idm_sumo.models.effects import ExtendedModel
+from idm_sumo.models.idm import LOWER, UPPER
+from idm_sumo.recordings import columns as c
+from idm_sumo.recordings.recording import Recording
+from idm_sumo.roads import road
+from idm_sumo.runtime.errors import InputError
+from idm_sumo.runtime.files import MANIFEST, new_folder
+from idm_sumo.runtime.progress import Progress, silent
+from idm_sumo.scenes.windows import Scenes, Window, build_scenes
+from idm_sumo.simulation.extended_rollout import drive_extended
+from idm_sumo.simulation.rollout import Trajectories, drive_idm
+from idm_sumo.simulation.surroundings import Others, Twin, what_is_seen
+
+from ..page.manifest import manifest, write_manifest
+from ..page.style import save
+from ..reproduce.figures import time_space
+from ..reproduce.study import PARAMETERS
+from .animation import animate
+
+
+@dataclass(frozen=True)
+class Request:
+    """Which vehicle is to be replayed, how.
+
+    Attributes
+    ----------
+    recording : Path
+        For the manifest; what is replayed has been read already.
+    vehicle : int
+    periods : tuple of str
+        Where to look for it; empty for all, of which the first that has it is taken.
+    window : Window
+    backend : str
+        ``"sumo"`` or ``"kernel"``.
+    drivers : Path or None
+        Table with its parameters; without one they are fitted to the vehicle itself.
+    desired_speed : float
+        m/s.
+    seed : int
+    model : Path or None
+        An extended model of ``diagnose``; its desired speed counts. Without drivers it is fitted to the vehicle too,
+        beginning at the plain model's fit.
+    """
+
+    recording: Path
+    vehicle: int
+    periods: tuple[str, ...]
+    window: Window
+    backend: str
+    drivers: Path | None
+    desired_speed: float
+    seed: int
+    model: Path | None = None
+
+
+def replay_one(
+    recording: Recording, request: Request, out: Path, *, command: list[str], progress: Progress = silent
+) -> pd.DataFrame:
+    """Drive one vehicle of a cleaned, smoothed recording and write what happened to a folder; return its scores.
+
+    Raises
+    ------
+    InputError
+        If the vehicle is not there, is too short a time, or its parameters are unknown.
+    """
+    model = None if request.model is None else ExtendedModel.read(request.model)
+    if model is not None:
+        _check_drivers(model, request)
+        request = changed(request, desired_speed=model.desired_speed)
+    scenes = _scene_of(recording, request)
+    theta, origin = _parameters(request, scenes)
+    driven = {f"idm_{origin}": _drive(request, scenes, theta)}
+    parameters = {f"idm_{origin}": theta[0].tolist()}
+    if model is not None:
+        recorded = recording.of_period(scenes.period)
+        theta, model = _nearest(scenes, recorded, model, theta, refit=request.drivers is None)
+        extension = (recorded, model)
+        driven["extended"] = _drive(request, scenes, theta, extension)
+        parameters["extended"] = theta[0].tolist()
+    scores = pd.concat([score(scenes, one).assign(model=name) for name, one in driven.items()], ignore_index=True)
+    shown = list(driven.values())[-1]
+    with new_folder(out) as part:
+        trajectory_table(scenes, shown).to_parquet(part / "trajectory.parquet", index=False)
+        scores.to_csv(part / "scores.csv", index=False)
+        save(time_space(scenes, 0, driven), part / "time_space.png")
+        animate(recording, scenes, shown, part / "replay.gif", progress)
+        named = {name: dict(zip(PARAMETERS, values, strict=True)) for name, values in parameters.items()}
+        causes = {} if model is None else {"model_file": json.loads(model.to_json())}
+        inputs = [request.recording, *([request.model] if request.model else [])]
+        last = list(named)[-1]
+        record = manifest(command, asdict(request), inputs, parameters=named[last], parameters_from=origin,
+                          parameters_by_model=named, **causes)  # fmt: skip
+        write_manifest(part / MANIFEST, record)
+    columns = [c.PERIOD, c.VEHICLE, "ade_m", "fde_m", "collision", "at_fault", "min_gap_m"]
+    return scores[columns if model is None else ["model", *columns]]
+
+
+def _check_drivers(model: ExtendedModel, request: Request) -> None:
+    if request.drivers is not None and not model.is_idm:
+        raise InputError(
+            f"{request.model}: its drivers follow {model.law}, not an IDM, whose parameters {request.drivers} holds; "
+            "leave --drivers out, and the vehicle is fitted by that law"
+        )
+
+
+def _nearest(
+    scenes: Scenes, recording: Recording, model: ExtendedModel, start: npt.NDArray[np.float64], *, refit: bool
+) -> tuple[npt.NDArray[np.float64], ExtendedModel]:
+    """Return the driver's parameters, fitted anew if asked, and the model: of causes that only some drivers have, with or without, as is nearer."""
+    kinds = [model] if model.share == 1.0 else [model, model.of_others()]
+    if len(kinds) == 1 and not refit:
+        return start, model
+    seen = what_is_seen(recording, scenes)
+    each = [(fit_extended(scenes, seen, one, start) if refit else start, one) for one in kinds]
+    return min(each, key=lambda one: _ade(_off(scenes, seen, one[1], one[0])))
+
+
+def _off(
+    scenes: Scenes, seen: tuple[Others, Twin], model: ExtendedModel, theta: npt.NDArray[np.float64]
+) -> npt.NDArray[np.float64]:
+    """Return how far (m) one driver of an extended model is from its recording, at every frame of the horizon."""
+    driven = drive_extended(scenes, seen, model, theta, desired_speed=model.desired_speed)
+    return np.asarray((driven.x - scenes.x[:, scenes.start : scenes.start + scenes.window.horizon + 1])[0])
+
+
+def _ade(off: npt.NDArray[np.float64]) -> float:
+    return float(np.abs(off).mean())
+
+
+def fit_extended(
+    scenes: Scenes, seen: tuple[Others, Twin], model: ExtendedModel, start: npt.NDArray[np.float64]
+) -> npt.NDArray[np.float64]:
+    """Return the parameters, shape (1, 5), with which one driver of an extended model stays nearest to its recording."""
+    lower, upper = np.array(LOWER), np.array(UPPER)
+
+    def off(theta: npt.NDArray[np.float64]) -> npt.NDArray[np.float64]:
+        return _off(scenes, seen, model, theta)
+
+    found = []
+    for begin in (start[0], np.array(model.parameters)):
+        inside = np.clip(begin, lower + 1e-6, upper - 1e-6)
+        # Nearly the sum of distances, as the plain fit: squares would favour the end of the horizon.
+        fit = least_squares(
+            off, inside, bounds=(lower, upper), x_scale=upper - lower, loss="soft_l1", f_scale=0.05, max_nfev=200
+        )
+        found += [inside, fit.x]
+    return np.asarray(min(found, key=lambda theta: _ade(off(theta))))[None]
+
+
+def _scene_of(recording: Recording, request: Request) -> Scenes:
+    """Cut the window of the one vehicle."""
+    table = recording.table
+    holding = [str(p) for p in table.loc[table[c.VEHICLE] == request.vehicle, c.PERIOD].unique()]
+    wanted = [p for p in recording.periods if p in holding and (not request.periods or p in request.periods)]
+    if not wanted:
+        there = f"it is in {', '.join(holding)}" if holding else "no period has it"
+        raise InputError(
+            f"{recording.source}: no vehicle {request.vehicle} in the wanted periods; {there}; see `idm-sumo inspect`"
+        )
+    scenes, _ = build_scenes(recording.of_period(wanted[0]), request.window, modelled=[request.vehicle])
+    if not len(scenes):
+        raise InputError(
+            f"{recording.source}: vehicle {request.vehicle} is recorded for fewer than {request.window.frames} frames; lower --horizon"
+        )
+    return scenes
+
+
+def _parameters(request: Request, scenes: Scenes) -> tuple[npt.NDArray[np.float64], str]:
+    """Return the driver's parameters, shape (1, 5), and where they come from."""
+    if request.drivers is None:
+        fit = calibrate(scenes, desired_speed=request.desired_speed, seed=request.seed)
+        if not np.isfinite(fit[PARAMETERS].to_numpy()).all():
+            raise InputError(
+                f"vehicle {request.vehicle}: no fit ({fit['status'].iloc[0]}); give parameters with --drivers"
+            )
+        return fit[PARAMETERS].to_numpy(), "oracle"
+    drivers = read_drivers(request.drivers)
+    own = drivers[(drivers[c.PERIOD].astype(str) == scenes.period) & (drivers[c.VEHICLE] == request.vehicle)]
+    if own.empty:
+        raise InputError(f"{request.drivers}: no row for vehicle {request.vehicle} of period {scenes.period}")
+    return own[PARAMETERS].to_numpy()[:1], "prediction"
+
+
+def _drive(
+    request: Request,
+    scenes: Scenes,
+    theta: npt.NDArray[np.float64],
+    extension: tuple[Recording, ExtendedModel] | None = None,
+) -> Trajectories:
+    """Drive it in SUMO or in the kernel."""
+    if request.backend == "kernel":
+        if extension is not None:
+            return drive_extended(scenes, *extension, theta, desired_speed=request.desired_speed)
+        return drive_idm(scenes, theta, desired_speed=request.desired_speed)
+    from idm_sumo.sumo.replay.one_vehicle import replay
+
+    return replay(scenes, theta, desired_speed=request.desired_speed, extension=extension)
+
+
+def trajectory_table(scenes: Scenes, trajectories: Trajectories) -> pd.DataFrame:
+    """Return the modelled car and its recorded twin frame by frame, SI units, for the first driver."""
+    steps = trajectories.x.shape[1]
+    span = slice(scenes.start, scenes.start + steps)
+    values: dict[str, Any] = {
+        c.PERIOD: scenes.period, c.VEHICLE: scenes.vehicle[0],
+        c.FRAME: scenes.first_frame[0] + scenes.start + np.arange(steps),
+        "time_s": np.arange(steps) * road.FRAME_STEP,
+    }  # fmt: skip
+    for name in (c.X, c.Y, c.HEADING, c.SPEED):
+        values[name] = getattr(trajectories, name)[0]
+        values[f"recorded_{name}"] = getattr(scenes, name)[0, span]
+    values["gap_m"] = trajectories.gap[0]
+    for name in ("acceleration", "steering"):
+        values[name] = np.append(getattr(trajectories, name)[0], np.nan)
+    return pd.DataFrame(values)

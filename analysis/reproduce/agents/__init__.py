@@ -1,0 +1,1 @@
+"""The learned agent in the study."""

@@ -1,0 +1,137 @@
+"""The paper's figures and the ones that explain the tables."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+import numpy.typing as npt
+import pandas as pd
+from matplotlib.axes import Axes
+from matplotlib.figure import Figure
+
+from idm_sumo.models.idm import LOWER, UPPER
+from idm_sumo.roads import road
+from idm_sumo.scenes.windows import LEADER_FROM_LANE, Scenes
+from idm_sumo.simulation.rollout import Trajectories
+
+from ..page.style import METHOD_COLOURS, METHOD_NAMES, RECORDED, TRAFFIC, new_figure
+from .paper import NEIGHBOURS
+from .study import Study
+
+LEVELS = ("idm_average", "idm_pooled", "idm_oracle")
+
+
+def accuracy_against_neighbours(table: pd.DataFrame, methods: pd.DataFrame) -> Figure:
+    """Draw ADE against the number of neighbours (the paper's figure, left), with what it should be held against."""
+    figure, (ax,) = new_figure()
+    ax.errorbar(table["k"], table["ade_m"], table["ade_se_m"], color=METHOD_COLOURS["idm_prediction"],
+                marker="o", markersize=3, capsize=2, label=METHOD_NAMES["idm_prediction"])  # fmt: skip
+    for name in LEVELS:
+        ade = float(methods.set_index("method").loc[name, "ade_m"])
+        ax.axhline(ade, color=METHOD_COLOURS[name], linestyle="--", linewidth=1, label=METHOD_NAMES[name])
+    ax.axvline(NEIGHBOURS, color="0.7", linewidth=1)
+    ax.annotate(f"the paper's k = {NEIGHBOURS}", (NEIGHBOURS, 1), xycoords=("data", "axes fraction"),
+                xytext=(4, -10), textcoords="offset points", fontsize=8, color="0.4")  # fmt: skip
+    ax.set(xlabel="number of neighbours k", ylabel="ADE (m)", ylim=(0, None))
+    ax.legend(fontsize=8)
+    return figure
+
+
+def oracle_parameters(fits: pd.DataFrame) -> Figure:
+    """Draw where the oracle's parameters end (the paper's figure, middle): histograms, d0 against d1, bound hits."""
+    figure, axes = new_figure(10, 5.4, columns=3, rows=2)
+    hits = fits["at_bound"].fillna("").str.split(",")
+    for ax, name in zip(axes, LOWER._fields, strict=False):
+        at_bound = hits.map(lambda names, name=name: name in names).mean()
+        bins = np.linspace(getattr(LOWER, name), getattr(UPPER, name), 41).tolist()
+        ax.hist(fits[name].dropna(), bins=bins, color=METHOD_COLOURS["idm_oracle"])
+        ax.set(title=f"{name}: {at_bound:.0%} at a bound", xlabel=_axis(name), ylabel="drivers")
+    hit = hits.map(lambda names: bool({"d0", "d1"} & set(names)))
+    for chosen, colour, label in (
+        (~hit, METHOD_COLOURS["idm_oracle"], "inside"),
+        (hit, METHOD_COLOURS["idm_prediction"], "d0 or d1 at a bound"),
+    ):
+        axes[5].scatter(fits["d0"][chosen], fits["d1"][chosen], s=5, alpha=0.5, color=colour, label=label, linewidths=0)
+    axes[5].set(title="d0 against d1", xlabel=_axis("d0"), ylabel=_axis("d1"))
+    axes[5].legend(fontsize=7, loc="upper right")
+    return figure
+
+
+def flat_directions(moves: pd.DataFrame) -> Figure:
+    """Draw how little ADE it costs to leave the oracle along the direction its window says least about."""
+    figure, (ax,) = new_figure(7, 3.6)
+    by_share = moves.groupby("share")["increase"]
+    shares = by_share.median().index.to_numpy()
+    for low, high, alpha in ((0.1, 0.9, 0.15), (0.25, 0.75, 0.3)):
+        ax.fill_between(shares, by_share.quantile(low), by_share.quantile(high), alpha=alpha, linewidth=0,
+                        color=METHOD_COLOURS["idm_oracle"], label=f"{high - low:.0%} of the drivers")  # fmt: skip
+    ax.plot(
+        shares, by_share.median(), color=METHOD_COLOURS["idm_oracle"], marker="o", markersize=3, label="median driver"
+    )
+    ax.set(xlabel="distance from the oracle along its flattest direction (share of the box of bounds)",
+           ylabel="ADE above the oracle's (m)", ylim=(0, None), xlim=(0, None))  # fmt: skip
+    ax.legend(fontsize=8)
+    return figure
+
+
+def _axis(name: str) -> str:
+    return {"a": "a (m/s²)", "b": "b (m/s²)", "T": "T (s)", "d0": "d0 (m)", "d1": "d1 (m)"}[name]
+
+
+def error_growth(study: Study, driven: dict[str, list[Trajectories]]) -> Figure:
+    """Draw how the mean displacement error grows over the horizon, with standard errors over vehicles."""
+    figure, (ax,) = new_figure()
+    for name, trajectories in driven.items():
+        error = np.concatenate([_errors(s, t) for s, t in zip(study.test.scenes, trajectories, strict=True)])
+        seconds = np.arange(error.shape[1]) * road.FRAME_STEP
+        mean, se = error.mean(axis=0), error.std(axis=0, ddof=1) / np.sqrt(len(error))
+        ax.plot(seconds, mean, color=METHOD_COLOURS[name], label=METHOD_NAMES[name])
+        ax.fill_between(seconds, mean - se, mean + se, color=METHOD_COLOURS[name], alpha=0.2, linewidth=0)
+    ax.set(
+        xlabel="time since the start of the simulation (s)",
+        ylabel="mean displacement error (m)",
+        ylim=(0, None),
+        xlim=(0, None),
+    )
+    ax.legend(fontsize=8)
+    return figure
+
+
+def _errors(scenes: Scenes, trajectories: Trajectories) -> npt.NDArray[np.float64]:
+    """Return the distance (m) to the recorded car, shape (windows, T + 1)."""
+    span = slice(scenes.start, scenes.start + trajectories.x.shape[1])
+    return np.hypot(trajectories.x - scenes.x[:, span], trajectories.y - scenes.y[:, span])
+
+
+def time_space(scenes: Scenes, which: int, driven: dict[str, Trajectories]) -> Figure:
+    """Draw one replay: the recorded car, the modelled ones, and the traffic of its lane."""
+    figure, (ax,) = new_figure(7.5, 4.6)
+    steps = scenes.window.horizon + 1
+    seconds = np.arange(steps) * road.FRAME_STEP
+    recorded = scenes.x[which, scenes.start : scenes.start + steps]
+    low, high = recorded[0] - 25, recorded[-1] + 60
+    _draw_lane(ax, scenes, which, seconds, (low, high))
+    ax.plot(seconds, recorded, color=RECORDED, linewidth=2.2, label="recorded")
+    for name, trajectories in driven.items():
+        ax.plot(seconds, trajectories.x[which], color=METHOD_COLOURS[name], linewidth=1.4, label=METHOD_NAMES[name])
+    ax.set(xlabel="time since the start of the simulation (s)", ylabel="position along the road (m)", ylim=(low, high),
+           title=f"vehicle {scenes.vehicle[which]}, {scenes.period}, lane {scenes.lane[which]}")  # fmt: skip
+    ax.legend(fontsize=8)
+    return figure
+
+
+def _draw_lane(
+    ax: Axes, scenes: Scenes, which: int, seconds: npt.NDArray[np.floating[Any]], limits: tuple[float, float]
+) -> None:
+    """Draw the other vehicles of the driver's lane, frame by frame."""
+    t = scenes.traffic
+    points = []
+    for k, second in enumerate(seconds):
+        cell = scenes.cell[which] + scenes.start + k
+        rows = slice(t.offsets[cell], t.offsets[cell + 1])
+        others = t.x[rows][t.vehicle[rows] != scenes.vehicle[which]]
+        points += [(second, x) for x in others if limits[0] < x < limits[1]]
+    label = "others in its lane" if scenes.leader_source == LEADER_FROM_LANE else "its recorded leader"
+    where = np.array(points).reshape(-1, 2)
+    ax.scatter(where[:, 0], where[:, 1], s=2, color=TRAFFIC, label=label)

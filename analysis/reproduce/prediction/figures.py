@@ -1,0 +1,93 @@
+"""The fan: where a driver will be, given its first second; and what it is worth to watch it for longer."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+import numpy.typing as npt
+import pandas as pd
+from matplotlib.figure import Figure
+
+from idm_sumo.calibration.hierarchical import to_parameters
+from idm_sumo.prediction import Prediction, first_second
+from idm_sumo.prediction.spread import logarithms
+from idm_sumo.roads import road
+from idm_sumo.scenes.windows import Scenes
+from idm_sumo.simulation.rollout import drive_idm
+
+from ...page.style import METHOD_COLOURS, METHOD_NAMES, RECORDED, new_figure
+from ..study import Study
+from .seconds import ORACLE, OWN_PAST, POOLED, SECONDS, WATCHED
+
+QUARTILES = (0.25, 0.5, 0.75)
+DRAWN = 20  # rollouts a driver
+
+
+def fan(study: Study) -> Figure:
+    """Draw three test drivers, at the quartiles of the error: intervals, rollouts of drawn parameters, and what was recorded.
+
+    All as distance along the road from the predicted rollout.
+    """
+    scenes, predictor = max(study.test.scenes, key=len), study.learned.predictor
+    found = predictor.predict_with_spread(first_second(scenes))
+    own = slice(scenes.start, scenes.start + scenes.window.horizon + 1)
+    off = scenes.x[:, own] - drive_idm(scenes, found.theta).x
+    order = np.argsort(np.abs(off).mean(axis=1), kind="stable")
+    figure, axes = new_figure(9.0, 3.4, columns=len(QUARTILES))
+    for ax, q in zip(axes, QUARTILES, strict=True):
+        which = order[[round(q * (len(order) - 1))]]
+        one = scenes.subset(which)
+        prediction = Prediction(found.theta[which], found.covariance[which], found.status[which])
+        scale, time = predictor.scale(one, prediction)[0], road.FRAME_STEP * np.arange(off.shape[1])
+        for share, alpha in ((0.9, 0.18), (0.5, 0.3)):
+            low, high = predictor.noise_.interval(share, scale)
+            ax.fill_between(time[1:], low, high, color=METHOD_COLOURS["idm_rollout"], alpha=alpha, linewidth=0,
+                            label=f"{share:.0%}")  # fmt: skip
+        for path in _drawn(one, prediction):
+            ax.plot(time, path, color=METHOD_COLOURS["idm_rollout"], linewidth=0.5, alpha=0.5)
+        ax.plot(time, off[which[0]], color=RECORDED, label="recorded")
+        ax.set(xlabel="time (s)", title=f"vehicle {one.vehicle[0]}")
+    axes[0].set_ylabel("ahead of the predicted rollout (m)")
+    axes[0].legend(frameon=False)
+    return figure
+
+
+def seconds(table: pd.DataFrame) -> Figure:
+    """Draw the error over what follows, and the share of the way to the oracle, against the seconds observed."""
+    figure, (left, right) = new_figure(9.0, 3.6, columns=2)
+    for name in (WATCHED, OWN_PAST):
+        rows = table[table["method"] == name]
+        if rows.empty:
+            continue
+        look: dict[str, Any] = {
+            "color": METHOD_COLOURS[name],
+            "marker": "o",
+            "markersize": 3,
+            "label": METHOD_NAMES[name],
+        }
+        left.plot(rows["observed_s"], rows["ade_m"], **look)
+        ends = np.abs(rows[["share_low", "share_high"]].to_numpy() - rows[["share"]].to_numpy()).T
+        right.errorbar(rows["observed_s"], rows["share"], ends, capsize=2, **look)
+    for name, share in ((POOLED, 0.0), (ORACLE, 1.0)):
+        line: dict[str, Any] = {"color": METHOD_COLOURS[name], "linestyle": "--", "linewidth": 1}
+        for ade in table.loc[table["method"] == name, "ade_m"]:
+            left.axhline(ade, label=METHOD_NAMES[name], **line)
+        right.axhline(share, **line)
+    for ax in (left, right):
+        ax.set(xscale="log", xlabel="observed (s)")
+        ax.set_xticks(SECONDS, [f"{s:g}" for s in SECONDS])
+        ax.minorticks_off()
+    left.set(ylabel="ADE of what follows (m)", ylim=(0, None))
+    right.set(ylabel="share of the way from pooled to oracle")
+    if left.lines:
+        left.legend(fontsize=8)
+    return figure
+
+
+def _drawn(one: Scenes, prediction: Prediction) -> npt.NDArray[np.float64]:
+    """Return positions of rollouts with parameters drawn from the prediction, less the predicted one."""
+    rng = np.random.default_rng(0)
+    u = rng.multivariate_normal(logarithms(prediction.theta)[0], prediction.covariance[0], DRAWN)
+    many = one.subset(np.zeros(DRAWN, dtype=np.int64))
+    return np.asarray(drive_idm(many, to_parameters(u)).x - drive_idm(one, prediction.theta).x)

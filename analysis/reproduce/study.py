@@ -1,0 +1,137 @@
+"""The study's spine: scenes of training and test drivers, their oracles, and every prediction."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from functools import cached_property
+
+import numpy as np
+import numpy.typing as npt
+import pandas as pd
+
+from idm_sumo.calibration import Population, calibrate, hierarchical, pooled
+from idm_sumo.models.idm import IDMParameters
+from idm_sumo.prediction import KNNPredictor, average_parameters, first_gap_parameters, first_second
+from idm_sumo.prediction.driving_code import FEATURES, features_of
+from idm_sumo.runtime.progress import Progress, silent
+from idm_sumo.scenes.windows import Window
+
+from .drivers import Drivers
+from .prediction.share import Learned, learn
+from .settings import Settings
+from .source import Source
+
+Floats = npt.NDArray[np.float64]
+PARAMETERS = list(IDMParameters._fields)
+
+
+@dataclass(frozen=True)
+class Study:
+    """Training and test drivers with everything learned from the training side.
+
+    Attributes
+    ----------
+    settings : Settings
+    train, test : Drivers
+    train_fits, test_fits : pandas.DataFrame
+        Oracle calibrations, one row a window, in the windows' order.
+    pooled : IDMParameters
+        The one set that minimises the training drivers' mean ADE.
+    population : Population
+        What the training drivers say of drivers at large.
+    learned : Learned
+        The predictor that was fitted through the rollout, and its windows.
+    drawn_fits : pandas.DataFrame
+        Test drivers fitted to their whole window and drawn to that population.
+    excluded : pandas.DataFrame
+        Vehicles without a window: ``period, vehicle, reason``.
+    """
+
+    settings: Settings
+    train: Drivers
+    test: Drivers
+    train_fits: pd.DataFrame
+    test_fits: pd.DataFrame
+    pooled: IDMParameters
+    population: Population
+    learned: Learned
+    drawn_fits: pd.DataFrame
+    excluded: pd.DataFrame
+
+    @cached_property
+    def library(self) -> tuple[pd.DataFrame, Floats]:
+        """Codes over the whole window and oracle parameters of the training drivers that could be fitted."""
+        theta = self.train_fits[PARAMETERS].to_numpy()
+        fitted = np.isfinite(theta).all(axis=1)
+        codes = self.train.code()
+        return codes[fitted].reset_index(drop=True), theta[fitted]
+
+    def neighbours(self, codes: pd.DataFrame, k: int, features: tuple[str, ...] = tuple(FEATURES)) -> Floats:
+        """Predict parameters for test drivers with these codes by the paper's averaging of ``k`` neighbours.
+
+        ``features`` are the paper's symbols; a library smaller than ``k`` is averaged whole.
+        """
+        train_codes, theta = self.library
+        columns = features_of(features, speed=self.settings.code_speed)
+        return KNNPredictor(min(k, len(theta)), columns).fit(train_codes, theta).predict(codes)
+
+
+def prepare(source: Source, settings: Settings, window: Window, progress: Progress = silent) -> Study:
+    """Cut the windows of both sides and calibrate every driver.
+
+    Raises
+    ------
+    InputError
+        If one side has no driver with a whole window.
+    """
+    rng = np.random.default_rng(settings.seed)
+    train, excluded_train = source.drivers(source.train, "train", window)
+    test, excluded_test = source.drivers(source.test, "test", window)
+    train, test = train.sample(settings.max_drivers, rng), test.sample(settings.max_drivers, rng)
+    progress("calibration", 0, 5)
+    one_for_all = pooled(train.scenes, desired_speed=settings.desired_speed)
+    progress("calibration", 1, 5)
+    train_fits = _fits(train, settings)
+    progress("calibration", 2, 5)
+    test_fits = _fits(test, settings)
+    progress("calibration", 3, 5)
+    _, population = hierarchical(train.scenes, desired_speed=settings.desired_speed)
+    progress("calibration", 4, 5)
+    drawn_fits, _ = hierarchical(test.scenes, population=population, desired_speed=settings.desired_speed)
+    progress("calibration", 5, 5)
+    learned = learn(source, settings, window)
+    excluded = pd.concat([excluded_train, excluded_test], ignore_index=True)
+    return Study(settings, train, test, train_fits, test_fits, one_for_all, population, learned, drawn_fits, excluded)
+
+
+def _fits(drivers: Drivers, settings: Settings) -> pd.DataFrame:
+    """Calibrate all drivers of one side, in the order of their windows."""
+    fits = [calibrate(s, desired_speed=settings.desired_speed, seed=settings.seed) for s in drivers.scenes]
+    return pd.concat(fits, ignore_index=True)
+
+
+def predictions(study: Study) -> dict[str, Floats]:
+    """Return every IDM method's parameters of the test drivers, shape (windows, 5), by method name."""
+    s = study.settings
+    seen = study.test.code(s.observed)
+    _, theta = study.library
+    n = len(study.test)
+    first_gap = [first_gap_parameters(scenes, study.pooled) for scenes in study.test.scenes]
+    one_for_all = np.tile(study.pooled, (n, 1))
+    first_seconds = pd.concat([first_second(scenes, s.observed) for scenes in study.test.scenes])
+
+    def or_pooled(fits: pd.DataFrame) -> Floats:
+        """Return the fits; a driver whose fit failed keeps the pooled parameters, its status says so."""
+        theta = fits[PARAMETERS].to_numpy()
+        return np.where(np.isfinite(theta), theta, one_for_all)
+
+    return {
+        "idm_average": np.tile(average_parameters(theta), (n, 1)),
+        "idm_prediction": study.neighbours(seen, s.neighbours),
+        "idm_rollout": study.learned.predictor.predict(first_seconds),
+        "idm_first_gap": np.concatenate(first_gap),
+        "idm_pooled": one_for_all,
+        "idm_typical": np.tile(study.population.typical(), (n, 1)),
+        "idm_hierarchical": or_pooled(study.drawn_fits),
+        "idm_oracle": or_pooled(study.test_fits),
+    }
