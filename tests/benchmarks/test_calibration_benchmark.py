@@ -11,7 +11,7 @@ import pytest
 
 from idm_sumo.calibration import calibrate, reference, solver
 from idm_sumo.calibration.problem import only, prepare
-from tests.known_drivers import known_drivers
+from tests.helpers.known_drivers import known_drivers
 
 SLOW = 60  # drivers, for the references
 EVOLVED = 6

@@ -17,7 +17,7 @@ from idm_sumo.diagnosis.windows import cut_windows
 from idm_sumo.recordings.cleaning import clean
 from idm_sumo.recordings.reading import read_recording
 from idm_sumo.recordings.recording import Recording
-from tests.planting import plan, simulate, write
+from tests.simulators.first import plan, simulate, write
 
 DRIVERS, MINUTES = 600, 7.0
 

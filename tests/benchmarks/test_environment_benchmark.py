@@ -12,7 +12,7 @@ from idm_sumo.irl.features import COUNT
 from idm_sumo.irl.learning import Lessons, lessons_of, train_agent
 from idm_sumo.irl.reward import Reward
 from idm_sumo.scenes.windows import Scenes
-from tests.irl_traffic import busy
+from tests.helpers.irl_traffic import busy
 
 ppo = pytest.importorskip("idm_sumo.irl.ppo", reason="needs the extra rl: pip install 'idm-sumo[rl]'")
 

@@ -9,7 +9,7 @@ import numpy as np
 
 from idm_sumo.prediction import KNNPredictor, RolloutPredictor, first_second
 from idm_sumo.prediction.driving_code import FEATURES, driving_code
-from tests.known_drivers import known_drivers
+from tests.helpers.known_drivers import known_drivers
 
 TRAINING, BATCH, SINGLE = 300, 5000, 300
 

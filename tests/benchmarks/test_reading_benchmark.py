@@ -17,7 +17,7 @@ from pytest_benchmark.fixture import BenchmarkFixture
 from idm_sumo.recordings.readers.delimited import OFFICIAL
 from idm_sumo.recordings.reading import read_recording
 from idm_sumo.recordings.smoothing import smooth
-from tests import ngsim_files
+from tests.helpers import ngsim_files
 
 VEHICLES, FRAMES = 400, 600  # a fifth of an official period
 

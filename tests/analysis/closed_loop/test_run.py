@@ -1,0 +1,275 @@
+"""The recorded demand as reacting vehicles: conserved, repeatable, with the types it was given."""
+
+import os
+import re
+from pathlib import Path
+
+import numpy as np
+import pandas as pd
+import pytest
+
+from idm_sumo.cli import main
+from idm_sumo.recordings import columns as c
+from idm_sumo.recordings.reading import write_parquet
+from idm_sumo.recordings.recording import Recording
+from idm_sumo.roads import road
+from idm_sumo.runtime.errors import InputError
+from idm_sumo.sumo.closed_loop import populations
+from idm_sumo.sumo.closed_loop import run as closed_loop
+from idm_sumo.sumo.closed_loop.demand import SLOWEST_SIGN, boundary_speeds, demand_of
+from idm_sumo.sumo.closed_loop.ego import Ego
+from idm_sumo.sumo.gui import gui_binary
+from idm_sumo.sumo.session import simulation
+from tests.helpers.builders import Car, recording
+
+SPEED = 12.0  # m/s
+HEADWAY = 40  # frames between two cars in a lane
+DRIVER = np.array([1.2, 1.5, 1.0, 2.0, 0.0])
+
+
+def through(vehicle: int, lane: int, first_frame: int, x: float = 0.5, speed: float = SPEED) -> Car:
+    frames = min(int((road.SECTION_LENGTH - x) / speed / road.FRAME_STEP), 1200 - first_frame)
+    return Car(vehicle, x, lane, speed, first_frame=first_frame, frames=frames)
+
+
+def two_minutes() -> Recording:
+    """Cars in three lanes at constant speed; some are on the road when it begins."""
+    cars = [through(1, 2, 0, 300.0), through(2, 3, 0, 200.0), through(3, 2, 0, 200.0)]
+    number = 3
+    for lane in (2, 3, 4):
+        for first in range(5 * lane, 1100, HEADWAY):
+            number += 1
+            cars.append(through(number, lane, first))
+    return recording(*cars, period="0750-0752")
+
+
+@pytest.fixture(scope="module")
+def recorded() -> Recording:
+    return two_minutes()
+
+
+@pytest.fixture(scope="module")
+def demand(recorded: Recording) -> pd.DataFrame:
+    return demand_of(recorded)
+
+
+def run(
+    folder: Path, recorded: Recording, demand: pd.DataFrame, theta: np.ndarray = DRIVER, *, seed: int = 1, ego: Ego | None = None,
+    model: str = "LC2013", downstream: bool = True,
+) -> closed_loop.Outcome:  # fmt: skip
+    lane_change = populations.lane_change_attributes(model, {})
+    types = populations.calibrated_types(demand, np.tile(theta, (len(demand), 1)), lane_change)
+    files = closed_loop.write_run(
+        folder / "simulation", "drivers", recorded, demand, types, options=populations.SUBLANE.get(model, ()),
+        downstream=boundary_speeds(recorded) if downstream else None,
+    )  # fmt: skip
+    return closed_loop.run(files, folder / "run.parquet", seed=seed, ego=ego)
+
+
+def test_everybody_departs_in_time_or_is_reported(tmp_path: Path, recorded: Recording, demand: pd.DataFrame) -> None:
+    outcome = run(tmp_path, recorded, demand)
+    assert sorted(outcome.departures["vehicle"]) == sorted(recorded.table[c.VEHICLE].unique())
+    assert outcome.departures["departed_s"].notna().all()
+    assert outcome.late.empty
+    assert outcome.collisions == 0
+    driven = closed_loop.as_recording(outcome, recorded, demand, "drivers")
+    assert set(driven.table[c.VEHICLE]) == set(recorded.table[c.VEHICLE])
+    first = driven.table.groupby(c.VEHICLE)[[c.FRAME, c.X, c.SPEED]].first()
+    twin = recorded.table.groupby(c.VEHICLE)[[c.FRAME, c.X, c.SPEED]].first()
+    pd.testing.assert_frame_equal(first, twin, check_exact=False, atol=1e-3)
+
+
+def test_who_finds_no_room_is_reported_with_its_delay(tmp_path: Path) -> None:
+    standing = [Car(n, 3.0, 3, 0.0, first_frame=0 if n == 1 else 30, frames=300) for n in (1, 2)]
+    jam = recording(*standing)
+    outcome = run(tmp_path, jam, demand_of(jam), np.array([0.1, 1.5, 1.0, 2.0, 0.0]), downstream=False)
+    blocked = outcome.departures.set_index("vehicle").loc[2]
+    assert outcome.late["vehicle"].tolist() == [2]
+    assert blocked["delay_s"] > 0.5
+
+
+def test_the_same_seed_gives_the_same_file(tmp_path: Path, recorded: Recording, demand: pd.DataFrame) -> None:
+    tables = [pd.read_parquet(run(tmp_path / str(n), recorded, demand).fcd) for n in range(2)]
+    pd.testing.assert_frame_equal(*tables)
+
+
+@pytest.mark.parametrize("model", populations.LANE_CHANGE_MODELS)
+def test_both_lane_change_models_run(tmp_path: Path, recorded: Recording, demand: pd.DataFrame, model: str) -> None:
+    assert run(tmp_path, recorded, demand, model=model).arrived > 0
+
+
+def test_types_are_what_was_asked_for(tmp_path: Path, recorded: Recording, demand: pd.DataFrame) -> None:
+    theta = np.tile(DRIVER, (len(demand), 1))
+    theta[:, 2] = np.linspace(0.5, 2.5, len(demand))
+    types = populations.calibrated_types(
+        demand, theta, populations.lane_change_attributes("LC2013", {"lcSpeedGain": "3"})
+    )
+    files = closed_loop.write_run(tmp_path, "drivers", recorded, demand, types, downstream=None)
+    with simulation(["--route-files", str(files.routes)], net=files.net) as sumo:
+        sumo.simulationStep()
+        assert len(sumo.vehicle.getIDList()) == 3
+        for row, vehicle in enumerate(demand[c.VEHICLE].head(3)):
+            assert sumo.vehicle.getTau(str(vehicle)) == theta[row, 2]
+            assert sumo.vehicle.getParameter(str(vehicle), "laneChangeModel.lcSpeedGain") == "3.00"
+            assert sumo.vehicle.getLength(str(vehicle)) == 4.0
+
+
+def test_the_written_configuration_runs_by_itself(tmp_path: Path, recorded: Recording, demand: pd.DataFrame) -> None:
+    types = populations.default_types(demand, "krauss", populations.lane_change_attributes("LC2013", {}))
+    files = closed_loop.write_run(tmp_path, "krauss", recorded, demand, types, downstream=boundary_speeds(recorded))
+    with simulation(["--configuration-file", str(files.config)], net=files.net) as sumo:
+        while sumo.simulation.getTime() < files.duration:
+            sumo.simulationStep()
+        assert sumo.simulation.getArrivedNumber() >= 0
+        assert sumo.simulation.getLoadedNumber() == 0
+
+
+def test_recorded_speeds_are_imposed_behind_the_section(tmp_path: Path) -> None:
+    slow = recording(
+        *(through(n, 3, 60 * n, speed=5.0) for n in range(8)), *(through(20 + n, 2, 60 * n) for n in range(8))
+    )
+    speeds = boundary_speeds(slow)
+    assert speeds.shape[1] == road.MAIN_LANES
+    assert np.allclose(speeds[:, 1], SPEED)
+    assert speeds.min() >= SLOWEST_SIGN
+    demand = demand_of(slow)
+    held, free = (
+        closed_loop.as_recording(run(tmp_path / str(downstream), slow, demand, downstream=downstream), slow, demand, "")
+        for downstream in (True, False)
+    )
+    at_the_end = [r.table[(r.table[c.X] > 600) & (r.table[c.LANE] == 2)][c.SPEED].mean() for r in (held, free)]
+    assert at_the_end[0] == pytest.approx(SPEED, abs=1.5)
+    assert at_the_end[1] > SPEED + 3.0
+
+
+def test_our_ego_is_where_we_put_it_and_others_react_to_it(
+    tmp_path: Path, recorded: Recording, demand: pd.DataFrame
+) -> None:
+    entering = demand[(demand["depart_s"] > 10) & (demand["lane"] == 3)].iloc[0]
+    snail = np.array([0.1, 1.5, 5.0, 10.0, 0.0])
+    ego = Ego(int(entering[c.VEHICLE]), 3, snail, float(entering["length_m"]))
+    outcome = run(tmp_path, recorded, demand, ego=ego)
+    path = outcome.ego
+    assert path is not None
+    driven = closed_loop.as_recording(outcome, recorded, demand, "ego").table
+    seen = driven[driven[c.VEHICLE] == entering[c.VEHICLE]]
+    steps = min(len(path), len(seen))
+    assert steps > 200
+    assert np.allclose(path["x"][:steps], seen[c.X][:steps], atol=1e-3)
+    assert np.allclose(path["y"], road.lane_center(3), atol=0.05)
+    assert outcome.collisions == 0
+    behind = demand[(demand["lane"] == 3) & (demand["depart_s"] > entering["depart_s"])].iloc[0]
+    without = closed_loop.as_recording(run(tmp_path / "b", recorded, demand), recorded, demand, "").table
+    gone = [t[t[c.VEHICLE] == behind[c.VEHICLE]][c.SPEED].mean() for t in (driven, without)]
+    assert gone[0] < gone[1] - 1.0
+
+
+def test_a_recording_of_a_few_vehicles_or_of_several_periods_is_no_demand() -> None:
+    with pytest.raises(InputError, match="a few of the vehicles only"):
+        demand_of(recording(Car(1), has_leader_rows=False))
+    first, second = two_minutes().table, recording(Car(1), period="0805-0820").table
+    both = Recording.from_table(pd.concat([first, second]), source="both")
+    with pytest.raises(InputError, match="one period"):
+        demand_of(both)
+
+
+def test_lane_change_parameters_are_checked() -> None:
+    with pytest.raises(InputError, match="is unknown; use one of LC2013, SL2015"):
+        populations.lane_change_attributes("LC2015", {})
+    with pytest.raises(InputError, match="lcPushy: is no parameter of LC2013"):
+        populations.lane_change_attributes("LC2013", {"lcPushy": "1"})
+    with pytest.raises(InputError, match="lcSpeedGain=fast: is not a number"):
+        populations.lane_change_attributes("LC2013", {"lcSpeedGain": "fast"})
+    assert populations.lane_change_attributes("SL2015", {"lcPushy": "1"})["lcPushy"] == "1"
+
+
+def test_no_display_is_said_in_one_line(monkeypatch: pytest.MonkeyPatch) -> None:
+    for name in ("DISPLAY", "WAYLAND_DISPLAY"):
+        monkeypatch.delenv(name, raising=False)
+    if os.name == "posix" and os.uname().sysname == "Linux":
+        with pytest.raises(InputError, match=r"--gui: (no display|sumo-gui is not installed)"):
+            gui_binary()
+
+
+@pytest.fixture(scope="module")
+def file(tmp_path_factory: pytest.TempPathFactory, recorded: Recording) -> Path:
+    path = tmp_path_factory.mktemp("closed_loop") / "two_minutes.parquet"
+    write_parquet(recorded, path)
+    return path
+
+
+def test_the_command_leaves_a_whole_result(tmp_path: Path, file: Path) -> None:
+    out = tmp_path / "out"
+    main(
+        [
+            "interactive",
+            str(file),
+            "-o",
+            str(out),
+            "--types",
+            "krauss",
+            "--types",
+            "default-idm",
+            "--replay-bias",
+            "0",
+            "--jobs",
+            "1",
+        ]
+    )
+    table = pd.read_csv(out / "tables" / "closed_loop.csv")
+    assert table["population"].tolist() == ["recorded", "krauss", "default-idm"]
+    assert table["vehicles"].nunique() == 1
+    for name in (
+        "figures/time_space.png",
+        "figures/comparison.png",
+        "report.html",
+        "manifest.json",
+        "fcd/krauss.parquet",
+    ):
+        assert (out / name).stat().st_size > 0
+    assert "Closest to the recording is" in (out / "report.html").read_text()
+
+
+@pytest.mark.parametrize(
+    ("arguments", "complaint"),
+    [
+        (["--lane-change", "lcSpeedGain"], "is not KEY=VALUE"),
+        (["--lane-change", "lcSpeedGane=1"], "is no parameter of LC2013"),
+        (["--lane-change-model", "LC2014"], "use one of LC2013, SL2015"),
+        (["--types", "kraus"], "invalid choice"),
+        (["--period", "0900-0915"], "no period '0900-0915'"),
+        (["--ego", "9999", "--types", "krauss"], "--ego 9999: is not in period"),
+        (["--seeds", "0"], "--seeds must be 1 or more"),
+        (["--drivers", "nowhere.parquet"], "nowhere.parquet: no such file"),
+    ],
+)
+def test_bad_input_is_one_line_and_nothing_is_left(
+    tmp_path: Path, file: Path, capsys: pytest.CaptureFixture[str], arguments: list[str], complaint: str
+) -> None:
+    with pytest.raises(SystemExit) as stopped:
+        main(["interactive", str(file), "-o", str(tmp_path / "out"), *arguments])
+    assert stopped.value.code == 2
+    said = [line for line in capsys.readouterr().err.splitlines() if not re.fullmatch(r"\w[\w ]* \.\.\.", line)]
+    assert len(said) == 1
+    assert complaint in said[0]
+    assert list(tmp_path.iterdir()) == []
+
+
+def test_compare_names_the_file_that_is_not_there(
+    tmp_path: Path, file: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    with pytest.raises(SystemExit) as stopped:
+        main(["compare", str(file), str(tmp_path / "none.parquet"), "-o", str(tmp_path / "out")])
+    assert stopped.value.code == 2
+    assert "none.parquet" in capsys.readouterr().err.splitlines()[-1]
+    assert list(tmp_path.iterdir()) == []
+
+
+def test_compare_leaves_a_figure_a_table_and_a_page(tmp_path: Path, file: Path) -> None:
+    other = tmp_path / "other.parquet"
+    write_parquet(two_minutes(), other)
+    main(["compare", str(file), str(other), "-o", str(tmp_path / "out")])
+    table = pd.read_csv(tmp_path / "out" / "tables" / "comparison.csv")
+    assert table["gap_wasserstein_m"].iloc[1] == 0.0
+    assert (tmp_path / "out" / "figures" / "comparison.png").is_file()
+    assert (tmp_path / "out" / "report.html").is_file()

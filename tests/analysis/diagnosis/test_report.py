@@ -1,0 +1,374 @@
+"""What a diagnosis leaves on disk: the contract, tables, pictures and the page; and the uncertainty that they show."""
+
+import json
+from dataclasses import replace
+
+import numpy as np
+import pandas as pd
+import pytest
+from pydantic import ValidationError
+
+from analysis.diagnosis import report as diagnosis_report
+from analysis.diagnosis import words as diagnosis_words
+from analysis.diagnosis.contract import Diagnosis as Contract
+from analysis.diagnosis.contract import write_diagnosis
+from analysis.diagnosis.curves import clustered_mean, curves, lag_response, map_of
+from analysis.diagnosis.report import contract, groups
+from idm_sumo.calibration.driver_table import check_departures, read_drivers
+from idm_sumo.cli import main
+from idm_sumo.diagnosis import CauseFound, Diagnosis, Estimate, Gain, Power, Region, RuledOut, Scan, Unexplained
+from idm_sumo.diagnosis.result import Law, LawCompared, OtherLaw
+from idm_sumo.models.effects import Cause, ExtendedModel
+from idm_sumo.models.idm import TEXTBOOK
+from tests.recordings.readers.test_pairs import pair
+from tests.simulators.first import plan, simulate
+from tests.simulators.first import write as write_ngsim
+
+
+def residuals(drivers=40, windows=3, moments=24, seed=1) -> pd.DataFrame:
+    """Return residuals of made drivers: too far ahead at 200 to 300 m, which the extension halves."""
+    rng = np.random.default_rng(seed)
+    vehicle, window, lag = np.meshgrid(
+        np.arange(drivers), np.arange(windows), 0.5 * np.arange(1, moments + 1), indexing="ij"
+    )
+    position = 50 + 150 * window + 10 * lag
+    there = -1.0 * ((position > 200) & (position < 300))
+    own = rng.normal(0, 0.3, (drivers, windows, 1))
+    noise = own + rng.normal(0, 0.1, position.shape)
+    shape = position.shape
+    return pd.DataFrame({
+        "vehicle": vehicle.ravel(), "window": (vehicle * windows + window).ravel(), "lag": lag.ravel(),
+        "position": position.ravel(), "time": (10.0 * vehicle + 15 * window + lag).ravel(),
+        "speed": rng.uniform(5, 15, shape).ravel(), "gap": rng.uniform(5, 40, shape).ravel(),
+        "approach_rate": rng.normal(0, 1, shape).ravel(), "leader_acceleration": rng.normal(0, 1, shape).ravel(),
+        "since_change": np.where(vehicle % 2, 1e6, lag).ravel(), "lane": (1 + vehicle % 5).ravel(), "leader_class": 0,
+        "adjacent_difference": np.nan, "rear_gap": np.inf,
+        "base": (there + noise).ravel(), "extended": (0.5 * there + noise).ravel(),
+    })  # fmt: skip
+
+
+def named() -> Diagnosis:
+    """Return a diagnosis that names a place."""
+    alpha = {"alpha": Estimate(-0.12, "m/s^2", (-0.15, -0.09))}
+    cause = CauseFound(
+        "location", alpha, Region((200.0, 300.0)), 2e-6, 1.0, "All slow down there.", ("measurement_artefact",)
+    )
+    model = ExtendedModel(TEXTBOOK, causes=(Cause("location", {"alpha": -0.12, "x_1": 200.0, "x_2": 300.0}),))
+    table = residuals()
+    drivers = pd.DataFrame({
+        "period": "p", "vehicle": np.arange(40), "held_out": np.arange(40) % 2 == 0, "windows": 3,
+        "base_ade": np.linspace(0.5, 1.5, 40), "extended_ade": np.linspace(0.45, 1.4, 40),
+    })  # fmt: skip
+    edges = np.linspace(0, 600, 25)
+    scan = Scan(
+        "position", "m", edges, np.where((edges[:-1] >= 200) & (edges[:-1] < 300), -0.1, 0.0), np.full(24, 0.02)
+    )
+    return Diagnosis(
+        verdict="named", causes=(cause,), without_gain=(), unexplained=(),
+        gain=Gain("ade_m", 1.0, 0.9, 0.1, (0.05, 0.15), 20),
+        other_gains=(Gain("fde_m", 2.0, 1.8, 0.2, (0.1, 0.3), 20), Gain("collisions", 0.0, 0.0, 0.0, (0.0, 0.0), 20)),
+        ruled_out=(RuledOut("reaction_delay", 0.4, ("hysteresis",), Estimate(0.02, "s", (-0.05, 0.09)), "chance makes as much"),
+                   RuledOut("hysteresis", 0.9, ())),
+        untestable={"leader_class": "no classes were recorded"}, power=(Power("reaction_delay", "tau", "s", 0.2, 0.93),),
+        model=model, base_model=ExtendedModel(TEXTBOOK), residuals=table, drivers=drivers, scans=(scan,),
+        excluded={"no leader for 12 s": 3}, notes=("a note",), seconds={"fit": 1.0},
+    )  # fmt: skip
+
+
+def silent() -> Diagnosis:
+    one = named()
+    return replace(
+        one, verdict="none", causes=(), model=one.base_model, gain=replace(one.gain, extended=1.0, difference=0.0)
+    )
+
+
+def write(found: Diagnosis, folder, monkeypatch) -> None:
+    """Write what ``diagnose`` leaves; only the finding itself, tested elsewhere, is given."""
+    recording = folder.parent / "recording.parquet"
+    pair(12, 7).to_parquet(recording)
+    monkeypatch.setattr(diagnosis_report, "diagnose", lambda *_args, **_more: found)
+    diagnosis_report.diagnose_file(recording, folder, location="us-101", seed=1, jobs=1, command=["x", "diagnose"])
+
+
+def test_the_folder_holds_all_of_it(tmp_path, monkeypatch) -> None:
+    write(named(), tmp_path / "out", monkeypatch)
+    content = json.loads((tmp_path / "out" / "diagnosis.json").read_text())
+    assert content["verdict"] == "named"
+    assert content["causes"][0]["parameters"]["alpha"] == {"value": -0.12, "unit": "m/s^2", "ci95": [-0.15, -0.09]}
+    assert content["causes"][0]["where"]["position_m"] == [200.0, 300.0]
+    low, high = content["causes"][0]["where"]["time_s"]
+    assert low < high  # where no bound is known, what was seen
+    assert set(content) == {
+        "verdict", "causes", "unexplained", "gain", "ruled_out", "without_gain", "untestable", "power", "law"
+    }  # fmt: skip
+    assert content["causes"][0]["where"]["lanes"] is None
+    assert content["law"] == "idm"
+    assert content["power"] == [
+        {"name": "reaction_delay", "symbol": "tau", "unit": "s", "size": 0.2, "probability": 0.93}
+    ]
+    assert content["untestable"] == {"leader_class": "no classes were recorded"}
+    assert ExtendedModel.read(tmp_path / "out" / "model.json").causes[0].values["x_2"] == 300.0
+    page = (tmp_path / "out" / "report.html").read_text()
+    assert page.count("<img ") == 7
+    assert "http" not in page.split("<body>")[1]
+    for words in (
+        "All slow down there",
+        "cannot tell it from measurement artefact",
+        "no classes were recorded",
+        "chance makes as much",
+        "probability 0.93",
+    ):
+        assert words in page
+    record = json.loads((tmp_path / "out" / "manifest.json").read_text())
+    assert record["settings"]["seed"] == 1
+    assert record["inputs"][0]["sha256"]
+    assert record["versions"]["numpy"]
+    tables = {path.stem for path in (tmp_path / "out" / "tables").glob("*.csv")}
+    assert {
+        "drivers",
+        "residual_curves",
+        "causes",
+        "gains",
+        "ruled_out",
+        "untestable",
+        "power",
+        "scans",
+        "laws",
+    } <= tables
+
+
+def test_a_verdict_without_causes_says_what_would_have_been_seen() -> None:
+    assert diagnosis_words.headline(silent()).startswith("None: nothing beyond the IDM")
+    assert diagnosis_words.law_sentence(silent()) == ""
+    of_another = replace(silent(), other_law=OtherLaw("reaction_delay", "tau", "s", -0.085, 6.1))
+    assert diagnosis_words.headline(of_another) == "None: no effect of the catalogue is shown by these data."
+    assert "reaction delay with tau = -0.085 s (6.1 standard errors)" in diagnosis_words.law_sentence(of_another)
+    assert diagnosis_words.power_sentences(silent()) == [
+        "reaction delay of tau = 0.2 s would have been seen with probability 0.93"
+    ]
+    none_at_all = replace(silent(), power=(Power("lane_change_relaxation", "kappa", "1", 48.9, 0.8),))
+    (said,) = diagnosis_words.power_sentences(none_at_all)
+    assert said.startswith("no lane change relaxation would surely have been seen, up to kappa = ")
+    assert "1.00 m on 20 held-out drivers; the model is not extended" in diagnosis_words.gain_sentence(silent().gain)
+    assert contract(silent())["causes"] == []
+
+
+@pytest.mark.parametrize(
+    ("difference", "margin", "moves", "clearly"),
+    [(0.1, 0.05, "falls from 1.000 to 0.900 m", True), (0.1, 0.2, "falls from 1.000 to 0.900 m", False),
+     (-0.1, 0.05, "rises from 1.000 to 1.100 m", False)],
+)  # fmt: skip
+def test_a_gain_is_said_as_what_it_is(difference: float, margin: float, moves: str, clearly: bool) -> None:
+    interval = (difference - margin, difference + margin)
+    gain = replace(silent().gain, base=1.0, extended=1.0 - difference, difference=difference, ci95=interval)
+    said = diagnosis_words.gain_sentence(gain)
+    assert moves in said
+    assert ("nothing is clearly gained" not in said) is clearly
+
+
+def test_the_law_that_drivers_follow_is_said_with_what_it_is_likelier_by() -> None:
+    gain = replace(silent().gain, base=0.4, extended=0.3, difference=0.1, ci95=(0.05, 0.15), vehicles=20)
+    likelier = replace(silent().gain, metric="unlikelihood", difference=2.0, ci95=(1.5, 2.5))
+    by_law = {
+        "idm": LawCompared(0.4, 0.0),
+        "full_velocity_difference": LawCompared(0.41, 2.1),
+        "krauss": LawCompared(0.5, -3.0),
+    }
+    found = replace(silent(), law=Law("full_velocity_difference", likelier, gain), by_law=by_law)
+    assert diagnosis_words.headline(found) == "None: nothing beyond full velocity difference is shown by these data."
+    said = diagnosis_words.law_sentence(found)
+    assert "follow full velocity difference more likely than the IDM" in said
+    assert "higher by 2.00 a driver (95 %: 1.50 to 2.50). On 20 held-out drivers" in said
+    assert "0.300 m by it and 0.400 m by the IDM" in said
+    table = diagnosis_words.laws_table(found)
+    assert table["law"].tolist() == ["full velocity difference", "the IDM", "Krauss's safe speed"]
+    assert "with the causes in the model" not in said
+    without = by_law | {"krauss": LawCompared(0.3, 4.0)}
+    assert "with the causes in the model; without them Krauss's safe speed would be likelier" in (
+        diagnosis_words.law_sentence(replace(found, by_law=without))
+    )
+    assert "Full velocity difference is not quite the law" in diagnosis_words.law_sentence(
+        replace(found, other_law=OtherLaw("reaction_delay", "tau", "s", -0.085, 6.1))
+    )
+
+
+def test_a_drift_is_said_to_be_one() -> None:
+    found = silent()
+    drift = CauseFound(
+        "time_of_day", {"delta": Estimate(0.25, "1", (0.2, 0.3))}, Region(time_s=(2.0, 440.0)), 1e-9, 1.0, ""
+    )
+    assert "Named: time of day, drifting between 2 and 440 s" in diagnosis_words.headline(
+        replace(found, verdict="named", causes=(drift,))
+    )
+
+
+def test_a_cause_of_one_lane_says_which(tmp_path, monkeypatch) -> None:
+    found = named()
+    gamma = {"gamma": Estimate(0.4, "1", (0.3, 0.5))}
+    (cause,) = found.causes
+    in_lane = replace(cause, name="acceleration_asymmetry", parameters=gamma, where=Region(lanes=(2,)))
+    found = replace(found, causes=(in_lane,))
+    assert "acceleration asymmetry in lane 2 (gamma = 0.4" in diagnosis_words.headline(found)
+    write(found, tmp_path / "out", monkeypatch)
+    where = json.loads((tmp_path / "out" / "diagnosis.json").read_text())["causes"][0]["where"]
+    assert set(where) == {"position_m", "time_s", "lanes"}
+    assert where["lanes"] == [2]
+    assert where["position_m"][0] < where["position_m"][1]  # of all that was seen
+    assert where["time_s"][0] < where["time_s"][1]
+
+
+def test_unknown_says_where_when_and_along_what() -> None:
+    place = Unexplained("position", (300.0, 360.0), (300.0, 360.0), None, 1e-5)
+    found = replace(silent(), verdict="unknown", unexplained=(place,))
+    assert "position from 300 to 360 between 300 and 360 m (p < 0.0001)" in diagnosis_words.headline(found)
+    content = contract(found)
+    assert content["unexplained"][0]["position_m"] == [300.0, 360.0]
+    Contract.model_validate(content)
+
+
+def test_what_is_there_without_gain_is_told_beside_causes_and_not_as_one() -> None:
+    late = CauseFound(
+        "reaction_delay", {"tau": Estimate(0.23, "s", (0.17, 0.29))}, None, 1e-11, 0.0, "present without gain"
+    )
+    kept = contract(replace(silent(), without_gain=(late,)))
+    assert kept["verdict"] == "none"
+    assert kept["causes"] == []
+    assert [(one["name"], one["parameters"]["tau"]["value"]) for one in kept["without_gain"]] == [
+        ("reaction_delay", 0.23)
+    ]
+    found = replace(silent(), without_gain=(late,))
+    assert diagnosis_words.headline(found) == "None: no effect of the catalogue makes the simulation better."
+    assert diagnosis_words.without_gain_sentence(found) == (
+        "Present, but rollouts are not better for it: reaction delay (tau = 0.23 s (95 %: 0.17 to 0.29); p < 0.0001)."
+    )
+    assert diagnosis_words.without_gain_sentence(silent()) == ""
+
+
+def test_nothing_is_left_when_the_contract_is_broken(tmp_path, monkeypatch) -> None:
+    with pytest.raises(ValidationError):
+        write(replace(named(), verdict="none"), tmp_path / "out", monkeypatch)
+    assert not list(tmp_path.glob("*out*"))
+
+
+@pytest.mark.parametrize(
+    "change",
+    [
+        {"verdict": "maybe"},
+        {"verdict": "unknown", "causes": []},
+        {"extra": 1},
+        {"ruled_out": [{"name": "memory", "p_value": 1.5, "confusable_with": []}]},
+        {
+            "gain": {
+                "metric": "ade_m",
+                "base": float("nan"),
+                "extended": 1,
+                "difference": 0,
+                "ci95": [0, 0],
+                "vehicles": 1,
+                "held_out": True,
+            }
+        },
+    ],
+)
+def test_what_breaks_the_contract_is_not_written(tmp_path, change) -> None:
+    content = contract(named())
+    write_diagnosis(tmp_path / "good.json", content)
+    with pytest.raises(ValidationError):
+        write_diagnosis(tmp_path / "bad.json", content | change)
+    assert not (tmp_path / "bad.json").exists()
+
+
+def test_intervals_are_over_drivers_not_frames() -> None:
+    """Frames that repeat a driver's own value add nothing: the interval is that of one value a driver."""
+    rng = np.random.default_rng(2)
+    own = rng.normal(0, 1, 30)
+    driver = np.repeat(np.arange(30), 200)
+    mean, half, count = clustered_mean(np.repeat(own, 200), driver, np.zeros(6000, dtype=np.int64), 1)
+    expected = 2.0452 * own.std(ddof=1) / np.sqrt(30)  # Student's t, 29 degrees of freedom
+    np.testing.assert_allclose([mean[0], half[0], count[0]], [own.mean(), expected, 30], rtol=1e-3)
+
+
+def test_curves_show_the_place_and_leave_out_what_is_unknown() -> None:
+    table = curves(residuals().assign(driver=lambda t: t["vehicle"]), ("base", "extended"))
+    assert not {"leader_class", "adjacent_difference", "rear_gap"} & set(table["covariate"])
+    place = table[(table["covariate"] == "position") & table["centre"].between(220, 280)]
+    base, extended = (place[place["model"] == model] for model in ("base", "extended"))
+    assert (base["ci_high"] < -0.3).all()
+    np.testing.assert_allclose(extended["mean"].to_numpy(), base["mean"].to_numpy() / 2, atol=0.15)
+    speed = table[(table["covariate"] == "speed") & (table["model"] == "base")]
+    assert ((speed["ci_low"] < speed["mean"]) & (speed["drivers"] == 40)).all()
+
+
+def test_the_map_is_empty_where_nobody_was() -> None:
+    field = map_of(residuals(), "base", np.array([0.0, 200.0, 300.0, 2000.0]), np.array([0.0, 1e4, 2e4]))
+    assert np.isnan(field[:, 1]).all()
+    assert field[1, 0] < -0.5 < field[0, 0]
+
+
+def test_the_lag_of_a_late_response_is_found() -> None:
+    rng = np.random.default_rng(3)
+    leader = rng.normal(0, 1, (60, 40))
+    late = np.roll(leader, 2, axis=1) + rng.normal(0, 0.5, leader.shape)
+    mean, half = lag_response(late, leader, np.arange(60), np.arange(-5, 6))
+    assert np.argmax(mean) == 5 + 2
+    assert mean[7] - half[7] > 0.5
+    assert abs(mean[3]) < 0.2
+
+
+def test_windows_with_a_leader_change_are_told_apart() -> None:
+    table = groups(residuals().assign(driver=lambda t: t["vehicle"]))
+    assert table["drivers"].tolist() == [20, 20]
+    assert (table["base_ade_m"] > table["extended_ade_m"]).all()
+
+
+def test_too_little_is_none_with_the_reason_and_code_0(tmp_path, capsys) -> None:
+    """The real command, on a recording of a few pairs."""
+    pd.concat([pair(12, 7), pair(31, 30)]).to_parquet(tmp_path / "pairs.parquet")
+    main(["diagnose", str(tmp_path / "pairs.parquet"), "-o", str(tmp_path / "out"), "--jobs", "1"])
+    assert "Too little to say anything" in capsys.readouterr().out
+    content = json.loads((tmp_path / "out" / "diagnosis.json").read_text())
+    assert content["verdict"] == "none"
+    assert content["gain"]["vehicles"] == 0
+    assert "too little" in (tmp_path / "out" / "report.html").read_text()
+    assert ExtendedModel.read(tmp_path / "out" / "model.json").causes == ()
+
+
+def test_a_planted_place_is_named_and_its_model_drives(tmp_path, capsys) -> None:
+    """From a file to a replay with the extended model, as a user goes; the finder is tested at length elsewhere."""
+    hidden = plan(
+        5, effect="location", size="large", drivers=200, minutes=3.5, form="usual", underlying="idm", noise="white"
+    )
+    planted = tmp_path / "planted.txt"
+    write_ngsim(simulate(hidden), planted)
+    main(["diagnose", str(planted), "-o", str(tmp_path / "out"), "--jobs", "1"])
+    assert "location" in capsys.readouterr().out
+    content = json.loads((tmp_path / "out" / "diagnosis.json").read_text())
+    first = content["causes"][0]
+    assert (content["verdict"], first["name"]) == ("named", "location")
+    assert first["where"]["position_m"] == pytest.approx(hidden.place, abs=40)
+    assert content["gain"]["ci95"][0] > 0
+    curve = pd.read_csv(tmp_path / "out" / "tables" / "residual_curves.csv")
+    assert {"base", "extended"} == set(curve["model"])
+    drivers = pd.read_csv(tmp_path / "out" / "tables" / "drivers.csv")
+    vehicle = str(drivers["vehicle"].iloc[len(drivers) // 2])
+    model = str(tmp_path / "out" / "model.json")
+    main(
+        [
+            "replay",
+            str(planted),
+            "--vehicle",
+            vehicle,
+            "--backend",
+            "kernel",
+            "--model",
+            model,
+            "-o",
+            str(tmp_path / "replay"),
+        ]
+    )
+    assert set(pd.read_csv(tmp_path / "replay" / "scores.csv")["model"]) == {"idm_oracle", "extended"}
+    assert ExtendedModel.read(model).drivers == "drivers.parquet"
+    own = read_drivers(tmp_path / "out" / "drivers.parquet")
+    assert len(own) == len(drivers)
+    assert own["desired_speed_m_s"].between(12.0, 50.0).all()
+    check_departures(own)

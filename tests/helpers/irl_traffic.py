@@ -1,0 +1,32 @@
+"""Small traffic for the learner's tests: modelled cars among others, on all lanes."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from idm_sumo.roads import road
+from idm_sumo.scenes.windows import Scenes, Window
+from tests.helpers.builders import Car, scenes
+
+FRAMES = 40
+
+
+def busy(cars: int = 6, *, horizon: int = 30, seed: int = 1, has_leader_rows: bool = True) -> Scenes:
+    """Return ``cars`` modelled drivers of about 12 m/s, somewhat off their lanes' middles, with traffic around."""
+    rng = np.random.default_rng(seed)
+    all_cars = []
+    for i in range(cars):
+        x0, speed = 40.0 + 90.0 * i, rng.uniform(10, 14)
+        lane = 1 + i % road.MAIN_LANES
+        left, right = (lane + 2 if lane == 1 else lane - 1), (lane - 2 if lane == road.MAIN_LANES else lane + 1)
+        middle = float(road.lane_center(lane))
+        y = middle + rng.uniform(-0.3, 0.3) * np.ones(FRAMES)
+        all_cars.append(Car(i + 1, x0, speed=speed, y=y, frames=FRAMES, headway=rng.uniform(15, 25) + 4.0))
+        for number, (dx, where) in enumerate(((18, lane), (-16, lane), (6, left), (-8, right), (28, right))):
+            other = Car(10_000 + 10 * i + number, x0 + dx + rng.uniform(-3, 3), lane=where + rng.uniform(-0.1, 0.1),
+                        speed=speed + rng.uniform(-1.5, 1.5), frames=FRAMES, length=rng.uniform(4, 8))  # fmt: skip
+            if has_leader_rows:
+                all_cars.append(other)
+    return scenes(
+        *all_cars, window=Window(4, horizon), modelled=tuple(range(1, cars + 1)), has_leader_rows=has_leader_rows
+    )
