@@ -10,20 +10,15 @@ import pytest
 from idm_sumo.diagnosis import atoms as at
 from idm_sumo.diagnosis import choice
 from idm_sumo.diagnosis import rollout as ro
-from idm_sumo.diagnosis.atoms import Atom
 from idm_sumo.diagnosis.choice import Known, at_sizes, strongest
 from idm_sumo.diagnosis.fit import fit_drivers
-from idm_sumo.diagnosis.hypotheses import Candidate
 from idm_sumo.diagnosis.look import Subject
 from idm_sumo.diagnosis.luck import Noises
+from idm_sumo.diagnosis.noise import QUIET
 from idm_sumo.diagnosis.result import Gain
 from idm_sumo.diagnosis.sizes import Tried, gain_of, with_cause
 from idm_sumo.models.effects import slots
-from tests.diagnosis.test_rollout import QUIET, followers
-
-
-def candidate(z, name="perception_threshold", value=0.5, fixed=()):
-    return Candidate(name, value, 0.01, z, 1e-9, Atom(name, value, fixed), 1.0, 0.0)
+from tests.helpers.diagnosis import candidate, followers
 
 
 def test_the_cause_that_drives_clearly_nearer_is_chosen():

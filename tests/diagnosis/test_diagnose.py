@@ -15,13 +15,12 @@ from idm_sumo.diagnosis.fit import fit_drivers
 from idm_sumo.diagnosis.law import Followed, beneath, of
 from idm_sumo.diagnosis.look import Subject
 from idm_sumo.diagnosis.luck import Noises
+from idm_sumo.diagnosis.noise import QUIET
 from idm_sumo.diagnosis.result import Gain
 from idm_sumo.diagnosis.search import Found
 from idm_sumo.diagnosis.sizes import Tried, with_cause
 from idm_sumo.models import laws
-from tests.diagnosis.test_choice import candidate
-from tests.diagnosis.test_gates import evidence, free
-from tests.diagnosis.test_rollout import QUIET, followers
+from tests.helpers.diagnosis import candidate, evidence, followers, free
 
 diagnosing = sys.modules["idm_sumo.diagnosis.diagnose"]  # the package's name is that of the function
 

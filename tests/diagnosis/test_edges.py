@@ -14,8 +14,9 @@ from idm_sumo.diagnosis.edges import best_edges, sharpened
 from idm_sumo.diagnosis.fit import fit_drivers, improve
 from idm_sumo.diagnosis.look import Subject
 from idm_sumo.diagnosis.luck import Noises
+from idm_sumo.diagnosis.noise import QUIET
 from idm_sumo.models.effects import BY_NAME, slots
-from tests.diagnosis.test_rollout import QUIET, followers
+from tests.helpers.diagnosis import followers
 
 
 def test_slices_in_which_more_is_wanted_are_taken_in_and_others_left_out():

@@ -19,10 +19,11 @@ from idm_sumo.diagnosis.bins import numbered, pulse_means, response_by_bin
 from idm_sumo.diagnosis.fit import fit_drivers
 from idm_sumo.diagnosis.look import Subject, guard, score
 from idm_sumo.diagnosis.luck import Noises, draw
+from idm_sumo.diagnosis.noise import QUIET
 from idm_sumo.diagnosis.twins import drawn_anew, start_behind
 from idm_sumo.models import laws
 from idm_sumo.models.effects import slots
-from tests.diagnosis.test_rollout import QUIET, followers
+from tests.helpers.diagnosis import followers
 
 START = np.array([1e-4, 1e-4])
 

@@ -8,32 +8,10 @@ import numpy as np
 import pytest
 
 from idm_sumo.diagnosis import gates
-from idm_sumo.diagnosis import rollout as ro
 from idm_sumo.diagnosis.atoms import Atom
 from idm_sumo.diagnosis.evidence import Evidence
-from idm_sumo.diagnosis.fit import Fit
 from idm_sumo.diagnosis.hypotheses import Candidate
-from idm_sumo.diagnosis.left_over import LeftOver
-from idm_sumo.diagnosis.sizes import Tried
-
-FIT = Fit(np.zeros(5), np.eye(5), np.zeros((1, 5)), np.eye(1), np.ones(1), np.ones(2), ro.PLAIN)
-
-
-def tried(z, name="perception_threshold", value=0.5, support=100.0):
-    return Tried(Candidate(name, value, 0.01, z, 1e-9, Atom(name, value), 1.0, 0.0), FIT, support)
-
-
-def free(covariate, z, *, is_credible=True):
-    return LeftOver(covariate, (0.0, 1.0), None, None, 0.2, z, 1e-9, is_credible)
-
-
-def evidence(delay, *left):
-    """Return what is seen if a delay stands out by so many standard errors, with what is free."""
-    atoms = [Atom("reaction_delay", 0.2, ((0, 0.2),))]
-    drivers, information = 30, 1e4
-    u = np.full((drivers, 1), delay * np.sqrt(1.5 * 1.5 * information) / drivers)
-    part = np.full((drivers, 1), information / drivers)
-    return Evidence(atoms, u, np.zeros((2, 1)), np.array([[information]]), part, np.arange(drivers), left)
+from tests.helpers.diagnosis import evidence, free, tried
 
 
 def test_a_delay_is_not_held_against_what_it_looks_like_itself():

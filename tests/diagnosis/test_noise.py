@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import numpy as np
-import pandas as pd
 import pytest
 from scipy.ndimage import gaussian_filter1d, uniform_filter1d
 from scipy.signal import savgol_filter
@@ -14,6 +13,7 @@ from idm_sumo.diagnosis.smoother import FARTHEST, local_cubic, posterior_mean
 from idm_sumo.recordings import columns as c
 from idm_sumo.recordings.recording import Recording
 from idm_sumo.recordings.smoothing import WINDOW
+from tests.helpers.diagnosis import ERRORS, MOTION, recorded
 from tests.simulators.first.files import position_noise
 
 
@@ -24,18 +24,6 @@ def recording(noise: no.Noise, *, vehicles: int = 60, is_smooth: bool = False) -
     phase = rng.uniform(0, 6, (vehicles, 1))
     x = 10.0 * time + 12.0 * np.sin(0.25 * time + phase) + noise.draw(vehicles, frames, rng)
     return recorded(x, is_smooth=is_smooth)
-
-
-def recorded(x: np.ndarray, *, is_smooth: bool = False) -> Recording:
-    """Return vehicles with these positions, shape ``(vehicles, frames)``."""
-    vehicles, frames = x.shape
-    time = 0.1 * np.arange(frames)
-    table = pd.DataFrame({
-        c.PERIOD: "p", c.VEHICLE: np.repeat(np.arange(1, vehicles + 1), frames), c.FRAME: np.tile(np.arange(frames), vehicles),
-        c.TIME: np.tile(time, vehicles), c.X: x.ravel(), c.Y: -2.0, c.SPEED: 10.0, c.ACCELERATION: 0.0, c.HEADING: 0.0,
-        c.LENGTH: 4.5, c.WIDTH: 2.0, c.CLASS: 2, c.LANE: 1, c.LEADER: 0, c.HEADWAY: np.nan,
-    })  # fmt: skip
-    return Recording(Recording.from_table(table).table, is_smooth=is_smooth)
 
 
 def smoothed_noise(variance: float, width: float) -> no.Noise:
@@ -129,10 +117,6 @@ def test_what_is_filtered_twice_has_no_jumps():
         for is_smooth in (False, True)
     )
     assert np.diff(twice, axis=1).std() < 0.3 * np.diff(once, axis=1).std()
-
-
-MOTION = no.Noise(0.0, np.array([0.4]), np.array([5.0]))
-ERRORS = no.Noise(0.04, np.array([0.02]), np.array([0.4]))
 
 
 def moved(noise: no.Noise, rows: int, frames: int, rng: np.random.Generator) -> np.ndarray:

@@ -13,9 +13,10 @@ from idm_sumo.diagnosis import windows as w
 from idm_sumo.diagnosis.fit import Fit, fit_drivers, improve
 from idm_sumo.diagnosis.look import Subject
 from idm_sumo.diagnosis.luck import Noises
+from idm_sumo.diagnosis.noise import QUIET
 from idm_sumo.diagnosis.recovery import SOONEST, best_times, is_over_at_once, recovered
 from idm_sumo.models.effects import slots
-from tests.diagnosis.test_rollout import QUIET, followers
+from tests.helpers.diagnosis import followers
 
 BOTH = [slots.RELAXATION, slots.RELAXATION_TIME]
 

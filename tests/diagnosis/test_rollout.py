@@ -13,39 +13,10 @@ from idm_sumo.diagnosis.fit import fit_drivers, for_rollouts
 from idm_sumo.diagnosis.linear_pulses import LINEAR, OF_LATE, OF_NEXT, linear_pulses
 from idm_sumo.diagnosis.luck import Noises, draw
 from idm_sumo.diagnosis.noise import QUIET
-from idm_sumo.diagnosis.smoother import local_cubic
 from idm_sumo.diagnosis.twins import make_twin, refit
 from idm_sumo.models.effects import Sight, extended_acceleration, slots
 from idm_sumo.models.effects.reaction_delay import acted_on
-
-DRIVERS, EACH = 30, 3
-
-
-def followers(by_lane: np.ndarray, rng: np.random.Generator, lanes: int = 1) -> tuple[w.Windows, np.ndarray]:
-    """Return windows behind leaders that oscillate, one after the other lane by lane, driven by IDM drivers with the given magnitudes."""
-    count, frames = DRIVERS * EACH, w.LEAD + w.HORIZON + 1
-    time = 0.1 * np.arange(frames)
-    wave = rng.uniform(0.2, 0.6, (count, 1))
-    phase = rng.uniform(0.0, 6.0, (count, 1))
-    speed = 9.0 + 3.0 * np.sin(wave * time + phase)
-    place = 9.0 * time - 3.0 / wave * (np.cos(wave * time + phase) - np.cos(phase))
-    seen = np.zeros((count, w.COLUMNS, frames))
-    seen[:, w.REAR], seen[:, w.SPEED] = place + 20.0, speed
-    seen[:, w.ACCELERATION] = np.gradient(speed, 0.1, axis=1)
-    seen[:, w.SECOND], seen[:, w.BEHIND], seen[:, w.ADJACENT] = np.inf, -np.inf, np.nan
-    seen[:, [w.SINCE, w.UNTIL_CUT_IN, w.UNTIL_OWN]] = 1e6
-    seen[:, w.TIME], seen[:, w.OWN_KIND] = time, 2.0
-    seen[:, w.LANE] = 1.0 + np.arange(count)[:, None] % lanes
-    seen[:, w.V] = speed
-    theta = np.exp(np.log([1.2, 1.8, 1.2, 2.2, 28.0]) + 0.2 * rng.standard_normal((DRIVERS, 5)) * [1, 1, 1, 1, 0.2])
-    driver = np.repeat(np.arange(DRIVERS), EACH)
-    x, v = ro.drive(seen, driver, theta, by_lane, np.zeros(2), ro.NO_PUSH, 0)
-    seen[:, w.X], seen[:, w.V] = x, v
-    windows = w.Windows(
-        seen, seen[:, w.LEADERS], driver, np.arange(1, DRIVERS + 1), np.full(DRIVERS, "p"),
-        np.arange(DRIVERS) // 5, local_cubic(21), local_cubic(21), {},
-    )  # fmt: skip
-    return windows, theta
+from tests.helpers.diagnosis import DRIVERS, EACH, followers
 
 
 @pytest.fixture(name="plain", scope="module")

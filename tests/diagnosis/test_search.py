@@ -16,13 +16,12 @@ from idm_sumo.diagnosis.choice import Accepted
 from idm_sumo.diagnosis.fit import fit_drivers
 from idm_sumo.diagnosis.look import Subject
 from idm_sumo.diagnosis.luck import Noises
+from idm_sumo.diagnosis.noise import QUIET
 from idm_sumo.diagnosis.result import Gain
 from idm_sumo.diagnosis.search import Brief, _next
 from idm_sumo.diagnosis.sizes import Tried, with_cause
 from idm_sumo.models.effects import slots
-from tests.diagnosis.test_choice import candidate
-from tests.diagnosis.test_gates import evidence, free
-from tests.diagnosis.test_rollout import QUIET, followers
+from tests.helpers.diagnosis import candidate, evidence, followers, free
 
 
 @pytest.mark.parametrize(("support", "named"), [(68.0, False), (120.0, True)])

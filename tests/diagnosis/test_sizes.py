@@ -20,10 +20,11 @@ from idm_sumo.diagnosis.fit import fit_drivers
 from idm_sumo.diagnosis.hypotheses import Candidate
 from idm_sumo.diagnosis.look import Subject
 from idm_sumo.diagnosis.luck import Noises, draws
+from idm_sumo.diagnosis.noise import QUIET
 from idm_sumo.diagnosis.result import Gain
 from idm_sumo.diagnosis.sizes import STEEPEST, Stride, TwinScore, climbed, drive_worse, refined, with_cause, with_value
 from idm_sumo.models.effects import BY_NAME, slots
-from tests.diagnosis.test_rollout import QUIET, followers
+from tests.helpers.diagnosis import followers
 
 NAME = "perception_threshold"
 FIRST = BY_NAME[NAME].parameters[0]

@@ -13,9 +13,7 @@ from idm_sumo.diagnosis.choice import Accepted
 from idm_sumo.diagnosis.fit import fit_drivers
 from idm_sumo.diagnosis.result import Gain
 from idm_sumo.diagnosis.sizes import Tried, with_cause, without_cause
-from tests.diagnosis.test_choice import candidate
-from tests.diagnosis.test_gates import evidence
-from tests.diagnosis.test_rollout import followers
+from tests.helpers.diagnosis import candidate, evidence, followers
 
 
 def gain(share):

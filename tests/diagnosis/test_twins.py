@@ -10,9 +10,9 @@ from idm_sumo.diagnosis import rollout as ro
 from idm_sumo.diagnosis import windows as w
 from idm_sumo.diagnosis.fit import fit_drivers
 from idm_sumo.diagnosis.luck import Noises
-from idm_sumo.diagnosis.noise import DRIVER_MEMORIES
+from idm_sumo.diagnosis.noise import DRIVER_MEMORIES, QUIET
 from idm_sumo.diagnosis.twins import driver_noise
-from tests.diagnosis.test_rollout import QUIET, followers
+from tests.helpers.diagnosis import followers
 
 
 def pushed(rows: int, frames: int, sd: float, memory: float, rng: np.random.Generator) -> np.ndarray:

@@ -20,7 +20,7 @@ from idm_sumo.diagnosis import CauseFound, Diagnosis, Estimate, Gain, Power, Reg
 from idm_sumo.diagnosis.result import Law, LawCompared, OtherLaw
 from idm_sumo.models.effects import Cause, ExtendedModel
 from idm_sumo.models.idm import TEXTBOOK
-from tests.recordings.readers.test_pairs import pair
+from tests.helpers.pairs import pair
 from tests.simulators.first import plan, simulate
 from tests.simulators.first import write as write_ngsim
 

@@ -13,23 +13,10 @@ from idm_sumo.runtime.errors import InputError
 from idm_sumo.scenes.traffic import NOBODY
 from idm_sumo.scenes.windows import LEADER_OF_TWIN, Window, build_scenes
 from idm_sumo.simulation.rollout import drive_idm
+from tests.helpers.pairs import pair
 
 FEET = 1 / road.FOOT
 SHORT = Window(observed=2, horizon=20)
-
-
-def pair(
-    follower, leader, *, gap=20.0, length=4.5, start=50.0, period="0400-0415", frames=40, first=100
-) -> pd.DataFrame:
-    """Return one pair in metres: both cars at 8 m/s, swaying a little."""
-    t = (first + np.arange(frames)) * road.FRAME_STEP
-    x = start + 8 * (t - t[0]) + 0.3 * np.sin(0.5 * (t - t[0]))
-    speed = 8 + 0.15 * np.cos(0.5 * (t - t[0]))
-    return pd.DataFrame({
-        "period": period, "follower": follower, "leader": leader, "t": t, "x_follower": x, "v_follower": speed,
-        "a_follower": -0.075 * np.sin(0.5 * (t - t[0])), "x_leader": x + gap + length, "v_leader": speed,
-        "leader_length": length, "spacing": gap,
-    })  # fmt: skip
 
 
 def in_feet(table: pd.DataFrame) -> pd.DataFrame:

@@ -11,7 +11,7 @@ from idm_sumo.models.idm import TEXTBOOK
 from idm_sumo.roads import road
 from idm_sumo.sumo.export.routes import Exported, export_routes
 from idm_sumo.sumo.session import simulation
-from tests.sumo.export.test_routes import drivers, sumo
+from tests.helpers.exported import drivers, sumo
 
 EXPRESSED = {"reaction_delay", "vehicle_class", "time_of_day", "desired_speed"}
 

@@ -7,7 +7,6 @@ import numpy as np
 import pandas as pd
 import pytest
 
-from idm_sumo.recordings import columns as c
 from idm_sumo.recordings.cleaning import clean
 from idm_sumo.recordings.reading import read_recording
 from idm_sumo.recordings.recording import Recording
@@ -21,51 +20,14 @@ from idm_sumo.sumo.replay.one_vehicle import replay
 from idm_sumo.sumo.replay.perception import HAS_LEFT, OVERLAP, STRADDLES, compare_perception
 from idm_sumo.sumo.replay.playback import play
 from idm_sumo.sumo.surrogate.make import make_surrogate
+from tests.helpers.replayed import DRIVER, assert_same, crowd, vehicle
 
-DRIVER = (1.4, 1.8, 1.1, 2.0, 1.0)
 SHORT = Window(observed=2, horizon=30)
-
-
-def vehicle(number, x, y, speed, *, frames=40, length=4.7, heading=0.0, headway=np.nan, lane=None, first=100):
-    """Return the rows of one vehicle: at constant speed from ``x``, unless arrays are given."""
-    time = np.arange(frames) * road.FRAME_STEP
-    front = x if np.ndim(x) else x + speed * time
-    lateral = np.broadcast_to(y, frames)
-    return pd.DataFrame(
-        {
-            c.PERIOD: "p", c.VEHICLE: number, c.FRAME: np.arange(frames) + first, c.TIME: time, c.X: front,
-            c.Y: lateral, c.SPEED: speed, c.ACCELERATION: 0.0, c.HEADING: heading, c.LENGTH: length, c.WIDTH: 1.9,
-            c.CLASS: 2, c.LANE: road.lane_at(lateral) if lane is None else lane, c.LEADER: 0, c.HEADWAY: headway,
-        }
-    )  # fmt: skip
 
 
 def scenes_of(*vehicles, window=SHORT, modelled=None, has_leader_rows=True) -> Scenes:
     recording = Recording.from_table(pd.concat(vehicles), has_leader_rows=has_leader_rows)
     return build_scenes(recording, window, modelled=modelled)[0]
-
-
-def crowd(seed=0, vehicles=50, frames=112) -> pd.DataFrame:
-    """Return traffic that changes lanes, overlaps, crosses edges' ends and stops: worse than any recording."""
-    rng = np.random.default_rng(seed)
-    time, parts = np.arange(frames) * road.FRAME_STEP, []
-    for number in range(1, vehicles + 1):
-        lane = rng.integers(1, 6)
-        speed = np.clip(rng.uniform(0, 14) + 4 * np.sin(time * rng.uniform(0.2, 1) + number), 0, None)
-        front = rng.uniform(100, 450) + np.concatenate([[0], np.cumsum(speed[:-1])]) * road.FRAME_STEP
-        change = rng.choice([-1, 0, 0, 1]) / (1 + np.exp(-2 * (time - rng.uniform(0, 11))))
-        lateral = road.lane_center(lane) + rng.normal(0, 0.5) + change * road.LANE_WIDTH
-        heading = np.arctan2(np.gradient(lateral, road.FRAME_STEP), np.maximum(speed, 1))
-        length = rng.choice([2.1, 3.9, 4.7, 14.0])
-        parts.append(vehicle(number, front, lateral, speed, frames=frames, length=length, heading=heading))
-    return pd.concat(parts)
-
-
-def assert_same(one: Trajectories, other: Trajectories) -> None:
-    """Every figure agrees; a micrometre would already be a fault."""
-    np.testing.assert_array_equal(one.leader, other.leader)
-    for name in ("x", "y", "heading", "speed", "acceleration", "steering", "gap"):
-        np.testing.assert_allclose(getattr(one, name), getattr(other, name), rtol=0, atol=1e-9, err_msg=name)
 
 
 def assert_back_ends_agree(scenes: Scenes, parameters=DRIVER) -> Trajectories:
