@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import time
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -26,6 +26,7 @@ from .drivers import Drive
 from .prediction import figures as prediction_figures
 from .prediction import words as prediction_words
 from .prediction.reasons import prediction_tables
+from .results import Results
 from .settings import SURROGATE, Settings
 from .source import Source, load_source
 from .study import Study, predictions, prepare
@@ -36,24 +37,6 @@ QUICK_DEMONSTRATIONS = 50
 QUICK_AGENT_STEPS = 100_000  # shows that it works; far from trained
 QUALITY = ["method", "min_gap_m", "critical_ttc_share", "hard_acceleration_share", "jerk_rms_m_s3",
            "lane_departure_share", "gap_rmse_m", "speed_rmse_m_s", "contacts"]  # fmt: skip
-
-
-@dataclass(frozen=True)
-class Results:
-    """Everything that the report shows."""
-
-    source: Source
-    study: Study
-    methods: pd.DataFrame
-    scores: dict[str, pd.DataFrame]
-    driven: dict[str, list[Trajectories]]
-    features: pd.DataFrame
-    frames: pd.DataFrame
-    neighbours: pd.DataFrame
-    other_methods: pd.DataFrame
-    backend_difference_m: float
-    agents: agents.Agents | None
-    prediction: dict[str, pd.DataFrame]
 
 
 def reproduce(

@@ -13,7 +13,7 @@ from idm_sumo.scenes.windows import LEADER_OF_TWIN
 from .settings import SURROGATE, Settings
 
 if TYPE_CHECKING:
-    from .run import Results
+    from .results import Results
 
 
 def describe(results: Results) -> dict[str, str | tuple[str, ...]]:
