@@ -10,13 +10,13 @@ import pandas as pd
 from idm_sumo.evaluation.comparison import RECORDING, Comparison
 from idm_sumo.recordings.recording import Recording
 from idm_sumo.sumo.closed_loop.run import Measured, glimpse_of
+from idm_sumo.sumo.surrogate.builtin import SURROGATE
 
 from ..comparison.figures import overview, time_space
 from ..comparison.run import shown
 from ..page.page import render
 from ..page.style import save
 from ..reproduce.replay_bias import in_words
-from ..reproduce.settings import SURROGATE
 from . import words
 from .settings import Case, Settings
 from .words import POPULATION, RECORDED

@@ -16,12 +16,11 @@ from idm_sumo.recordings.recording import Recording
 from idm_sumo.runtime.errors import InputError
 from idm_sumo.runtime.files import MANIFEST, new_folder
 from idm_sumo.runtime.progress import Progress, silent
+from idm_sumo.sumo.surrogate.builtin import SURROGATE, recording_path
 
 from ..page.manifest import manifest, write_manifest
 from ..page.page import render
 from ..page.style import save
-from ..reproduce.builtin import cached_surrogate
-from ..reproduce.settings import SURROGATE
 from .figures import overview, time_space
 
 MEASURES = {
@@ -87,7 +86,7 @@ def read_all(
     paths = []
     for number, file in enumerate(files):
         progress("reading", number, len(files))
-        path = cached_surrogate(minutes, seed, progress) if file == SURROGATE else Path(file)
+        path = recording_path(file, minutes=minutes, seed=seed, progress=progress)
         name = SURROGATE if file == SURROGATE else path.name
         if name in recordings:
             raise InputError(f"{file}: a recording of this name is there already; rename one of the files")

@@ -14,6 +14,7 @@ from idm_sumo.runtime.files import MANIFEST, new_folder
 from idm_sumo.runtime.progress import Progress, silent
 from idm_sumo.scenes.windows import LEADER_OF_TWIN
 from idm_sumo.simulation.rollout import Trajectories, drive_idm
+from idm_sumo.sumo.surrogate.builtin import SURROGATE
 
 from ..page.manifest import manifest, write_manifest
 from ..page.page import render
@@ -27,7 +28,7 @@ from .prediction import figures as prediction_figures
 from .prediction import words as prediction_words
 from .prediction.reasons import prediction_tables
 from .results import Results
-from .settings import SURROGATE, Settings
+from .settings import Settings
 from .source import Source, load_source
 from .study import Study, predictions, prepare
 from .words import describe

@@ -13,8 +13,8 @@ from pydantic.dataclasses import dataclass
 from idm_sumo.roads.road import SPEED_LIMIT
 from idm_sumo.runtime.errors import InputError
 from idm_sumo.scenes.windows import Window
+from idm_sumo.sumo.surrogate.builtin import SURROGATE
 
-SURROGATE = "surrogate"
 DEFAULT_RUN = Path(__file__).parents[2] / "runs" / "paper.toml"  # beside us in a clone and in a wheel
 
 

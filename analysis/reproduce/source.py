@@ -16,10 +16,11 @@ from idm_sumo.recordings.smoothing import smooth
 from idm_sumo.runtime.errors import InputError
 from idm_sumo.runtime.progress import Progress, silent
 from idm_sumo.scenes.windows import Window, build_scenes
+from idm_sumo.sumo.surrogate.builtin import SURROGATE, cached_surrogate, surrogate_folder
 
-from .builtin import cached_surrogate
 from .drivers import Drivers
-from .settings import SURROGATE, Settings
+from .settings import Settings
+from .warm import compile_beside
 
 NOT_MODELLED = [c.PERIOD, c.VEHICLE, "reason"]
 
@@ -121,9 +122,21 @@ def _files(settings: Settings, progress: Progress) -> list[Path]:
         if name != SURROGATE:
             files.append(Path(name))
             continue
-        parts = sorted(cached_surrogate(settings.minutes, settings.seed, progress).glob("*.parquet"))
+        parts = sorted(_surrogate(settings, progress).glob("*.parquet"))
         files += [part for part in parts if part.stem in wanted or not (settings.train and settings.test)]
     return files
+
+
+def _surrogate(settings: Settings, progress: Progress) -> Path:
+    """Return the built-in recording; while SUMO makes it on one core, the kernels are compiled on another."""
+    if surrogate_folder(settings.minutes, settings.seed).is_dir():
+        return cached_surrogate(settings.minutes, settings.seed)
+    compiling = compile_beside()
+    folder = cached_surrogate(settings.minutes, settings.seed, progress)
+    progress("compiling", 0, 1)
+    compiling.result()
+    progress("compiling", 1, 1)
+    return folder
 
 
 def _split(

@@ -9,8 +9,9 @@ import pandas as pd
 
 from idm_sumo.recordings import columns as c
 from idm_sumo.scenes.windows import LEADER_OF_TWIN
+from idm_sumo.sumo.surrogate.builtin import SURROGATE
 
-from .settings import SURROGATE, Settings
+from .settings import Settings
 
 if TYPE_CHECKING:
     from .results import Results

@@ -28,12 +28,12 @@ from idm_sumo.irl.learning import (
 )
 from idm_sumo.irl.policy import Policy, drive_policy
 from idm_sumo.irl.trajectory import step_features
+from idm_sumo.runtime.cache import cache_folder
 from idm_sumo.runtime.errors import InputError
 from idm_sumo.runtime.files import new_file
 from idm_sumo.runtime.progress import Progress, silent
 from idm_sumo.simulation.rollout import Trajectories
 
-from ..builtin import cache_folder
 from ..drivers import Drivers
 from ..settings import Settings
 

@@ -1,0 +1,76 @@
+"""The built-in surrogate recording, made once and kept in the user's cache."""
+
+from __future__ import annotations
+
+import hashlib
+from pathlib import Path
+
+from idm_sumo.runtime.cache import cache_folder
+from idm_sumo.runtime.files import new_folder
+from idm_sumo.runtime.progress import Progress, silent
+from idm_sumo.sumo import network
+from idm_sumo.sumo.surrogate import make
+
+SURROGATE = "surrogate"  # what stands for its path wherever a recording is named
+LABELS = ("0750-0805", "0805-0820", "0820-0835")  # of its periods, in the order they are made
+
+
+def recording_path(name: str | Path, *, minutes: float = 45.0, seed: int = 1, progress: Progress = silent) -> Path:
+    """Return the path of a recording that is named by its path or by ``surrogate``.
+
+    Parameters
+    ----------
+    name : str or Path
+        A file or folder, or the word ``surrogate``. A file of that name is given as ``./surrogate``.
+    minutes, seed, progress
+        As :func:`cached_surrogate`; of no effect for a file.
+    """
+    return cached_surrogate(minutes, seed, progress) if str(name) == SURROGATE else Path(name)
+
+
+def surrogate_folder(minutes: float, seed: int) -> Path:
+    """Return where the surrogate of that length and seed is kept, made or not."""
+    return cache_folder() / f"surrogate-{minutes:g}min-seed{seed}-{_fingerprint()}"
+
+
+def cached_surrogate(minutes: float, seed: int, progress: Progress = silent) -> Path:
+    """Return the surrogate recording, made if the cache lacks it.
+
+    Parameters
+    ----------
+    minutes : float
+        Length; three periods of equal length.
+    seed : int
+        Of everything random in it.
+    progress : callable
+        Called with a stage's name, what is done of it and its total.
+
+    Returns
+    -------
+    Path
+        A folder of Parquet files, one a period. :func:`idm_sumo.recordings.reading.read_recording`
+        reads the folder as well as each file.
+
+    Raises
+    ------
+    InputError
+        If SUMO cannot make a recording of that length and seed, or the cache cannot be written.
+    """
+    folder = surrogate_folder(minutes, seed)
+    if folder.is_dir():
+        return folder
+    with new_folder(folder) as part:
+        tables = make.surrogate_periods(
+            minutes=minutes,
+            seed=seed,
+            progress=lambda done, total: progress("making the surrogate recording", done, total),
+        )
+        for label, table in zip(LABELS, tables, strict=True):
+            make.write_layout([table], part / f"{label}.parquet", ".parquet")
+    return folder
+
+
+def _fingerprint() -> str:
+    """Return a fingerprint of what makes the recording, so that a changed maker does not serve old files."""
+    sources = [*sorted(Path(__file__).parent.glob("*.py")), network.net_file()]
+    return hashlib.sha256(b"".join(path.read_bytes() for path in sources)).hexdigest()[:8]
