@@ -177,7 +177,7 @@ def refitted_for(
         If the table that the model names is missing or is none.
     """
     theta = calibrated.copy() if model.is_idm else np.tile(model.parameters, (len(demand), 1))
-    limits, has = np.full(len(demand), model.desired_speed), model.who_has(demand[c.VEHICLE])
+    limits, has = np.full(len(demand), model.desired_speed), model.has_partial_causes(demand[c.VEHICLE])
     if not model.drivers:
         return theta, limits, has
     beside = file.parent / model.drivers

@@ -8,7 +8,7 @@ import pandas as pd
 
 from idm_sumo.diagnosis import CauseFound, Diagnosis, Gain, Power, Region
 from idm_sumo.models import laws
-from idm_sumo.models.effects import BY_NAME, Parameter, in_words
+from idm_sumo.models.effects import BY_NAME, Parameter, format_quantity
 
 MEASURES = {
     "ade_m": "mean displacement error (m)", "fde_m": "displacement error at the end (m)", "gap_m": "gap error (m)",
@@ -67,7 +67,7 @@ def _what(cause: CauseFound) -> str:
 
 def _sizes(cause: CauseFound) -> str:
     return ", ".join(
-        f"{symbol} = {in_words(one.value, one.unit)} (95 %: {one.ci95[0]:.3g} to {one.ci95[1]:.3g})"
+        f"{symbol} = {format_quantity(one.value, one.unit)} (95 %: {one.ci95[0]:.3g} to {one.ci95[1]:.3g})"
         for symbol, one in cause.parameters.items()
     )
 
@@ -104,7 +104,7 @@ def gain_sentence(gain: Gain | None) -> str:
 
 def law_of(found: Diagnosis) -> str:
     """Return the car-following law that causes are beyond, in words."""
-    return laws.IN_WORDS[laws.IDM if found.law is None else laws.NAMES.index(found.law.name)]
+    return laws.TITLES[laws.IDM if found.law is None else laws.NAMES.index(found.law.name)]
 
 
 def law_sentence(found: Diagnosis) -> str:
@@ -139,7 +139,7 @@ def _with_causes(found: Diagnosis) -> str:
     if likeliest == found.law.name:
         return ""
     return (
-        f"That holds with the causes in the model; without them {laws.IN_WORDS[laws.NAMES.index(likeliest)]} would be likelier, which "
+        f"That holds with the causes in the model; without them {laws.TITLES[laws.NAMES.index(likeliest)]} would be likelier, which "
         "takes up a part of what is named."
     )
 
@@ -150,7 +150,7 @@ def _another(found: Diagnosis) -> str:
     law, whose = found.other_law, law_of(found)
     return (
         f"{sentence(whose).rstrip('.')} is not quite the law of these drivers, whatever its parameters: what is left looks like "
-        f"{plain(law.name)} with {law.symbol} = {in_words(law.value, law.unit, 2)} ({law.standard_errors:.1f} standard errors), a sign "
+        f"{plain(law.name)} with {law.symbol} = {format_quantity(law.value, law.unit, 2)} ({law.standard_errors:.1f} standard errors), a sign "
         "that it cannot have. Sizes are what that law would need, their intervals are wider for it, and small effects may stay unseen."
     )
 
@@ -160,7 +160,7 @@ def laws_table(found: Diagnosis) -> pd.DataFrame:
     ordered = sorted(found.by_law.items(), key=lambda one: -one[1].log_likelihood)
     return pd.DataFrame(
         [
-            (laws.IN_WORDS[laws.NAMES.index(name)], f"{one.log_likelihood:.3g}", f"{one.typical_ade:.3g}")
+            (laws.TITLES[laws.NAMES.index(name)], f"{one.log_likelihood:.3g}", f"{one.typical_ade:.3g}")
             for name, one in ordered
         ],
         columns=["law", "log-likelihood a driver, less the IDM's", "typical ADE (m)"],
@@ -185,7 +185,7 @@ def causes_table(causes: Sequence[CauseFound]) -> pd.DataFrame:
     return pd.DataFrame(
         [
             {
-                "cause": plain(cause.name), "symbol": symbol, "value": in_words(one.value, one.unit),
+                "cause": plain(cause.name), "symbol": symbol, "value": format_quantity(one.value, one.unit),
                 "95 %": f"{one.ci95[0]:.3g} to {one.ci95[1]:.3g}", "p": f"{cause.p_value:.2g}",
                 "share of the gain": f"{cause.share_of_gain:.0%}",
                 "where and when": "everywhere" if cause.where is None
@@ -203,7 +203,7 @@ def ruled_out_table(found: Diagnosis) -> pd.DataFrame:
         [
             {
                 "effect": plain(one.name), "p": f"{one.p_value:.2g}",
-                "estimated size": "–" if one.estimate is None else in_words(one.estimate.value, one.estimate.unit, 2),
+                "estimated size": "–" if one.estimate is None else format_quantity(one.estimate.value, one.estimate.unit, 2),
                 "95 %": "–" if one.estimate is None else f"{one.estimate.ci95[0]:.2g} to {one.estimate.ci95[1]:.2g}",
                 "why not": plain(one.why), "confusable with": ", ".join(map(plain, one.confusable_with)) or "–",
             }
@@ -219,12 +219,12 @@ def power_sentences(found: Diagnosis) -> list[str]:
 
 def magnitude(power: Power) -> Parameter:
     """Return the parameter whose size a statement of power is about."""
-    return next(p for p in BY_NAME[power.name].every if p.symbol == power.symbol)
+    return next(p for p in BY_NAME[power.name].all_parameters if p.symbol == power.symbol)
 
 
 def _seen(one: Power) -> str:
     largest = magnitude(one).upper
     if one.size > largest:
-        return f"no {plain(one.name)} would surely have been seen, up to {one.symbol} = {in_words(largest, one.unit)}"
-    size = f"{one.symbol} = {in_words(one.size, one.unit)}"
+        return f"no {plain(one.name)} would surely have been seen, up to {one.symbol} = {format_quantity(largest, one.unit)}"
+    size = f"{one.symbol} = {format_quantity(one.size, one.unit)}"
     return f"{plain(one.name)} of {size} would have been seen with probability {one.probability:.2f}"

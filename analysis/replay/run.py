@@ -125,7 +125,7 @@ def _nearest(
     scenes: Scenes, recording: Recording, model: ExtendedModel, start: npt.NDArray[np.float64], *, refit: bool
 ) -> tuple[npt.NDArray[np.float64], ExtendedModel]:
     """Return the driver's parameters, fitted anew if asked, and the model: of causes that only some drivers have, with or without, as is nearer."""
-    kinds = [model] if model.share == 1.0 else [model, model.of_others()]
+    kinds = [model] if model.share == 1.0 else [model, model.without_partial_causes()]
     if len(kinds) == 1 and not refit:
         return start, model
     seen = what_is_seen(recording, scenes)

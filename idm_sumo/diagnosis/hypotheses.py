@@ -340,7 +340,7 @@ def acting_of(candidate: Candidate) -> tuple[Parameter, ...]:
     """Return the parameters of the form that a candidate has, its magnitude first."""
     effect = BY_NAME[candidate.name.removeprefix(LOCAL)]
     moved = {slot for slot, _ in candidate.atom.fixed[:1]}
-    return effect.named_by({p.symbol for p in effect.every if p.slot in moved})
+    return effect.named_by({p.symbol for p in effect.all_parameters if p.slot in moved})
 
 
 def lanes_of(candidate: Candidate) -> list[int] | slice:

@@ -11,7 +11,7 @@ from numba import literal_unroll, njit
 from idm_sumo.diagnosis import windows as w
 from idm_sumo.models import idm, laws
 from idm_sumo.models.effects import slots
-from idm_sumo.models.effects.acceleration import Moment, Sight, behaved, moment_of
+from idm_sumo.models.effects.acceleration import EffectTerms, Stimuli, acceleration_with_terms, effect_terms
 from idm_sumo.models.effects.reaction_delay import (
     approached,
     between,
@@ -40,16 +40,16 @@ STEADY, VARYING = (), (0,)
 def _moment(row, m):  # type: ignore[no-untyped-def]
     """Return the moment of a frame, seen from where the recorded twin is: that does not matter."""
     x = row[w.X]
-    see = Sight(
+    see = Stimuli(
         x, row[w.TIME], row[w.ACCELERATION], row[w.KIND], row[w.OWN_KIND], row[w.LANE],
         row[w.SECOND] - x, row[w.SECOND_SPEED], row[w.ADJACENT], x - row[w.BEHIND],
         row[w.JUMP], row[w.SINCE], row[w.ACCEPTED], row[w.UNTIL_CUT_IN], row[w.UNTIL_OWN], row[w.MEAN_SPEED],
         row[w.NEXT_BESIDE], row[w.ACCELERATION_OF_LATE],
     )  # fmt: skip
-    return moment_of(see, m)
+    return effect_terms(see, m)
 
 
-BLANK = Moment(*[0.0] * len(Moment._fields))
+BLANK = EffectTerms(*[0.0] * len(EffectTerms._fields))
 ROWS = 9  # of a model's magnitudes: the lane numbers. Where only some drivers have a cause, as many follow, of those without it.
 
 
@@ -70,7 +70,7 @@ def _note(moment, of, n):  # type: ignore[no-untyped-def]
 @njit(cache=True, error_model="numpy", forceinline=True)
 def _noted(of, n):  # type: ignore[no-untyped-def]
     """Return the moment that was noted."""
-    return Moment(
+    return EffectTerms(
         of[0, n], of[1, n], of[2, n], of[3, n], of[4, n], of[5, n], of[6, n], of[7, n], of[8, n], of[9, n], of[10, n],
         of[11, n], of[12, n], of[13, n], of[14, n], of[15, n], of[16, n], of[17, n], of[18, n], of[19, n],
         of[20, n], of[21, n], of[22, n], of[23, n], of[24, n], of[25, n],
@@ -101,7 +101,7 @@ def _drive(first, last, seen, driver, theta, models, varies, start, pushed, begi
     """Fill ``x`` and ``v``; the last axis of ``theta``, ``start``, ``x`` and ``v`` is of rollouts side by side.
 
     An array for each quantity, so that the compiler sees loops over rollouts that it can turn into vector instructions;
-    ``of_law`` of :func:`idm_sumo.models.laws.in_the_type` for the same reason, and ``of_kind``, ``STEADY`` or ``VARYING``.
+    ``of_law`` of :func:`idm_sumo.models.laws.as_type` for the same reason, and ``of_kind``, ``STEADY`` or ``VARYING``.
     """
     frames, beside = seen.shape[2], x.shape[2]
     if first == last or beside == 0:
@@ -150,7 +150,7 @@ def _drive(first, last, seen, driver, theta, models, varies, start, pushed, begi
                         between(speed[own_ago, n], speed[own_after, n], own_share),
                         between(speed[ago, n], speed[after, n], share),
                     )
-                    more[n] = behaved(
+                    more[n] = acceleration_with_terms(
                         known, approached(between(rate[ago, n], rate[after, n], share), late, known, in_rate),
                         gap_between(gap[ago, n], gap[after, n], share), here[n], second - here[n], here[n] - behind,
                         moment, a[n], weight[n], headway[n], jam[n], 0.0, limit[n], law,
@@ -169,7 +169,7 @@ def _drive(first, last, seen, driver, theta, models, varies, start, pushed, begi
                     then_speed[n] = between(speed[ago, n], speed[after, n], share)
                     then_rate[n] = approached(late_rate, late, then_speed[n], models[n, lane, slots.OWN_SPEED_IN_RATE])
                 for n in range(beside):
-                    more[n] = behaved(
+                    more[n] = acceleration_with_terms(
                         then_speed[n], then_rate[n], then_gap[n], here[n], second - here[n], here[n] - behind,
                         _noted(of, n), a[n], weight[n], headway[n], jam[n], 0.0, limit[n], law,
                     )  # fmt: skip
@@ -210,7 +210,7 @@ def side_by_side(
     start = np.ascontiguousarray(start[:, filled])
     shape = (len(seen), 1 + (seen.shape[2] - begin - 1) // every, len(filled))
     x, v = np.empty(shape), np.empty(shape)
-    law = laws.in_the_type(models[:1, 0, slots.LAW].sum())  # of all of them; there may be none
+    law = laws.as_type(models[:1, 0, slots.LAW].sum())  # of all of them; there may be none
     varies = _vary(models)
     kind = STEADY if len(models) == 1 and not varies[0] else VARYING
     in_threads(_drive, len(seen), seen, driver, theta, models, varies, start, pushed, begin, every, law, kind, x, v)
@@ -313,7 +313,7 @@ def _respond(first, last, seen, driver, theta, by_lane, response, state):  # typ
             rate = approached(rate, late, speed, in_rate)
             for n in range(len(looked) if m[slots.OWN_SPEED_KNOWN] > 0.0 else len(looked) - 2):
                 at = x + FARTHER[n]
-                looked[n] = behaved(
+                looked[n] = acceleration_with_terms(
                     speed + FASTER[n] + SOONER[n], rate + FASTER[n] + in_rate * SOONER[n], gap - FARTHER[n], at, row[w.SECOND] - at, at - row[w.BEHIND],
                     moment, own[0], weight, own[2] * MORE_HEADWAY[n], own[3], 0.0, own[4] * MORE_SPEED[n], m[slots.LAW],
                 )  # fmt: skip

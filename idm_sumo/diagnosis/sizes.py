@@ -60,7 +60,7 @@ def with_value(fit: Fit, name: str, value: float) -> Fit:
 def without_cause(fit: Fit, name: str) -> Fit:
     """Return the fit with a cause that is in it taken out, the drivers not yet refitted."""
     by_lane = fit.by_lane.copy()
-    for parameter in BY_NAME[name].every:
+    for parameter in BY_NAME[name].all_parameters:
         by_lane[:, parameter.slot] = 0.0
     return replace(fit, by_lane=by_lane)
 

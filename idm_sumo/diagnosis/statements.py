@@ -20,7 +20,7 @@ from idm_sumo.diagnosis.rollout import ROWS
 from idm_sumo.diagnosis.search import Found
 from idm_sumo.diagnosis.windows import HORIZON, SECOND, UNTIL_CUT_IN, Windows
 from idm_sumo.models import laws
-from idm_sumo.models.effects import BY_NAME, Cause, ExtendedModel, in_words, slots
+from idm_sumo.models.effects import BY_NAME, Cause, ExtendedModel, format_quantity, slots
 from idm_sumo.models.idm import IDMParameters
 from idm_sumo.recordings.recording import Recording
 from idm_sumo.roads.road import FRAME_STEP
@@ -159,7 +159,7 @@ def _sentence(accepted: Accepted) -> str:
     )
     rivals = f"; these data cannot tell it from {', '.join(accepted.rivals)}" if accepted.rivals else ""
     return (
-        f"drivers behave as if each {BY_NAME[c.name].summary}{_lanes_in_words(c)}: {first.symbol} = {in_words(accepted.value, first.unit)}, "
+        f"drivers behave as if each {BY_NAME[c.name].summary}{_lanes_in_words(c)}: {first.symbol} = {format_quantity(accepted.value, first.unit)}, "
         f"{abs(c.z):.1f} standard errors beyond what null twins of the same drivers, noise and smoothing show{late}{rivals}"
     )
 
@@ -227,7 +227,7 @@ def why_not(candidate: Candidate, found: Found, every: list[Candidate]) -> str:
     if candidate in hy.impossible(every):
         return "other car-following laws have as much"
     if not candidate.near_enough:
-        return f"smaller than what is named ({in_words(candidate.least, hy.acting_of(candidate)[0].unit)})"
+        return f"smaller than what is named ({format_quantity(candidate.least, hy.acting_of(candidate)[0].unit)})"
     if candidate.name in {c.name for c in found.without_gain}:
         return "did not make rollouts better, and something else looks like it"
     if abs(candidate.z) <= asked:
@@ -274,14 +274,16 @@ def untestable(recording: Recording, windows: Windows, found: Found) -> dict[str
         effect = BY_NAME[name]
         if blind:
             why[name] = (
-                f"the recording does not show {', '.join(effect.must_see)}: it holds followers and headways only"
+                f"the recording does not show {', '.join(effect.required_stimuli)}: it holds followers and headways only"
             )
         elif name == "leader_class":
             why[name] = "no leader is known to be a truck"
         elif name == "desired_speed":
             why[name] = "one lane only: a common desired speed is fitted with the drivers"
         else:
-            why[name] = f"nothing in the recording to see it by ({', '.join(effect.must_see) or 'gap and speed'})"
+            why[name] = (
+                f"nothing in the recording to see it by ({', '.join(effect.required_stimuli) or 'gap and speed'})"
+            )
     return why
 
 

@@ -1,8 +1,8 @@
-r"""Kinematic bicycle model at the centre of mass, Euler step with the old speed.
+"""Kinematic bicycle model at the centre of mass.
 
-Source: Kong, Pfeiffer, Schildbach and Borrelli (2015), as printed in the paper's transition
-model. A recorded position is the front bumper's centre; :func:`center_of_front` and
-:func:`front_of_center` convert at the border.
+The step is an Euler step with the old speed. Source: Kong, Pfeiffer, Schildbach and Borrelli
+(2015), as printed in the paper's transition model. A recorded position is the centre of the
+front bumper; :func:`center_of_front` and :func:`front_of_center` convert between the two points.
 """
 
 from __future__ import annotations
@@ -13,11 +13,21 @@ from typing import NamedTuple
 from numba import njit
 
 WHEELBASE_SHARE = 0.6  # of the vehicle's length; 2.8 m for a car of 4.7 m
-REAR_SHARE = 0.5  # l_r / (l_f + l_r): the centre of mass lies amid the axles, and amid the car
+REAR_SHARE = 0.5  # l_r / (l_f + l_r): the centre of mass lies halfway between the axles, at the middle of the car
 
 
 class State(NamedTuple):
-    """Where the centre of mass is and how it moves: ``x``, ``y`` (m), ``heading`` (rad), ``speed`` (m/s)."""
+    """Position and motion of the centre of mass.
+
+    Attributes
+    ----------
+    x, y : float
+        Position (m).
+    heading : float
+        Direction of motion without slip (rad).
+    speed : float
+        Speed (m/s).
+    """
 
     x: float
     y: float
@@ -27,19 +37,62 @@ class State(NamedTuple):
 
 @njit(cache=True)
 def wheelbase(length: float) -> float:
-    """Return ``l_f + l_r`` (m) of a vehicle ``length`` m long; no recording has it, so it is assumed."""
+    """Return the assumed wheelbase of a vehicle.
+
+    Recordings hold the length only, so the wheelbase is taken as a fixed share of it.
+
+    Parameters
+    ----------
+    length : float
+        Vehicle length (m).
+
+    Returns
+    -------
+    float
+        Wheelbase :math:`l_f + l_r` (m).
+    """
     return WHEELBASE_SHARE * length
 
 
 @njit(cache=True)
 def center_of_front(front_x: float, front_y: float, heading: float, length: float) -> tuple[float, float]:
-    """Return the centre of mass (m) of the vehicle whose front bumper's centre is given."""
+    """Convert the front bumper's centre to the centre of mass.
+
+    Parameters
+    ----------
+    front_x, front_y : float
+        Centre of the front bumper (m).
+    heading : float
+        Heading (rad).
+    length : float
+        Vehicle length (m).
+
+    Returns
+    -------
+    x, y : float
+        Centre of mass (m).
+    """
     return front_x - 0.5 * length * cos(heading), front_y - 0.5 * length * sin(heading)
 
 
 @njit(cache=True)
 def front_of_center(x: float, y: float, heading: float, length: float) -> tuple[float, float]:
-    """Return the front bumper's centre (m); the inverse of :func:`center_of_front`."""
+    """Convert the centre of mass to the front bumper's centre.
+
+    Parameters
+    ----------
+    x, y : float
+        Centre of mass (m).
+    heading : float
+        Heading (rad).
+    length : float
+        Vehicle length (m).
+
+    Returns
+    -------
+    front_x, front_y : float
+        Centre of the front bumper (m).
+    """
     return x + 0.5 * length * cos(heading), y + 0.5 * length * sin(heading)
 
 
@@ -47,14 +100,38 @@ def front_of_center(x: float, y: float, heading: float, length: float) -> tuple[
 def step(
     x: float, y: float, heading: float, speed: float, acceleration: float, steering: float, axles: float, dt: float
 ) -> tuple[float, float, float, float]:
-    r"""Return the state ``dt`` seconds later.
+    r"""Return the state one time step later.
 
     .. math:: \beta = \arctan(\tfrac{l_r}{l_f+l_r}\tan\delta),\quad
         x' = x + v\cos(\psi+\beta)\,dt,\quad y' = y + v\sin(\psi+\beta)\,dt,\quad
         \psi' = \psi + \tfrac{v}{l_r}\sin\beta\,dt,\quad v' = \max(0, v + a\,dt)
 
-    ``axles`` is the wheelbase ``l_f + l_r`` (m). A car does not roll backwards: the speed
-    stops at zero, which the printed equations leave open.
+    Parameters
+    ----------
+    x, y : float
+        Centre of mass (m).
+    heading : float
+        Heading :math:`\psi` (rad).
+    speed : float
+        Speed :math:`v` (m/s).
+    acceleration : float
+        Acceleration :math:`a` (m/s²).
+    steering : float
+        Steering angle :math:`\delta` (rad, positive to the left).
+    axles : float
+        Wheelbase :math:`l_f + l_r` (m).
+    dt : float
+        Time step (s).
+
+    Returns
+    -------
+    x, y, heading, speed : float
+        State after the step.
+
+    Notes
+    -----
+    The speed stops at zero because a car does not roll backwards; the printed equations leave this open.
+    Source: Kong et al. (2015), eqs. 2-3.
     """
     slip = atan(REAR_SHARE * tan(steering))
     return (
@@ -66,10 +143,25 @@ def step(
 
 
 def controls_between(before: State, after: State, axles: float, dt: float) -> tuple[float, float]:
-    """Return acceleration (m/s²) and steering (rad) that lead from one state to the next.
+    """Return the controls that lead from state to state.
 
-    The inverse of :func:`step`. At standstill every steering angle leads to the same state
-    and 0 is returned.
+    The inverse of :func:`step`. At standstill every steering angle leads to the same state, and 0 is returned.
+
+    Parameters
+    ----------
+    before, after : State
+        States one time step apart.
+    axles : float
+        Wheelbase (m).
+    dt : float
+        Time step (s).
+
+    Returns
+    -------
+    acceleration : float
+        Acceleration (m/s²).
+    steering : float
+        Steering angle (rad).
     """
     acceleration = (after.speed - before.speed) / dt
     if hypot(after.x - before.x, after.y - before.y) == 0.0 or before.speed == 0.0:

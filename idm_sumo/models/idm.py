@@ -1,7 +1,7 @@
-r"""The Intelligent Driver Model, as compiled scalar kernels: one equation each.
+"""The Intelligent Driver Model (IDM) as compiled scalar kernels.
 
 Source: Treiber, Hennecke and Helbing (2000), eqs. 2-3, with the non-linear jam distance
-``d1`` that the paper keeps; the exponent is 4 and the desired speed the speed limit.
+``d1`` that the paper keeps. The exponent is 4, the desired speed is the speed limit.
 """
 
 from __future__ import annotations
@@ -15,12 +15,12 @@ from numba import njit
 
 EXPONENT = 4.0
 EMERGENCY_BRAKING = 9.0  # m/s^2, SUMO's default emergencyDecel: no car brakes harder
-SLOWEST = 1e-9  # m/s, below it the derivative of the square root of the speed is taken for that of a standing car
+SLOWEST = 1e-9  # m/s; below it the derivative of the square root of the speed is that at standstill
 SMALLEST_GAP = 0.01  # m, below it the bumpers touch and the interaction would divide by zero
 
 
 class IDMParameters(NamedTuple):
-    r"""What distinguishes one driver from another.
+    r"""The five parameters in which drivers differ.
 
     Attributes
     ----------
@@ -43,9 +43,7 @@ class IDMParameters(NamedTuple):
     d1: float
 
 
-PARAMETER_UNITS = IDMParameters("m/s^2", "m/s^2", "s", "m", "m")  # type: ignore[arg-type]
-
-# Bounds of every calibration. Wide enough for a motorcyclist and a truck; where a fit ends on
+# Bounds of every calibration, wide enough for motorcycles and trucks. Where a fit ends on
 # one, the window did not determine that parameter (`at_bound` in the driver table).
 LOWER = IDMParameters(a=0.1, b=0.1, T=0.1, d0=0.1, d1=0.0)
 UPPER = IDMParameters(a=6.0, b=6.0, T=5.0, d0=10.0, d1=10.0)
@@ -56,7 +54,18 @@ TEXTBOOK = IDMParameters(a=0.73, b=1.67, T=1.6, d0=2.0, d1=0.0)
 
 @njit(cache=True, error_model="numpy")
 def closing_weight(a: float, b: float) -> float:
-    r"""Return :math:`1/(2\sqrt{ab})` (s²/m): how much an approach rate weighs in the desired gap."""
+    r"""Return the approach rate's weight in the desired gap.
+
+    Parameters
+    ----------
+    a, b : float
+        Maximum acceleration and comfortable deceleration (m/s²).
+
+    Returns
+    -------
+    float
+        :math:`1/(2\sqrt{ab})` (s²/m).
+    """
     return 1.0 / (2.0 * sqrt(a * b))
 
 
@@ -64,11 +73,29 @@ def closing_weight(a: float, b: float) -> float:
 def desired_gap(
     speed: float, approach_rate: float, a: float, b: float, T: float, d0: float, d1: float, desired_speed: float
 ) -> float:
-    r"""Return the gap (m) a driver wants: :math:`d^* = d_0 + d_1\sqrt{v/v_0} + \max(0, Tv + v\,\Delta v/(2\sqrt{ab}))`.
+    r"""Return the gap that a driver wants to keep.
 
-    The paper prints it without the maximum. Then a leader that pulls away fast makes
-    :math:`d^*` negative and its square brakes; Treiber and Kesting (2013, eq. 11.15) and
-    SUMO take the maximum, and so do we. Where the sum is positive both are the same.
+    .. math:: d^* = d_0 + d_1\sqrt{v/v_0} + \max\Big(0, Tv + \frac{v\,\Delta v}{2\sqrt{ab}}\Big)
+
+    Parameters
+    ----------
+    speed, approach_rate : float
+        Own speed :math:`v`, and own speed minus the leader's :math:`\Delta v` (m/s).
+    a, b, T, d0, d1 : float
+        See :class:`IDMParameters`.
+    desired_speed : float
+        Desired speed :math:`v_0` (m/s).
+
+    Returns
+    -------
+    float
+        Desired gap :math:`d^*` (m).
+
+    Notes
+    -----
+    The paper prints the equation without the maximum. A leader that pulls away fast then makes
+    :math:`d^*` negative, and its square brakes. Treiber and Kesting (2013, eq. 11.15) and SUMO
+    take the maximum, and so does this function. Both agree where the sum is positive.
     """
     return desired_gap_of(speed, approach_rate, closing_weight(a, b), T, d0, d1, 1.0 / desired_speed)
 
@@ -77,7 +104,26 @@ def desired_gap(
 def desired_gap_of(
     speed: float, approach_rate: float, weight: float, T: float, d0: float, d1: float, inverse: float
 ) -> float:
-    """Return :func:`desired_gap` by :func:`closing_weight` and :math:`1/v_0`: what does not change from frame to frame."""
+    """Return :func:`desired_gap` from precomputed constants of the driver.
+
+    A caller computes ``weight`` and ``inverse`` once, since they do not change from frame to frame.
+
+    Parameters
+    ----------
+    speed, approach_rate : float
+        Own speed, and own speed minus the leader's (m/s).
+    weight : float
+        :func:`closing_weight` (s²/m).
+    T, d0, d1 : float
+        See :class:`IDMParameters`.
+    inverse : float
+        :math:`1/v_0` (s/m).
+
+    Returns
+    -------
+    float
+        Desired gap (m).
+    """
     return d0 + d1 * sqrt(max(speed * inverse, 0.0)) + max(0.0, T * speed + speed * approach_rate * weight)
 
 
@@ -93,23 +139,27 @@ def acceleration(
     d1: float,
     desired_speed: float,
 ) -> float:
-    r"""Return :math:`\dot v = a\,(1 - (v/v_0)^4 - (d^*/d)^2)` (m/s²).
+    r"""Return the acceleration of the IDM.
+
+    .. math:: \dot v = a\,\big(1 - (v/v_0)^4 - (d^*/d)^2\big)
 
     Parameters
     ----------
     speed, approach_rate : float
         Own speed, and own speed minus the leader's (m/s).
     gap : float
-        Bumper to bumper (m); infinite without a leader, which leaves the free road.
+        Gap :math:`d`, bumper to bumper (m); infinite without a leader, which leaves the free-road term.
     a, b, T, d0, d1 : float
         See :class:`IDMParameters`.
     desired_speed : float
-        :math:`v_0` (m/s), the speed limit in the paper. Above it the free term is negative
-        and the driver slows down, the more the faster.
+        Desired speed :math:`v_0` (m/s), the speed limit in the paper. Above it the free-road term is
+        negative, and the driver slows down.
 
-    Notes
-    -----
-    Never below ``-EMERGENCY_BRAKING``; at a gap of ``SMALLEST_GAP`` or less exactly that.
+    Returns
+    -------
+    float
+        Acceleration (m/s²), at least ``-EMERGENCY_BRAKING``. At a gap of ``SMALLEST_GAP`` or less it is
+        exactly that.
     """
     return acceleration_of(speed, approach_rate, gap, a, closing_weight(a, b), T, d0, d1, 1.0 / desired_speed)
 
@@ -126,7 +176,30 @@ def acceleration_of(
     d1: float,
     inverse: float,
 ) -> float:
-    """Return :func:`acceleration` by :func:`closing_weight` and :math:`1/v_0`; without branches, for many at once."""
+    """Return :func:`acceleration` from precomputed constants of the driver.
+
+    The function has no branches, so a loop over many drivers becomes vector instructions.
+
+    Parameters
+    ----------
+    speed, approach_rate : float
+        Own speed, and own speed minus the leader's (m/s).
+    gap : float
+        Gap (m).
+    a : float
+        Maximum acceleration (m/s²).
+    weight : float
+        :func:`closing_weight` (s²/m).
+    T, d0, d1 : float
+        See :class:`IDMParameters`.
+    inverse : float
+        :math:`1/v_0` (s/m).
+
+    Returns
+    -------
+    float
+        Acceleration (m/s²).
+    """
     ratio = speed * inverse
     wanted = desired_gap_of(speed, approach_rate, weight, T, d0, d1, inverse)
     interaction = wanted * (1.0 / max(gap, SMALLEST_GAP))
@@ -146,25 +219,44 @@ def acceleration_partials(
     d1: float,
     inverse: float,
 ) -> tuple[float, float, float, float, float, float, float]:
-    r"""Return the derivatives of :func:`acceleration_of`: by own speed, gap, log(a), log(b), T, d0 and d1.
+    r"""Return the partial derivatives of :func:`acceleration_of`.
 
     With the interaction :math:`s = d^*/d`, :math:`\partial\dot v/\partial d^* = -2as/d` and
-    :math:`\partial\dot v/\partial d = 2as^2/d`. The first value is the total derivative by
-    the own speed, which is in the approach rate too.
+    :math:`\partial\dot v/\partial d = 2as^2/d`.
+
+    Parameters
+    ----------
+    speed, approach_rate : float
+        Own speed, and own speed minus the leader's (m/s).
+    gap : float
+        Gap (m).
+    a, weight, T, d0, d1, inverse : float
+        As in :func:`acceleration_of`.
+
+    Returns
+    -------
+    by_speed : float
+        Total derivative by the own speed, which is part of the approach rate, too (1/s).
+    by_gap : float
+        Derivative by the gap (1/s²).
+    by_log_a, by_log_b : float
+        Derivatives by the logarithms of ``a`` and ``b`` (m/s²).
+    by_T, by_d0, by_d1 : float
+        Derivatives by ``T`` (m/s³), ``d0`` and ``d1`` (1/s²).
 
     Notes
     -----
-    At the kinks (the maximum in :func:`desired_gap`, the clip at ``-EMERGENCY_BRAKING``, the
-    smallest gap) they are the derivatives from the side on which the equation is used: zero
-    where the braking is clipped, no dynamic term where it is not positive. At a standing
-    vehicle :math:`\sqrt{v/v_0}` has no finite derivative; zero is returned for that term.
+    At the kinks (the maximum in :func:`desired_gap`, the bound ``-EMERGENCY_BRAKING``, the smallest
+    gap) the derivatives are taken from the side on which the equation is used: zero where the braking
+    is bounded, no dynamic term where it is not positive. At standstill :math:`\sqrt{v/v_0}` has no
+    finite derivative, and zero is returned for that term.
     """
     ratio = speed * inverse
     cube, root = ratio * ratio * ratio, sqrt(max(ratio, 0.0))
     per_gap = 1.0 / max(gap, SMALLEST_GAP)
     interaction = desired_gap_of(speed, approach_rate, weight, T, d0, d1, inverse) * per_gap
     free = 1.0 - cube * ratio - interaction * interaction
-    # 0 or 1 in place of branches: so a compiler can take many frames at once.
+    # Factors of 0 or 1 in place of branches let the compiler vectorize over frames.
     used = (1.0 if gap > SMALLEST_GAP else 0.0) * (1.0 if a * free > -EMERGENCY_BRAKING else 0.0)
     dynamic = 1.0 if speed * (T + approach_rate * weight) > 0.0 else 0.0
     by_wanted = -2.0 * a * interaction * per_gap * used
@@ -182,9 +274,27 @@ def acceleration_partials(
 
 
 def equilibrium_gap(speed: npt.ArrayLike, parameters: IDMParameters, desired_speed: float) -> npt.NDArray[np.float64]:
-    r"""Return the gap (m) at which a follower at ``speed`` (m/s, below ``desired_speed``) keeps its speed.
+    r"""Return the gap at which a follower keeps its speed.
 
-    :math:`d_e = (d_0 + d_1\sqrt{v/v_0} + Tv)/\sqrt{1 - (v/v_0)^4}`, Treiber et al. (2000), eq. 5.
+    .. math:: d_e = \frac{d_0 + d_1\sqrt{v/v_0} + Tv}{\sqrt{1 - (v/v_0)^4}}
+
+    Parameters
+    ----------
+    speed : array_like
+        Speed :math:`v` (m/s), below ``desired_speed``.
+    parameters : IDMParameters
+        The driver.
+    desired_speed : float
+        Desired speed :math:`v_0` (m/s).
+
+    Returns
+    -------
+    float64 array, shape of ``speed``
+        Equilibrium gap :math:`d_e` (m).
+
+    Notes
+    -----
+    Source: Treiber, Hennecke and Helbing (2000), eq. 5.
     """
     v = np.asarray(speed, dtype=np.float64)
     wanted = parameters.d0 + parameters.d1 * np.sqrt(v / desired_speed) + parameters.T * v

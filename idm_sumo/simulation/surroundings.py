@@ -13,7 +13,7 @@ import numpy.typing as npt
 import pandas as pd
 from numba import njit
 
-from idm_sumo.models.effects import Sight
+from idm_sumo.models.effects import Stimuli
 from idm_sumo.models.effects.adjacent_lane_friction import AHEAD, BESIDE
 from idm_sumo.models.effects.hysteresis import LATELY
 from idm_sumo.models.effects.lane_change_relaxation import headway_after
@@ -261,12 +261,12 @@ def look(  # type: ignore[no-untyped-def]
     own_class, jump, since, accepted, until_cut_in, until_own_change, mean_speed,
 ):  # fmt: skip
     """Return what a driver with its front at ``front`` (m) and its leader in ``row`` sees; ``alone``: in a lane of its own."""
-    leader_acceleration, leader_acceleration_of_late, leader_class = 0.0, 0.0, np.nan
+    leader_acceleration, leader_acceleration_mean, leader_class = 0.0, 0.0, np.nan
     second_gap, second_speed, rear_gap = np.inf, np.nan, np.nan
-    adjacent_speed, next_beside_speed = np.nan, np.nan
+    adjacent_speed, next_adjacent_speed = np.nan, np.nan
     if row != NOBODY:
         leader_acceleration, leader_class = others.acceleration[row], others.vehicle_class[row]
-        leader_acceleration_of_late = others.acceleration_of_late[row]
+        leader_acceleration_mean = others.acceleration_of_late[row]
         second = row + 1
         while second < offsets[cell + 1] and vehicle[second] == own:
             second += 1
@@ -274,11 +274,11 @@ def look(  # type: ignore[no-untyped-def]
             second_gap = gap + x[second] - length[second] - x[row]
             second_speed = speed[second]
     if not alone:
-        adjacent_speed, next_beside_speed = slower_beside(offsets, x, speed, vehicle, cell, frames, lane, front, own)
+        adjacent_speed, next_adjacent_speed = slower_beside(offsets, x, speed, vehicle, cell, frames, lane, front, own)
         rear = behind(offsets, x, vehicle, cell, front, own)
         rear_gap = front - own_length - x[rear] if rear != NOBODY else np.inf
-    return Sight(
+    return Stimuli(
         front, t, leader_acceleration, leader_class, own_class, float(lane), second_gap, second_speed, adjacent_speed,
-        rear_gap, jump, since, accepted, until_cut_in, until_own_change, mean_speed, next_beside_speed,
-        leader_acceleration_of_late,
+        rear_gap, jump, since, accepted, until_cut_in, until_own_change, mean_speed, next_adjacent_speed,
+        leader_acceleration_mean,
     )  # fmt: skip

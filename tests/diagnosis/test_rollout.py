@@ -14,7 +14,7 @@ from idm_sumo.diagnosis.linear_pulses import LINEAR, OF_LATE, OF_NEXT, linear_pu
 from idm_sumo.diagnosis.luck import Noises, draw
 from idm_sumo.diagnosis.noise import QUIET
 from idm_sumo.diagnosis.twins import make_twin, refit
-from idm_sumo.models.effects import Sight, extended_acceleration, slots
+from idm_sumo.models.effects import Stimuli, extended_acceleration, slots
 from idm_sumo.models.effects.reaction_delay import acted_on
 from tests.helpers.diagnosis import DRIVERS, EACH, followers
 
@@ -58,7 +58,7 @@ def by_hand(windows: w.Windows, theta: np.ndarray, m: np.ndarray) -> np.ndarray:
             if k < w.LEAD:
                 continue
             gap, speed, rate = acted_on(past, k, m, 0.1)
-            see = Sight(
+            see = Stimuli(
                 x, row[w.TIME], row[w.ACCELERATION], row[w.KIND], row[w.OWN_KIND], row[w.LANE], row[w.SECOND] - x,
                 row[w.SECOND_SPEED], row[w.ADJACENT], x - row[w.BEHIND], row[w.JUMP], row[w.SINCE], row[w.ACCEPTED], row[w.UNTIL_CUT_IN],
                 row[w.UNTIL_OWN], row[w.MEAN_SPEED], row[w.NEXT_BESIDE],

@@ -82,7 +82,7 @@ NOTHING, PLACE, STRANGE = found(), found(tried(20.0, "location")), found(left=(f
 def test_the_lanes_of_a_desired_speed_are_said(atom, said):
     slower = tried(9.0, "desired_speed", -0.3)
     (cause,) = causes(found(replace(slower, candidate=replace(slower.candidate, atom=atom))), {"desired_speed": 1.0})
-    assert f"wants another speed than the limit{said}delta = -0.3," in cause.evidence
+    assert f"has another desired speed than the limit{said}delta = -0.3," in cause.evidence
 
 
 @pytest.mark.parametrize(

@@ -9,14 +9,14 @@ from hypothesis import strategies as st
 
 from idm_sumo.models import idm, laws
 from idm_sumo.models.effects import (
-    BLIND,
     BY_NAME,
     CATALOGUE,
+    NO_STIMULI,
     Cause,
     ExtendedModel,
-    Sight,
+    Stimuli,
     extended_acceleration,
-    in_words,
+    format_quantity,
     slots,
 )
 from idm_sumo.models.effects.reaction_delay import REMEMBERED, acted_on, follow_another, recall
@@ -25,10 +25,10 @@ from idm_sumo.runtime.errors import InputError
 
 DRIVER = (1.2, 1.8, 1.3, 2.0, 0.4)
 LIMIT = 25.0
-SEEN = Sight(
+SEEN = Stimuli(
     x=100.0, t=50.0, leader_acceleration=0.8, leader_class=3.0, own_class=3.0, lane=2.0, second_gap=40.0,
     second_speed=9.0, adjacent_speed=6.0, rear_gap=5.0, jump=12.0, since_change=4.0, accepted_headway=0.6, until_cut_in=2.0,
-    until_own_change=2.0, mean_speed=8.0, next_beside_speed=4.0, leader_acceleration_of_late=0.2,
+    until_own_change=2.0, mean_speed=8.0, next_adjacent_speed=4.0, leader_acceleration_mean=0.2,
 )  # fmt: skip
 
 speeds = st.floats(0.0, 35.0)
@@ -40,7 +40,7 @@ def none() -> np.ndarray:
     return np.zeros(slots.COUNT)
 
 
-def drive(m: np.ndarray, *, speed: float = 12.0, rate: float = 0.5, gap: float = 18.0, see: Sight = SEEN) -> float:
+def drive(m: np.ndarray, *, speed: float = 12.0, rate: float = 0.5, gap: float = 18.0, see: Stimuli = SEEN) -> float:
     return float(extended_acceleration(speed, rate, gap, see, *DRIVER, LIMIT, m))
 
 
@@ -54,11 +54,11 @@ def only(name: str, **more: float) -> np.ndarray:
 @given(speeds, rates, gaps, st.booleans())
 def test_without_magnitudes_it_is_the_plain_idm_exactly(speed, rate, gap, sees):
     plain = idm.acceleration(speed, rate, gap, *DRIVER, LIMIT)
-    assert drive(none(), speed=speed, rate=rate, gap=gap, see=SEEN if sees else BLIND) == plain
+    assert drive(none(), speed=speed, rate=rate, gap=gap, see=SEEN if sees else NO_STIMULI) == plain
 
 
 def test_without_a_leader_too():
-    assert drive(none(), gap=np.inf, see=BLIND) == idm.acceleration(12.0, 0.5, np.inf, *DRIVER, LIMIT)
+    assert drive(none(), gap=np.inf, see=NO_STIMULI) == idm.acceleration(12.0, 0.5, np.inf, *DRIVER, LIMIT)
 
 
 @pytest.mark.parametrize(
@@ -89,10 +89,13 @@ def test_each_effect_changes_the_acceleration_in_its_own_sense(name, more, sign)
 
 
 @pytest.mark.parametrize(
-    "name", [e.name for e in CATALOGUE if e.parameters and e.must_see and e.name not in ("location", "time_of_day")]
+    "name",
+    [e.name for e in CATALOGUE if e.parameters and e.required_stimuli and e.name not in ("location", "time_of_day")],
 )
 def test_whoever_does_not_see_is_not_moved(name):
-    assert drive(only(name, lane=2.0) if name == "desired_speed" else only(name), see=BLIND) == drive(none(), see=BLIND)
+    assert drive(only(name, lane=2.0) if name == "desired_speed" else only(name), see=NO_STIMULI) == drive(
+        none(), see=NO_STIMULI
+    )
 
 
 @pytest.mark.parametrize(("lane", "share"), [(1.0, 0.0), (2.0, 1.0 / 3.0), (3.0, 2.0 / 3.0), (4.0, 1.0), (6.0, 1.0)])
@@ -253,16 +256,16 @@ def test_a_change_to_a_longer_gap_leaves_the_headway_as_it_is():
 
 
 def test_every_magnitude_has_a_slot_of_its_own():
-    used = [p.slot for e in CATALOGUE for p in e.every]
+    used = [p.slot for e in CATALOGUE for p in e.all_parameters]
     assert sorted([*used, slots.LAW, slots.REACTION_CHANGE]) == list(range(slots.COUNT))
-    assert all(p.lower <= p.typical <= p.upper for e in CATALOGUE for p in e.every)
+    assert all(p.lower <= p.typical <= p.upper for e in CATALOGUE for p in e.all_parameters)
 
 
 @given(speeds, rates, gaps, st.lists(st.floats(-1.0, 1.0), min_size=slots.COUNT, max_size=slots.COUNT))
 def test_what_surroundings_do_is_by_their_magnitudes_alone(speed, rate, gap, sizes):
     m = np.array(sizes)
     m[[slots.LAW, *slots.OF_SURROUNDINGS]] = 0.0
-    others = SEEN._replace(**{name: 1.0 for name in Sight._fields if name not in ("x", "rear_gap", "second_gap")})
+    others = SEEN._replace(**{name: 1.0 for name in Stimuli._fields if name not in ("x", "rear_gap", "second_gap")})
     assert drive(m, speed=speed, rate=rate, gap=gap, see=others) == drive(m, speed=speed, rate=rate, gap=gap)
 
 
@@ -276,7 +279,7 @@ def test_each_magnitude_of_surroundings_depends_on_them(slot):
         70.0,
     )
     m[slot] = 0.4
-    elsewhere = Sight(*(-100.0 for _ in Sight._fields))._replace(second_gap=90.0)
+    elsewhere = Stimuli(*(-100.0 for _ in Stimuli._fields))._replace(second_gap=90.0)
     assert drive(m, see=elsewhere) - drive(none(), see=elsewhere) != pytest.approx(drive(m) - drive(none()))
 
 
@@ -316,10 +319,10 @@ def test_a_cause_of_some_drivers_survives_its_file_and_the_others_are_without_it
         ExtendedModel(IDMParameters(1.1, 1.7, 1.2, 2.0, 0.0), causes=(late, place)).to_json()
     )
     assert model.causes[0].share == model.share == 0.4
-    assert [cause.name for cause in model.of_others().causes] == ["location"]
-    assert model.of_others().share == 1.0
-    assert model.who_has(np.arange(1000)).mean() == pytest.approx(0.4, abs=0.01)
-    assert model.of_others().who_has(np.arange(1000)).all()
+    assert [cause.name for cause in model.without_partial_causes().causes] == ["location"]
+    assert model.without_partial_causes().share == 1.0
+    assert model.has_partial_causes(np.arange(1000)).mean() == pytest.approx(0.4, abs=0.01)
+    assert model.without_partial_causes().has_partial_causes(np.arange(1000)).all()
     for share in ("0", "1.2", "NaN"):
         with pytest.raises(InputError, match=r"reaction_delay.*share"):
             ExtendedModel.from_json(model.to_json().replace('"share": 0.4', f'"share": {share}'))
@@ -403,4 +406,4 @@ def test_a_size_out_of_bounds_is_refused_with_its_bounds(tau, tmp_path):
     ],
 )
 def test_numbers_are_said_with_their_unit(name: str, said: str) -> None:
-    assert in_words(0.3291, BY_NAME[name].parameters[0].unit) == said
+    assert format_quantity(0.3291, BY_NAME[name].parameters[0].unit) == said

@@ -8,7 +8,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from idm_sumo.models import idm, laws
-from idm_sumo.models.effects import BLIND, extended_acceleration, slots
+from idm_sumo.models.effects import NO_STIMULI, extended_acceleration, slots
 
 OTHERS = range(1, len(laws.NAMES))
 A, B, T, D0, V0 = 1.2, 1.8, 1.2, 2.0, 30.0
@@ -76,9 +76,11 @@ def test_the_extended_acceleration_follows_the_law_of_its_magnitudes(law):
     expected = (
         idm.acceleration(9.0, 0.5, 14.0, A, B, T, D0, 0.0, V0) if law == laws.IDM else accelerate(law, 9.0, 0.5, 14.0)
     )
-    assert extended_acceleration(9.0, 0.5, 14.0, BLIND, A, B, T, D0, 0.0, V0, m) == pytest.approx(expected, rel=1e-12)
+    assert extended_acceleration(9.0, 0.5, 14.0, NO_STIMULI, A, B, T, D0, 0.0, V0, m) == pytest.approx(
+        expected, rel=1e-12
+    )
 
 
 def test_each_law_has_a_type_of_its_own():
-    assert [len(laws.in_the_type(float(law))) for law in range(len(laws.NAMES))] == list(range(len(laws.NAMES)))
-    assert len(laws.IN_WORDS) == len(laws.NAMES)
+    assert [len(laws.as_type(float(law))) for law in range(len(laws.NAMES))] == list(range(len(laws.NAMES)))
+    assert len(laws.TITLES) == len(laws.NAMES)

@@ -1,4 +1,4 @@
-"""One compiled acceleration: the IDM, or another law in its place, and all effects, by a flat vector of magnitudes."""
+"""One compiled acceleration: a car-following law and all effects."""
 
 from __future__ import annotations
 
@@ -28,35 +28,37 @@ from idm_sumo.models.effects.vehicle_class import of_truck
 NAN = float("nan")
 
 
-class Sight(NamedTuple):
-    """What a driver sees at one moment, own gap, speed and approach rate apart. Unknown is NaN.
+class Stimuli(NamedTuple):
+    """What a driver reacts to beside its own motion and gap.
+
+    Unknown fields are NaN, and the effect that needs them then has no influence.
 
     Attributes
     ----------
     x, t : float
-        Own front (m); time since the recording's first frame (s).
+        Own front (m); time since the first frame of the recording's period (s).
     leader_acceleration : float
-        m/s².
+        Acceleration of the leader (m/s²).
     leader_class, own_class, lane : float
-        Numbers as in the recording.
+        Vehicle classes and lane number as in the recording.
     second_gap, second_speed : float
-        Free space (m) up to the second leader's rear bumper, the first leader's length taken out; its speed (m/s).
+        Free space up to the second leader's rear bumper, without the first leader's length (m); its speed (m/s).
     adjacent_speed : float
-        Mean speed (m/s) of the vehicles near in the slower adjacent lane.
+        Mean speed of the vehicles nearby in the slower adjacent lane (m/s).
     rear_gap : float
         Own rear bumper to the follower's front (m).
     jump, since_change : float
-        By how much the last leader change shortened the gap (m), and the time since (s).
+        Old gap minus new gap at the last change of leader (m); time since then (s).
     accepted_headway : float
-        Time headway right after it (s).
+        Time headway right after the last change of leader (s).
     until_cut_in, until_own_change : float
-        Seconds until a vehicle is inserted ahead; until the own lane change.
+        Time until a vehicle is inserted ahead, and until the own lane change (s). Known in replay only.
     mean_speed : float
         Running mean of the own speed (m/s).
-    next_beside_speed : float
-        Speed (m/s) of the slower one of the next vehicles ahead in the adjacent lanes.
-    leader_acceleration_of_late : float
-        Its mean over the last seconds (m/s²).
+    next_adjacent_speed : float
+        Speed of the slower one of the next vehicles ahead in the adjacent lanes (m/s).
+    leader_acceleration_mean : float
+        Mean acceleration of the leader over the last seconds (m/s²).
     """
 
     x: float
@@ -75,38 +77,53 @@ class Sight(NamedTuple):
     until_cut_in: float
     until_own_change: float
     mean_speed: float
-    next_beside_speed: float = NAN
-    leader_acceleration_of_late: float = NAN
+    next_adjacent_speed: float = NAN
+    leader_acceleration_mean: float = NAN
 
 
-BLIND = Sight(*([NAN] * len(Sight._fields)))  # sees nothing but its leader
+NO_STIMULI = Stimuli(*([NAN] * len(Stimuli._fields)))  # the driver knows its leader only
 
 
-class Moment(NamedTuple):
-    """What the surroundings and the magnitudes make of one moment, whatever the driver's own state.
+class EffectTerms(NamedTuple):
+    """Terms of all effects at one moment.
 
-    Computed once, it serves many drivers of other parameters, places and speeds side by side. Plain numbers throughout, so that
-    a loop over them becomes vector instructions.
+    They do not depend on the driver's own state, so that they are computed once and serve many
+    drivers of other parameters, positions and speeds side by side. All fields are plain numbers, so
+    that a loop over them becomes vector instructions.
 
     Attributes
     ----------
     headway, limit : float
         Factors of the time headway and of the desired speed.
     credit : float
-        Added to the gap, m.
-    given_up, limited, accepted : float
-        Shares of what the own headway is longer than the accepted one: that the headway is shorter by, and, of the way in it, that
-        the credit is at most, if positive; the accepted one (s).
-    share, rate_share, second_speed : float
-        Of the interaction, and of the approach rate, that the second leader has, zero if there is none; its speed (m/s).
-    band, taken, asymmetry, slope, pivot, memory, mean_speed : float
-        Magnitudes (m/s what is taken off the approach rate), and the running mean speed (m/s).
+        Added to the gap (m).
+    given_up, limited : float
+        Shares of the difference between own and accepted time headway: by the first the headway is shortened,
+        by the second, if positive, the credit is limited.
+    accepted : float
+        Accepted time headway (s).
+    share, rate_share : float
+        Shares of the second leader in the interaction and in the approach rate; zero without a second leader.
+    second_speed : float
+        Speed of the second leader (m/s).
+    band, taken : float
+        Perception threshold, and what is taken off larger approach rates (m/s).
+    asymmetry, slope, memory : float
+        Magnitudes of acceleration asymmetry, speed-dependent headway (per 10 m/s) and memory.
+    pivot, mean_speed : float
+        Speed at which the speed-dependent headway is unchanged, and running mean of the own speed (m/s).
     place, place_headway, begin, end : float
-        m/s², share, m, m.
-    friction, adjacent_speed, pressure, room : float
-        1/s, m/s, m/s²; m/s² (how a driver brakes before a lane change, its own or another's).
-    reaction, farther : float
-        s, in which Krauss's safe speed is reached; m, by which the jam distance is longer.
+        Acceleration (m/s²) and share of the time headway of a location, and where it begins and ends (m).
+    friction, adjacent_speed : float
+        Strength (1/s) and speed (m/s) of the adjacent lane's friction.
+    pressure : float
+        Acceleration by a close follower (m/s²).
+    room : float
+        Acceleration before a lane change, own or of another vehicle (m/s²).
+    reaction : float
+        Time within which Krauss's safe speed is reached (s).
+    farther : float
+        Added to the jam distance (m).
     """
 
     headway: float
@@ -138,43 +155,64 @@ class Moment(NamedTuple):
 
 
 @njit(cache=True, error_model="numpy", forceinline=True)
-def moment_of(see, m):  # type: ignore[no-untyped-def]
-    """Return what does not depend on the driver's own place and speed."""
-    answered = see.leader_acceleration_of_late if m[slots.HYSTERESIS_OF_LATE] > 0.5 else see.leader_acceleration
+def effect_terms(stimuli, m):  # type: ignore[no-untyped-def]
+    """Return the terms independent of the driver's state.
+
+    Parameters
+    ----------
+    stimuli : Stimuli
+        What the driver reacts to.
+    m : float64, shape (slots.COUNT,)
+        Magnitudes of the effects.
+
+    Returns
+    -------
+    EffectTerms
+        Terms for :func:`acceleration_with_terms`.
+    """
+    answered = stimuli.leader_acceleration_mean if m[slots.HYSTERESIS_OF_LATE] > 0.5 else stimuli.leader_acceleration
     headway = (
-        behind_truck(see.leader_class, m[slots.LEADER_CLASS])
+        behind_truck(stimuli.leader_class, m[slots.LEADER_CLASS])
         * in_phase(answered if answered == answered else 0.0, m[slots.HYSTERESIS])
-        * at_time(see.t, m[slots.PERIOD], m[slots.PERIOD_BEGIN], m[slots.PERIOD_END])
-        * drifted(see.t, m[slots.PERIOD_DRIFT], m[slots.PERIOD_BEGIN], m[slots.PERIOD_END])
-        * of_truck(see.own_class, m[slots.OWN_CLASS])
-        * before_cut_in(see.until_cut_in, m[slots.COURTESY])
-        * before_own_change(see.until_own_change, m[slots.PRE_INSERTION])
+        * at_time(stimuli.t, m[slots.PERIOD], m[slots.PERIOD_BEGIN], m[slots.PERIOD_END])
+        * drifted(stimuli.t, m[slots.PERIOD_DRIFT], m[slots.PERIOD_BEGIN], m[slots.PERIOD_END])
+        * of_truck(stimuli.own_class, m[slots.OWN_CLASS])
+        * before_cut_in(stimuli.until_cut_in, m[slots.COURTESY])
+        * before_own_change(stimuli.until_own_change, m[slots.PRE_INSERTION])
     )
     of_gap, of_headway = 1.0 - m[slots.HEADWAY_ACCEPTED], m[slots.HEADWAY_ACCEPTED]
-    given_up = headway_given_up(see.jump, see.since_change, m[slots.RELAXATION] * of_headway, m[slots.RELAXATION_TIME])
-    limited = headway_given_up(
-        see.jump, see.since_change, m[slots.RELAXATION] * m[slots.CREDIT_LIMITED], m[slots.RELAXATION_TIME]
+    given_up = headway_given_up(
+        stimuli.jump, stimuli.since_change, m[slots.RELAXATION] * of_headway, m[slots.RELAXATION_TIME]
     )
-    share = m[slots.SECOND_LEADER] if see.second_gap < 1e6 else 0.0
-    beside = see.next_beside_speed if m[slots.FRICTION_NEXT] > 0.5 else see.adjacent_speed
-    return Moment(
+    limited = headway_given_up(
+        stimuli.jump, stimuli.since_change, m[slots.RELAXATION] * m[slots.CREDIT_LIMITED], m[slots.RELAXATION_TIME]
+    )
+    share = m[slots.SECOND_LEADER] if stimuli.second_gap < 1e6 else 0.0
+    beside = stimuli.next_adjacent_speed if m[slots.FRICTION_NEXT] > 0.5 else stimuli.adjacent_speed
+    return EffectTerms(
         headway,
-        in_lane(see.lane, m[slots.DESIRED_SPEED], m[slots.DESIRED_SPEED_LANE], m[slots.DESIRED_SPEED_ACROSS]),
-        gap_credit(see.jump, see.since_change, m[slots.RELAXATION] * of_gap, m[slots.RELAXATION_TIME]),
-        given_up, limited, see.accepted_headway if given_up + limited > 0.0 else 0.0,
-        share * (1.0 - m[slots.SECOND_SPEED_ONLY]), share * m[slots.SECOND_SPEED_ONLY], see.second_speed,
-        m[slots.BAND], m[slots.BAND] * m[slots.BAND_TAKEN], m[slots.ASYMMETRY], m[slots.SPEED_HEADWAY], m[slots.PIVOT_SPEED],
-        m[slots.MEMORY] if see.mean_speed == see.mean_speed else 0.0, see.mean_speed,
+        in_lane(stimuli.lane, m[slots.DESIRED_SPEED], m[slots.DESIRED_SPEED_LANE], m[slots.DESIRED_SPEED_ACROSS]),
+        gap_credit(stimuli.jump, stimuli.since_change, m[slots.RELAXATION] * of_gap, m[slots.RELAXATION_TIME]),
+        given_up, limited, stimuli.accepted_headway if given_up + limited > 0.0 else 0.0,
+        share * (1.0 - m[slots.SECOND_SPEED_ONLY]), share * m[slots.SECOND_SPEED_ONLY], stimuli.second_speed,
+        m[slots.BAND], m[slots.BAND] * m[slots.BAND_TAKEN], m[slots.ASYMMETRY],
+        m[slots.SPEED_HEADWAY], m[slots.PIVOT_SPEED],
+        m[slots.MEMORY] if stimuli.mean_speed == stimuli.mean_speed else 0.0, stimuli.mean_speed,
         m[slots.PLACE], m[slots.PLACE_HEADWAY], m[slots.PLACE_BEGIN], m[slots.PLACE_END],
         m[slots.FRICTION], beside, m[slots.PRESSURE],
-        braking_before(see.until_cut_in, m[slots.COURTESY_BRAKING]) + braking_before(see.until_own_change, m[slots.PRE_INSERTION_BRAKING]),
-        laws.REACTION + m[slots.REACTION_CHANGE], farther_from_truck(see.leader_class, m[slots.LEADER_CLASS_DISTANCE]),
+        braking_before(stimuli.until_cut_in, m[slots.COURTESY_BRAKING])
+        + braking_before(stimuli.until_own_change, m[slots.PRE_INSERTION_BRAKING]),
+        laws.REACTION + m[slots.REACTION_CHANGE],
+        farther_from_truck(stimuli.leader_class, m[slots.LEADER_CLASS_DISTANCE]),
     )  # fmt: skip
 
 
 @njit(cache=True, error_model="numpy", forceinline=True)
 def _by_idm(speed, rate, gap, second_rate, second_gap, share, a, weight, headway, d0, d1, inverse):  # type: ignore[no-untyped-def]
-    """Return the IDM's acceleration (m/s²), a share of its interaction with the second leader."""
+    """Return the IDM's acceleration (m/s²) towards two leaders.
+
+    ``share`` is that of the second leader in the interaction.
+    """
     ratio = idm.desired_gap_of(speed, rate, weight, headway, d0, d1, inverse) * (1.0 / gap)
     wanted = idm.desired_gap_of(speed, second_rate, weight, headway, d0, d1, inverse)
     second = wanted / second_gap if share > 0.0 else 0.0
@@ -183,74 +221,100 @@ def _by_idm(speed, rate, gap, second_rate, second_gap, share, a, weight, headway
     return a * (1.0 - ratio * ratio * ratio * ratio - interaction)
 
 
-# Inlined by force: a loop over drivers that calls it is turned into vector instructions only then.
+# Inlined by force: only then is a loop over drivers that calls it turned into vector instructions.
 @njit(cache=True, error_model="numpy", forceinline=True)
-def behaved(speed, approach_rate, gap, x, second_gap, rear_gap, moment, a, weight, T, d0, d1, desired_speed, law):  # type: ignore[no-untyped-def]
-    """Return the acceleration (m/s²) at one moment; without branches, for many at once.
+def acceleration_with_terms(  # type: ignore[no-untyped-def]
+    speed, approach_rate, gap, x, second_gap, rear_gap, terms, a, weight, T, d0, d1, desired_speed, law,
+):  # fmt: skip
+    """Return the acceleration of a driver from precomputed terms.
+
+    The function has no branches that depend on the driver, so that a loop over many drivers becomes vector
+    instructions. It takes numbers instead of a record of parameters for the same reason.
 
     Parameters
     ----------
     speed, approach_rate, gap : float
-        m/s, m/s, m as the driver acts on them.
+        What the driver acts on (m/s, m/s, m).
     x, second_gap, rear_gap : float
-        Of :class:`Sight`.
-    moment : Moment
-    a, weight, T, d0, d1, desired_speed : float
-        ``weight`` of :func:`idm_sumo.models.idm.closing_weight`.
+        As in :class:`Stimuli` (m).
+    terms : EffectTerms
+        Terms of the effects.
+    a : float
+        Maximum acceleration (m/s²).
+    weight : float
+        :func:`idm_sumo.models.idm.closing_weight` (s²/m).
+    T, d0, d1, desired_speed : float
+        Time headway (s), jam distances (m) and desired speed (m/s).
     law : float
-        Of :mod:`idm_sumo.models.laws`; the same for all of many, or the loop over them is none of vector instructions.
+        Number of the law, of :mod:`idm_sumo.models.laws`. It must be the same for all drivers of a loop that is
+        to be vectorized.
+
+    Returns
+    -------
+    float
+        Acceleration (m/s²).
     """
-    limit = desired_speed * moment.limit
+    limit = desired_speed * terms.limit
     inverse = 1.0 / limit
-    factor = at_speed(speed, moment.pivot, moment.slope) * resigned(moment.mean_speed, limit, moment.memory)
-    factor *= 1.0 + at_place(x, moment.place_headway, moment.begin, moment.end)
-    headway = T * (moment.headway * factor)
-    lacking = max(headway - moment.accepted, 0.0)
-    headway -= moment.given_up * lacking
-    credit = within_shortage(moment.credit, moment.limited, lacking, speed)
+    factor = at_speed(speed, terms.pivot, terms.slope) * resigned(terms.mean_speed, limit, terms.memory)
+    factor *= 1.0 + at_place(x, terms.place_headway, terms.begin, terms.end)
+    headway = T * (terms.headway * factor)
+    lacking = max(headway - terms.accepted, 0.0)
+    headway -= terms.given_up * lacking
+    credit = within_shortage(terms.credit, terms.limited, lacking, speed)
     rate = (
-        shared_rate(approach_rate, speed - moment.second_speed, moment.rate_share)
-        if moment.rate_share > 0.0
+        shared_rate(approach_rate, speed - terms.second_speed, terms.rate_share)
+        if terms.rate_share > 0.0
         else approach_rate
     )
-    seen = perceived(rate, moment.band, moment.taken)
+    seen = perceived(rate, terms.band, terms.taken)
     room, farther = max(gap + credit, idm.SMALLEST_GAP), max(0.5 * second_gap, idm.SMALLEST_GAP)
-    second_rate, jam = speed - moment.second_speed, d0 + moment.farther
+    second_rate, jam = speed - terms.second_speed, d0 + terms.farther
     if law == laws.IDM:
-        free = _by_idm(speed, seen, room, second_rate, farther, moment.share, a, weight, headway, jam, d1, inverse)
+        free = _by_idm(speed, seen, room, second_rate, farther, terms.share, a, weight, headway, jam, d1, inverse)
     else:
-        free = laws.acceleration(law, speed, seen, room, a, weight, headway, jam, limit, moment.reaction)
-        if moment.share > 0.0:
+        free = laws.acceleration(law, speed, seen, room, a, weight, headway, jam, limit, terms.reaction)
+        if terms.share > 0.0:
             behind_second = laws.acceleration(
-                law, speed, second_rate, farther, a, weight, headway, jam, limit, moment.reaction
+                law, speed, second_rate, farther, a, weight, headway, jam, limit, terms.reaction
             )
-            free = shared_interaction(free, behind_second, moment.share)
-    free = weakened(free, moment.asymmetry)
-    free += at_place(x, moment.place, moment.begin, moment.end)
-    free += friction(speed, moment.adjacent_speed, moment.friction)
-    free += pressed(rear_gap, moment.pressure) + moment.room
+            free = shared_interaction(free, behind_second, terms.share)
+    free = weakened(free, terms.asymmetry)
+    free += at_place(x, terms.place, terms.begin, terms.end)
+    free += friction(speed, terms.adjacent_speed, terms.friction)
+    free += pressed(rear_gap, terms.pressure) + terms.room
     free = max(free, -idm.EMERGENCY_BRAKING)
     return free if gap > idm.SMALLEST_GAP else -idm.EMERGENCY_BRAKING
 
 
 @njit(cache=True, error_model="numpy")
-def extended_acceleration(speed, approach_rate, gap, see, a, b, T, d0, d1, desired_speed, m):  # type: ignore[no-untyped-def]
-    """Return the acceleration (m/s²) of a driver with effects; with ``m`` all zero :func:`idm_sumo.models.idm.acceleration`.
+def extended_acceleration(speed, approach_rate, gap, stimuli, a, b, T, d0, d1, desired_speed, m):  # type: ignore[no-untyped-def]
+    """Return the acceleration of a driver with effects.
 
     Parameters
     ----------
     speed, approach_rate, gap : float
-        m/s, m/s, m as the driver acts on them: of a moment ago with a reaction delay
-        (:func:`idm_sumo.models.effects.reaction_delay.acted_on`). Gap is infinite without a leader.
-    see : Sight
-    a, b, T, d0, d1, desired_speed : float
+        What the driver acts on (m/s, m/s, m). With a reaction delay these are values of a moment ago, see
+        :func:`idm_sumo.models.effects.reaction_delay.acted_on`. The gap is infinite without a leader.
+    stimuli : Stimuli
+        What the driver reacts to beside them.
+    a, b, T, d0, d1 : float
+        See :class:`idm_sumo.models.idm.IDMParameters`.
+    desired_speed : float
+        Desired speed (m/s).
     m : float64, shape (slots.COUNT,)
+        Magnitudes of the effects; all zero gives :func:`idm_sumo.models.idm.acceleration`.
+
+    Returns
+    -------
+    float
+        Acceleration (m/s²).
 
     Notes
     -----
-    The bound ``-EMERGENCY_BRAKING`` and the smallest gap are those of the plain IDM, by whatever law ``m`` follows.
+    The bound ``-EMERGENCY_BRAKING`` and the smallest gap are those of the plain IDM, whatever the law.
     """
-    return behaved(
-        speed, approach_rate, gap, see.x, see.second_gap, see.rear_gap, moment_of(see, m),
+    return acceleration_with_terms(
+        speed, approach_rate, gap, stimuli.x, stimuli.second_gap, stimuli.rear_gap, effect_terms(stimuli, m),
         a, idm.closing_weight(a, b), T, d0, d1, desired_speed, m[slots.LAW],
     )  # fmt: skip

@@ -1,6 +1,8 @@
-r"""Asymmetry: positive acceleration is weaker than the IDM's, braking is not.
+r"""Acceleration asymmetry: accelerations are weaker than the IDM's.
 
 .. math:: \dot v \to (1-\gamma)\,\dot v \quad\text{where } \dot v > 0
+
+Braking stays as it is.
 """
 
 from __future__ import annotations
@@ -13,7 +15,20 @@ from idm_sumo.models.effects.record import Effect, Parameter
 
 @njit(cache=True, error_model="numpy")
 def weakened(acceleration: float, share: float) -> float:
-    r"""Return :math:`(1-\gamma)\dot v` (m/s²) of a positive acceleration, a negative one as it is."""
+    r"""Return the acceleration with its positive part weakened.
+
+    Parameters
+    ----------
+    acceleration : float
+        Acceleration :math:`\dot v` (m/s²).
+    share : float
+        Magnitude :math:`\gamma`.
+
+    Returns
+    -------
+    float
+        :math:`(1-\gamma)\dot v` where positive, else :math:`\dot v` (m/s²).
+    """
     return acceleration * (1.0 - share) if acceleration > 0.0 else acceleration
 
 
@@ -21,7 +36,7 @@ EFFECT = Effect(
     name="acceleration_asymmetry",
     summary="accelerates more weakly than it brakes",
     parameters=(Parameter("gamma", "1", slots.ASYMMETRY, -0.9, 0.9, 0.3),),
-    must_see=(),
+    required_stimuli=(),
     confusable_with=("lane_change_relaxation", "hysteresis", "perception_threshold"),
     source="Newell (1965); Yeo and Skabardonis (2009), Understanding stop-and-go traffic",
 )

@@ -1,8 +1,9 @@
-r"""Drivers are not smooth: their acceleration wanders.
+r"""Correlated noise: the acceleration varies at random.
 
 .. math:: d\eta = -\eta\,dt/\tau + \sigma\sqrt{2/\tau}\,dW
 
-It explains no bias, so it is modelled (the covariance of the residuals, the noise of the null twins) and not named.
+The noise explains no bias. So a diagnosis models it (as the covariance of the residuals and the
+noise of the null replicates) and does not name it as a cause.
 """
 
 from __future__ import annotations
@@ -16,16 +17,37 @@ from idm_sumo.models.effects.record import Effect
 
 @njit(cache=True, error_model="numpy")
 def wander(value: float, normal: float, spread: float, memory: float, step: float) -> float:
-    r"""Return the noise (m/s²) ``step`` seconds later: the exact step of an Ornstein-Uhlenbeck process."""
+    r"""Return the noise one time step later.
+
+    The exact step of an Ornstein-Uhlenbeck process.
+
+    Parameters
+    ----------
+    value : float
+        Noise :math:`\eta` before the step (m/s²).
+    normal : float
+        A standard normal random draw.
+    spread : float
+        Standard deviation :math:`\sigma` (m/s²).
+    memory : float
+        Correlation time :math:`\tau` (s).
+    step : float
+        Time step (s).
+
+    Returns
+    -------
+    float
+        Noise after the step (m/s²).
+    """
     kept = exp(-step / memory)
     return kept * value + spread * sqrt(1.0 - kept * kept) * normal
 
 
 EFFECT = Effect(
     name="correlated_noise",
-    summary="acceleration wanders, without any bias",
+    summary="acceleration varies at random, without any bias",
     parameters=(),
-    must_see=(),
+    required_stimuli=(),
     confusable_with=(),
     source="Treiber, Kesting and Helbing (2006), Physica A 360",
     sumo="EIDM's sigmaerror, sigmagap, sigmaleader",

@@ -1,4 +1,7 @@
-"""The IDM, or another law in its place, with named causes, kept in a file that replay, export and interactive read."""
+"""A car-following law with named causes, kept in a file.
+
+Replay, export and closed loop read the file that a diagnosis writes.
+"""
 
 from __future__ import annotations
 
@@ -13,30 +16,30 @@ import numpy.typing as npt
 from idm_sumo.models import laws
 from idm_sumo.models.effects import slots
 from idm_sumo.models.effects.catalogue import BY_NAME
-from idm_sumo.models.effects.record import in_words
+from idm_sumo.models.effects.record import format_quantity
 from idm_sumo.models.idm import IDMParameters
 from idm_sumo.roads import road
 from idm_sumo.runtime.errors import InputError
 
 FORMAT = "idm-sumo extended model 1"
-LANES = 8  # lane numbers of a recording
-GOLDEN = (5**0.5 - 1.0) / 2.0  # multiples of it leave remainders that fill the unit interval evenly
+LANES = 8  # largest lane number of a recording
+GOLDEN = (5**0.5 - 1.0) / 2.0  # golden ratio; fractional parts of its multiples fill the unit interval evenly
 
 
 @dataclass(frozen=True)
 class Cause:
-    """A named cause with its magnitudes.
+    """An effect that was found, with its magnitudes.
 
     Attributes
     ----------
     name : str
-        The catalogue's spelling.
+        Name in the catalogue.
     values : dict of str to float
-        By symbol; a symbol left out takes its typical value.
+        Parameters by symbol; a symbol left out takes its typical value.
     lanes : tuple of int
         The lanes in which it acts; empty for all.
     share : float
-        Of the drivers, that have it.
+        Share of the drivers that have it.
     """
 
     name: str
@@ -45,30 +48,42 @@ class Cause:
     share: float = 1.0
 
     def fill(self, m: npt.NDArray[np.float64]) -> None:
-        """Write the values into a vector of magnitudes."""
+        """Write the values into a vector of magnitudes.
+
+        Parameters
+        ----------
+        m : float64, shape (slots.COUNT,)
+            Changed in place.
+        """
         for parameter in BY_NAME[self.name].named_by(self.values):
             m[parameter.slot] = self.values.get(parameter.symbol, parameter.typical)
 
 
 @dataclass(frozen=True)
 class ExtendedModel:
-    """The base parameters and the causes that were named.
+    """A car-following law, its parameters and the causes found.
 
     Attributes
     ----------
     parameters : IDMParameters
         Of the median driver, refitted with the causes.
     desired_speed : float
-        m/s.
+        Desired speed (m/s).
     causes : tuple of Cause
+        The named causes.
     source : str
         The recording it was found in.
     law : str
-        The car-following that the causes are beyond: of :data:`idm_sumo.models.laws.NAMES`, to which the parameters belong.
+        The car-following law, of :data:`idm_sumo.models.laws.NAMES`, to which the parameters belong.
     reaction : float
-        s, in which drivers of Krauss's law reach their safe speed.
+        Time within which drivers of Krauss's law reach their safe speed (s).
     drivers : str
-        Name of the table of each driver's own parameters, refitted with the causes, beside the model's file; empty if there is none.
+        Name of the table of each driver's own parameters, refitted with the causes, beside the model's file;
+        empty if there is none.
+
+    See Also
+    --------
+    idm_sumo.models.effects.extended_acceleration : the acceleration of a driver of the model.
     """
 
     parameters: IDMParameters
@@ -81,24 +96,55 @@ class ExtendedModel:
 
     @property
     def is_idm(self) -> bool:
-        """Whether the law is the IDM, whose parameters `calibrate` and `predict` give."""
+        """Whether the law is the IDM."""
         return self.law == laws.NAMES[laws.IDM]
 
     @property
     def share(self) -> float:
-        """Of the drivers, that have what only some have; 1 if all have every cause."""
+        """Share of the drivers that have every cause."""
         return min((cause.share for cause in self.causes), default=1.0)
 
-    def of_others(self) -> ExtendedModel:
-        """Return the model of the drivers without what only some have."""
+    def without_partial_causes(self) -> ExtendedModel:
+        """Return the model of drivers without the causes of some.
+
+        Returns
+        -------
+        ExtendedModel
+            With those causes only that all drivers have.
+        """
         return replace(self, causes=tuple(cause for cause in self.causes if cause.share == 1.0))
 
-    def who_has(self, vehicles: npt.ArrayLike) -> npt.NDArray[np.bool_]:
-        """Return which of the numbered vehicles are taken to have what only some have, where nobody knows: always the same, evenly spread."""
+    def has_partial_causes(self, vehicles: npt.ArrayLike) -> npt.NDArray[np.bool_]:
+        """Return which vehicles are assumed to have every cause.
+
+        For use where no table says which drivers have them. The choice depends on the number only and is
+        spread evenly: multiples of the golden ratio fill the unit interval evenly.
+
+        Parameters
+        ----------
+        vehicles : array_like
+            Vehicle numbers.
+
+        Returns
+        -------
+        bool array, shape of ``vehicles``
+            True for about the share of the model.
+        """
         return np.asarray(np.modf(np.asarray(vehicles, dtype=np.float64) * GOLDEN)[0] < self.share)
 
     def magnitudes(self, lane: int = 0) -> npt.NDArray[np.float64]:
-        """Return the flat vector of magnitudes in a lane, shape ``(slots.COUNT,)``, of who has every cause; 0 ignores the causes' lanes."""
+        """Return the vector of magnitudes in a lane.
+
+        Parameters
+        ----------
+        lane : int
+            Lane number; 0 ignores the lanes of the causes.
+
+        Returns
+        -------
+        float64, shape (slots.COUNT,)
+            Of a driver with every cause.
+        """
         m = np.zeros(slots.COUNT)
         m[slots.LAW], m[slots.REACTION_CHANGE] = laws.NAMES.index(self.law), self.reaction - laws.REACTION
         for cause in self.causes:
@@ -107,11 +153,23 @@ class ExtendedModel:
         return m
 
     def magnitudes_by_lane(self) -> npt.NDArray[np.float64]:
-        """Return the magnitudes for each lane number, shape ``(9, slots.COUNT)``; row 0 is without any lane limit."""
+        """Return the magnitudes for each lane number.
+
+        Returns
+        -------
+        float64, shape (LANES + 1, slots.COUNT)
+            Row 0 ignores the lanes of the causes.
+        """
         return np.stack([self.magnitudes(lane) for lane in range(LANES + 1)])
 
     def to_json(self) -> str:
-        """Return the model as text."""
+        """Return the model as text.
+
+        Returns
+        -------
+        str
+            JSON of the format ``FORMAT``.
+        """
         causes = [
             {
                 "name": cause.name,
@@ -126,7 +184,8 @@ class ExtendedModel:
         ]
         base = {**self.parameters._asdict(), "desired_speed": self.desired_speed}
         whole = {
-            "format": FORMAT, "source": self.source, "law": self.law, "reaction": self.reaction, "base": base, "causes": causes,
+            "format": FORMAT, "source": self.source, "law": self.law, "reaction": self.reaction,
+            "base": base, "causes": causes,
             "drivers": self.drivers,
         }  # fmt: skip
         return json.dumps(whole, indent=2) + "\n"
@@ -135,16 +194,28 @@ class ExtendedModel:
     def from_json(cls, text: str, *, name: str = "extended model") -> ExtendedModel:
         """Return the model of a text.
 
+        Parameters
+        ----------
+        text : str
+            JSON as :meth:`to_json` writes it.
+        name : str
+            Name of the file, for messages.
+
+        Returns
+        -------
+        ExtendedModel
+            The model.
+
         Raises
         ------
         InputError
-            If it is no such text, or names a cause or symbol that is unknown.
+            If the text has another format, or names an unknown cause or symbol, or a value is out of its bounds.
         """
         try:
             whole = json.loads(text)
             if whole["format"] != FORMAT:
                 raise InputError(
-                    f"{name}: format is {whole['format']!r}, not {FORMAT!r}; write it anew with `diagnose`"
+                    f"{name}: format is {whole['format']!r}, not {FORMAT!r}; write it again with `diagnose`"
                 )
             base = dict(whole["base"])
             limit = float(base.pop("desired_speed"))
@@ -161,10 +232,16 @@ class ExtendedModel:
         except InputError:
             raise
         except (KeyError, TypeError, ValueError) as error:
-            raise InputError(f"{name}: is no extended model ({error}); give the file that `diagnose` wrote") from None
+            raise InputError(f"{name}: not an extended model ({error}); give the file that `diagnose` wrote") from None
 
     def write(self, path: str | os.PathLike[str]) -> None:
-        """Write the model beside, then move it into place."""
+        """Write the model to a file, atomically.
+
+        Parameters
+        ----------
+        path : path-like
+            File to write; replaced if it exists.
+        """
         path = Path(path)
         beside = path.with_name(f".{path.name}.{os.getpid()}")
         beside.write_text(self.to_json(), encoding="utf-8")
@@ -172,12 +249,22 @@ class ExtendedModel:
 
     @classmethod
     def read(cls, path: str | os.PathLike[str]) -> ExtendedModel:
-        """Read a model.
+        """Read a model from a file.
+
+        Parameters
+        ----------
+        path : path-like
+            File that `diagnose` wrote.
+
+        Returns
+        -------
+        ExtendedModel
+            The model.
 
         Raises
         ------
         InputError
-            If the file is absent or is no extended model.
+            If the file cannot be read or is no extended model.
         """
         try:
             return cls.from_json(Path(path).read_text(encoding="utf-8"), name=str(path))
@@ -186,11 +273,11 @@ class ExtendedModel:
 
 
 def _cause(entry: dict[str, object], name: str) -> Cause:
-    """Return one cause of a file, its symbols checked."""
+    """Return one cause of a file after checking its symbols."""
     label = str(entry["name"])
     if label not in BY_NAME:
         raise InputError(f"{name}: cause {label!r} is unknown; use one of {', '.join(BY_NAME)}")
-    known = {p.symbol: p for p in BY_NAME[label].every}
+    known = {p.symbol: p for p in BY_NAME[label].all_parameters}
     given = entry["parameters"]
     if not isinstance(given, dict) or not set(given) <= set(known):
         raise InputError(f"{name}: cause {label!r} has the parameters {', '.join(sorted(known))}, not {given!r}")
@@ -199,7 +286,8 @@ def _cause(entry: dict[str, object], name: str) -> Cause:
         p = known[symbol]
         if not p.lower <= value <= p.upper:
             raise InputError(
-                f"{name}: cause {label!r}: {symbol} = {in_words(value, p.unit, 6)}; give it from {p.lower:g} to {p.upper:g}"
+                f"{name}: cause {label!r}: {symbol} = {format_quantity(value, p.unit, 6)}; "
+                f"give it from {p.lower:g} to {p.upper:g}"
             )
     share = float(entry.get("share", 1.0))  # type: ignore[arg-type]
     if not 0.0 < share <= 1.0:

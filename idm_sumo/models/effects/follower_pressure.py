@@ -1,4 +1,4 @@
-r"""Pressed from behind: a close follower makes the driver accelerate.
+r"""Follower pressure: a close follower makes the driver accelerate.
 
 .. math:: \dot v \to \dot v + c\,\max\big(0, 1 - d_{rear}/15\,\text{m}\big)
 """
@@ -10,12 +10,25 @@ from numba import njit
 from idm_sumo.models.effects import slots
 from idm_sumo.models.effects.record import Effect, Parameter
 
-REACH = 15.0  # m
+REACH = 15.0  # m, rear gap from which on there is no pressure
 
 
 @njit(cache=True, error_model="numpy")
 def pressed(rear_gap: float, strength: float) -> float:
-    r"""Return :math:`c\max(0, 1-d_{rear}/15)` (m/s²); nothing without a follower (infinite or NaN)."""
+    r"""Return the acceleration due to a close follower.
+
+    Parameters
+    ----------
+    rear_gap : float
+        Own rear bumper to the follower's front (m); infinite or NaN without a follower.
+    strength : float
+        Magnitude :math:`c` (m/s²).
+
+    Returns
+    -------
+    float
+        :math:`c\max(0, 1-d_{rear}/15)` (m/s²), zero without a follower.
+    """
     return strength * min(1.0 - rear_gap / REACH, 1.0) if rear_gap < REACH else 0.0
 
 
@@ -23,7 +36,7 @@ EFFECT = Effect(
     name="follower_pressure",
     summary="accelerates when pressed from behind",
     parameters=(Parameter("c", "m/s^2", slots.PRESSURE, -1.0, 1.5, 0.3),),
-    must_see=("rear_gap",),
+    required_stimuli=("rear_gap",),
     confusable_with=("location", "courtesy_yielding"),
     source="Herman, Montroll, Potts and Rothery (1959), backward-looking drivers",
 )

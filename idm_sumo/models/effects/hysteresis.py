@@ -1,9 +1,9 @@
-r"""Hysteresis: larger gaps while the leader accelerates than while it brakes.
+r"""Hysteresis: gaps are larger while the leader accelerates.
 
 .. math:: T \to T\big(1 + h \tanh(\dot v_l / 0.5\,\text{m/s}^2)\big)
 
-with :math:`\dot v_l` the leader's acceleration of the moment, or (:math:`\phi = 1`) its mean of the last three seconds: who has seen that
-traffic speeds up.
+Here :math:`\dot v_l` is the leader's present acceleration or, with :math:`\phi = 1`, its mean over
+the last three seconds.
 """
 
 from __future__ import annotations
@@ -16,14 +16,27 @@ from idm_sumo.models.effects import slots
 from idm_sumo.models.effects.record import Effect, Parameter
 from idm_sumo.roads.road import FRAME_STEP
 
-SATURATION = 0.5  # m/s^2
-OF_LATE = 3.0  # s, of the mean acceleration
+SATURATION = 0.5  # m/s^2, acceleration of the leader at which the hyperbolic tangent bends
+OF_LATE = 3.0  # s, over which the leader's acceleration is averaged
 LATELY = round(OF_LATE / FRAME_STEP)  # the same in frames
 
 
 @njit(cache=True, error_model="numpy")
 def in_phase(leader_acceleration: float, share: float) -> float:
-    r"""Return :math:`1+h\tanh(\dot v_l/0.5)`: a factor of the time headway."""
+    r"""Return the factor of the time headway.
+
+    Parameters
+    ----------
+    leader_acceleration : float
+        Acceleration of the leader :math:`\dot v_l` (m/s²).
+    share : float
+        Magnitude :math:`h`.
+
+    Returns
+    -------
+    float
+        :math:`1+h\tanh(\dot v_l/0.5)`.
+    """
     return 1.0 + share * tanh(leader_acceleration / SATURATION) if share != 0.0 else 1.0
 
 
@@ -34,7 +47,7 @@ EFFECT = Effect(
         Parameter("h", "1", slots.HYSTERESIS, -0.8, 0.8, 0.12),
         Parameter("phi", "1", slots.HYSTERESIS_OF_LATE, 0.0, 1.0, 0.0),
     ),
-    must_see=("leader_acceleration", "leader_acceleration_of_late"),
+    required_stimuli=("leader_acceleration", "leader_acceleration_mean"),
     confusable_with=("reaction_delay", "multi_leader_anticipation", "perception_threshold"),
     source="Treiterer and Myers (1974); Chen, Laval, Zheng and Ahn (2012), Transportation Research B 46",
 )

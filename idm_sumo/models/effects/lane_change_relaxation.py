@@ -1,17 +1,17 @@
-r"""Relaxation: after a leader change that shortened the gap, the driver accepts it and recovers slowly.
+r"""Relaxation: a driver accepts a shortened gap and recovers slowly.
 
 .. math:: d \to d + \kappa\, J\, e^{-t_c/\tau_r}
 
-with :math:`J` the shortening (m) at the last leader change and :math:`t_c` the time since. Or no more of it is overlooked than the gap is
-short of the driver's own headway (:math:`\chi = 1`):
+Here :math:`J` is the shortening (m) at the last change of leader and :math:`t_c` the time since.
+With :math:`\chi = 1` the credit is limited by what the gap lacks of the driver's own headway:
 
 .. math:: d \to d + \min(\kappa\, J\, e^{-t_c/\tau_r},\, \min(1,\, \kappa\, e^{-t_c/\tau_r})\, v \max(0,\, T - T_c))
 
-Or the time headway is what is accepted (:math:`\phi = 1`), and returns from that to the driver's own:
+With :math:`\phi = 1` the driver accepts the time headway and returns from it to its own:
 
 .. math:: T \to T - \kappa\, e^{-t_c/\tau_r} \max(0,\, T - T_c)
 
-with :math:`T_c` the headway right after the change.
+Here :math:`T_c` is the headway right after the change.
 """
 
 from __future__ import annotations
@@ -24,13 +24,30 @@ from numba import njit
 from idm_sumo.models.effects import slots
 from idm_sumo.models.effects.record import Effect, Parameter
 
-LARGEST_JUMP = 40.0  # m; more is a new leader far behind a vanished one, not a gap accepted
-STANDING, SLOWEST = 2.0, 2.0  # m, of a gap, that are no headway; m/s, below which there is none
+LARGEST_JUMP = 40.0  # m; a larger one comes from a leader that vanished, not from an accepted gap
+STANDING, SLOWEST = 2.0, 2.0  # m, part of the gap kept at standstill; m/s, least speed of a time headway
 
 
 @njit(cache=True, error_model="numpy")
 def gap_credit(jump: float, since: float, share: float, recovery: float) -> float:
-    r"""Return :math:`\kappa J e^{-t_c/\tau_r}` (m); zero without a change that shortened the gap."""
+    r"""Return the length that is added to the gap.
+
+    Parameters
+    ----------
+    jump : float
+        Shortening of the gap at the change :math:`J` (m); NaN without a change.
+    since : float
+        Time since the change :math:`t_c` (s).
+    share : float
+        Magnitude :math:`\kappa`.
+    recovery : float
+        Relaxation time :math:`\tau_r` (s).
+
+    Returns
+    -------
+    float
+        :math:`\kappa J e^{-t_c/\tau_r}` (m), zero without a change that shortened the gap.
+    """
     if share == 0.0 or not jump > 0.0:
         return 0.0
     return share * min(jump, LARGEST_JUMP) * exp(-since / recovery)
@@ -38,7 +55,24 @@ def gap_credit(jump: float, since: float, share: float, recovery: float) -> floa
 
 @njit(cache=True, error_model="numpy")
 def headway_given_up(jump: float, since: float, share: float, recovery: float) -> float:
-    r"""Return :math:`\kappa e^{-t_c/\tau_r}`: the share of what the accepted headway lacks; zero without such a change."""
+    r"""Return the share of the headway's shortage that is accepted.
+
+    Parameters
+    ----------
+    jump : float
+        Shortening of the gap at the change (m); NaN without a change.
+    since : float
+        Time since the change :math:`t_c` (s).
+    share : float
+        Magnitude :math:`\kappa`.
+    recovery : float
+        Relaxation time :math:`\tau_r` (s).
+
+    Returns
+    -------
+    float
+        :math:`\min(1, \kappa e^{-t_c/\tau_r})`, zero without a change that shortened the gap.
+    """
     if share == 0.0 or not jump > 0.0:
         return 0.0
     return min(share * exp(-since / recovery), 1.0)
@@ -46,13 +80,43 @@ def headway_given_up(jump: float, since: float, share: float, recovery: float) -
 
 @njit(cache=True, error_model="numpy", forceinline=True)
 def within_shortage(credit, limited, lacking, speed):  # type: ignore[no-untyped-def]
-    """Return the gap credit (m), no more than a share ``limited``, if positive, of what a headway ``lacking`` (s) is in m."""
+    """Return the gap credit, limited by the shortage of headway.
+
+    Parameters
+    ----------
+    credit : float
+        :func:`gap_credit` (m).
+    limited : float
+        Share of the shortage that is the limit; not positive for no limit.
+    lacking : float
+        Shortage of the time headway (s).
+    speed : float
+        Own speed (m/s).
+
+    Returns
+    -------
+    float
+        Credit (m).
+    """
     return min(credit, limited * lacking * speed) if limited > 0.0 else credit
 
 
 @njit(cache=True, error_model="numpy")
 def headway_after(gap, speed):  # type: ignore[no-untyped-def]
-    """Return the time headway (s) at a gap (m) and speed (m/s), of a leader change."""
+    """Return the time headway right after a change of leader.
+
+    Parameters
+    ----------
+    gap : float or float64 array
+        New gap (m).
+    speed : float or float64 array
+        Own speed (m/s).
+
+    Returns
+    -------
+    float or float64 array
+        Time headway (s), from the gap without ``STANDING`` and at least the speed ``SLOWEST``.
+    """
     return np.maximum(gap - STANDING, 0.0) / np.maximum(speed, SLOWEST)
 
 
@@ -65,8 +129,8 @@ EFFECT = Effect(
         Parameter("phi", "1", slots.HEADWAY_ACCEPTED, 0.0, 1.0, 0.0),
         Parameter("chi", "1", slots.CREDIT_LIMITED, 0.0, 1.0, 0.0),
     ),
-    must_see=("jump", "since_change", "accepted_headway"),
+    required_stimuli=("jump", "since_change", "accepted_headway"),
     confusable_with=("location", "acceleration_asymmetry", "pre_insertion"),
-    source="Schmidt-Coffaro (2009); Laval and Leclercq (2008), Transportation Research B 42; of the headway: Schakel, Knoop and "
-    "van Arem (2012), Transportation Research Record 2316",
+    source="Schmidt-Coffaro (2009); Laval and Leclercq (2008), Transportation Research B 42; "
+    "of the headway: Schakel, Knoop and van Arem (2012), Transportation Research Record 2316",
 )

@@ -1,6 +1,7 @@
-"""Errors of the measurement that look like behaviour: seams between cameras, stops, lengths, smoothing.
+"""Errors of the measurement that look like behaviour.
 
-Not behaviour, so it has no place in the acceleration; :mod:`idm_sumo.diagnosis` tests for it first.
+Examples are camera seams, stops, vehicle lengths and smoothing. They have no term in the
+acceleration; :mod:`idm_sumo.diagnosis` tests for them first.
 """
 
 from __future__ import annotations
@@ -11,7 +12,7 @@ EFFECT = Effect(
     name="measurement_artefact",
     summary="errors of the measurement, fixed to places, stops or lengths",
     parameters=(),
-    must_see=("x",),
+    required_stimuli=("x",),
     confusable_with=("location", "multi_leader_anticipation", "leader_class"),
     source="Montanino and Punzo (2015); Coifman and Li (2017), A critical evaluation of NGSIM",
 )

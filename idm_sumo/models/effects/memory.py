@@ -2,7 +2,7 @@ r"""Memory, or resignation: the time headway grows in long jams.
 
 .. math:: T \to T\big(1 + m\,(1 - \bar v / v_0)\big)
 
-with :math:`\bar v` the driver's running mean of speed (600 s; a section shows far less of it).
+Here :math:`\bar v` is the running mean of the own speed over up to 600 s; a short section shows far less.
 """
 
 from __future__ import annotations
@@ -15,7 +15,22 @@ from idm_sumo.models.effects.record import Effect, Parameter
 
 @njit(cache=True, error_model="numpy")
 def resigned(mean_speed: float, desired_speed: float, share: float) -> float:
-    r"""Return :math:`1+m(1-\bar v/v_0)`: a factor of the time headway."""
+    r"""Return the factor of the time headway.
+
+    Parameters
+    ----------
+    mean_speed : float
+        Running mean of the own speed :math:`\bar v` (m/s).
+    desired_speed : float
+        Desired speed :math:`v_0` (m/s).
+    share : float
+        Magnitude :math:`m`.
+
+    Returns
+    -------
+    float
+        :math:`1+m\max(0, 1-\bar v/v_0)`.
+    """
     return 1.0 + share * max(0.0, 1.0 - mean_speed / desired_speed) if share != 0.0 else 1.0
 
 
@@ -23,7 +38,7 @@ EFFECT = Effect(
     name="memory",
     summary="keeps larger headways after a long time in a jam",
     parameters=(Parameter("m", "1", slots.MEMORY, 0.0, 2.0, 0.4),),
-    must_see=("mean_speed",),
+    required_stimuli=("mean_speed",),
     confusable_with=("time_of_day", "speed_dependent_headway"),
     source="Treiber and Helbing (2003), Physical Review E 68, 046119",
 )

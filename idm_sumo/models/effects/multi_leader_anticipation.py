@@ -1,10 +1,11 @@
-r"""Anticipation: part of the interaction is with the second leader.
+r"""Multi-leader anticipation: a driver reacts to the second leader, too.
 
 .. math:: \Big(\frac{d^*}{d}\Big)^2 \to (1-w)\Big(\frac{d^*}{d}\Big)^2
           + w\Big(\frac{d^*(v, v-v_2)}{d_2/2}\Big)^2
 
-with :math:`d_2` the free space up to the second leader, the first leader's length taken out; in a homogeneous
-platoon :math:`d_2 = 2d`, so that the equilibrium stays. Or of the second leader the speed alone counts (:math:`\phi = 1`):
+Here :math:`d_2` is the free space up to the second leader without the first leader's length. In a
+homogeneous platoon :math:`d_2 = 2d`, so the equilibrium is unchanged. With :math:`\phi = 1` only
+the second leader's speed counts:
 
 .. math:: \Delta v \to (1-w)\,\Delta v + w\,(v - v_2)
 """
@@ -19,13 +20,39 @@ from idm_sumo.models.effects.record import Effect, Parameter
 
 @njit(cache=True, error_model="numpy")
 def shared_interaction(first: float, second: float, weight: float) -> float:
-    r"""Return :math:`(1-w)\,i_1 + w\,i_2`, the shared squared ratio of wanted to kept gap."""
+    r"""Return the interaction with two leaders.
+
+    Parameters
+    ----------
+    first, second : float
+        Squared ratios of desired to present gap, for the first and the second leader.
+    weight : float
+        Magnitude :math:`w`.
+
+    Returns
+    -------
+    float
+        :math:`(1-w)\,i_1 + w\,i_2`.
+    """
     return (1.0 - weight) * first + weight * second
 
 
 @njit(cache=True, error_model="numpy")
 def shared_rate(first: float, second: float, weight: float) -> float:
-    r"""Return :math:`(1-w)\,\Delta v + w\,(v-v_2)`, the shared approach rate (m/s)."""
+    r"""Return the approach rate to two leaders.
+
+    Parameters
+    ----------
+    first, second : float
+        Approach rates to the first and the second leader (m/s).
+    weight : float
+        Magnitude :math:`w`.
+
+    Returns
+    -------
+    float
+        :math:`(1-w)\,\Delta v + w\,(v-v_2)` (m/s).
+    """
     return first + weight * (second - first)
 
 
@@ -36,8 +63,9 @@ EFFECT = Effect(
         Parameter("w", "1", slots.SECOND_LEADER, 0.0, 0.9, 0.2),
         Parameter("phi", "1", slots.SECOND_SPEED_ONLY, 0.0, 1.0, 0.0),
     ),
-    must_see=("second_gap", "second_speed"),
+    required_stimuli=("second_gap", "second_speed"),
     confusable_with=("measurement_artefact", "reaction_delay", "correlated_noise"),
-    source="Treiber, Kesting and Helbing (2006), Physica A 360; of speeds: Hoogendoorn and Ossen (2006), IFAC Proceedings 39",
+    source="Treiber, Kesting and Helbing (2006), Physica A 360; "
+    "of speeds: Hoogendoorn and Ossen (2006), IFAC Proceedings 39",
     sumo="EIDM's maxvehpreview",
 )

@@ -1,8 +1,8 @@
-r"""Before the own lane change the driver lets the gap grow (or shrink).
+r"""Pre-insertion: a driver adapts its gap before its lane change.
 
 .. math:: T \to T(1+c) \quad\text{in the 5 s before the own lane change}
 
-or brakes a little (or accelerates):
+In the alternative form it brakes a little, or accelerates:
 
 .. math:: \dot v \to \dot v - \beta \quad\text{in the 3 s before}
 """
@@ -18,7 +18,20 @@ from idm_sumo.models.effects.record import Effect, Parameter
 
 @njit(cache=True, error_model="numpy")
 def before_own_change(until: float, share: float) -> float:
-    r"""Return :math:`1+c` in the five seconds before, else 1: a factor of the time headway."""
+    """Return the time headway's factor before a lane change.
+
+    Parameters
+    ----------
+    until : float
+        Time until the own lane change (s); NaN for none.
+    share : float
+        Magnitude :math:`c`.
+
+    Returns
+    -------
+    float
+        :math:`1+c` in the five seconds before, else 1.
+    """
     return before_cut_in(until, share)
 
 
@@ -26,8 +39,8 @@ EFFECT = Effect(
     name="pre_insertion",
     summary="opens or closes the gap before its own lane change",
     parameters=(Parameter("c", "1", slots.PRE_INSERTION, -0.8, 3.0, 0.4),),
-    instead=Parameter("beta", "m/s^2", slots.PRE_INSERTION_BRAKING, -1.5, 1.5, 0.3),
-    must_see=("until_own_change",),
+    alternative=Parameter("beta", "m/s^2", slots.PRE_INSERTION_BRAKING, -1.5, 1.5, 0.3),
+    required_stimuli=("until_own_change",),
     confusable_with=("lane_change_relaxation", "courtesy_yielding"),
     source="Zheng, Ahn, Chen and Laval (2013), The effects of lane-changing on the immediate follower",
     hindsight=True,

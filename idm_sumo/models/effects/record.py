@@ -1,4 +1,4 @@
-"""What is known of an effect before any data is seen: :class:`Effect` and its :class:`Parameter`."""
+"""The record of an effect, and of its parameters."""
 
 from __future__ import annotations
 
@@ -10,24 +10,42 @@ import numpy as np
 import numpy.typing as npt
 
 
-def in_words(value: float, unit: str, digits: int = 3) -> str:
-    """Return a number to some digits with its unit, none where that is 1, and "per 10 m/s" where it is "1 per 10 m/s"."""
+def format_quantity(value: float, unit: str, digits: int = 3) -> str:
+    """Format a number with its unit.
+
+    A unit of 1 is not shown, and "1 per 10 m/s" is written "per 10 m/s".
+
+    Parameters
+    ----------
+    value : float
+        Number.
+    unit : str
+        Unit as in :class:`Parameter`.
+    digits : int
+        Significant digits.
+
+    Returns
+    -------
+    str
+        Text such as ``0.4 s``.
+    """
     said = "" if unit in ("1", "number") else unit.removeprefix("1 ")
     return f"{value:.{digits}g} {said}".rstrip()
 
 
 class Parameter(NamedTuple):
-    """One number of an effect.
+    """One parameter of an effect.
 
     Attributes
     ----------
     symbol, unit : str
+        Spelling in files; ``1`` for a number without unit.
     slot : int
-        Its place in the flat vector of magnitudes (:mod:`idm_sumo.models.effects.slots`).
+        Position in the flat vector of magnitudes (:mod:`idm_sumo.models.effects.slots`).
     lower, upper : float
         Bounds of every fit.
     typical : float
-        A size met in the literature; also the step of a secant.
+        A value met in the literature; also the step of numerical derivatives.
     """
 
     symbol: str
@@ -39,57 +57,80 @@ class Parameter(NamedTuple):
 
     @property
     def is_share(self) -> bool:
-        """Whether it is a share, of a time headway for a place or a time, and no acceleration."""
+        """Whether it is a share rather than an acceleration."""
         return self.unit == "1"
 
 
 @dataclass(frozen=True)
 class Effect:
-    """One thing that drivers do beyond the IDM.
+    """A deviation of drivers from the IDM.
 
     Attributes
     ----------
     name : str
-        The catalogue's spelling.
+        Name in the catalogue.
     summary : str
         What the driver does, in a few words.
     parameters : tuple of Parameter
-        The first is the magnitude: at zero the effect is not there. Empty for what is not behaviour.
-    instead : Parameter or None
-        A magnitude of another kind, which may act in place of the first.
-    must_see : tuple of str
-        Fields of :class:`~idm_sumo.models.effects.acceleration.Sight` (beside gap and leader's speed) that a
-        recording must show for the effect to be testable.
+        The first is the magnitude; at zero the effect is absent. Empty for what is not behaviour.
+    required_stimuli : tuple of str
+        Fields of :class:`~idm_sumo.models.effects.acceleration.Stimuli`, beside gap and the leader's speed,
+        that a recording must hold for the effect to be testable.
     confusable_with : tuple of str
-        Catalogue names.
+        Names of effects that look alike.
     source : str
-    hindsight : bool
-        Whether it rests on what comes later in the recording: a replay can have it, a forecast cannot.
+        Literature.
     sumo : str or None
-        How plain SUMO can express it; None where only the Python-driven loop can.
+        How plain SUMO can express it; None where only the loop driven from Python can.
+    hindsight : bool
+        Whether it depends on what comes later in the recording. Then a replay can use it, a forecast cannot.
+    alternative : Parameter or None
+        A magnitude of another kind, which may act in place of the first.
     """
 
     name: str
     summary: str
     parameters: tuple[Parameter, ...]
-    must_see: tuple[str, ...]
+    required_stimuli: tuple[str, ...]
     confusable_with: tuple[str, ...]
     source: str
     sumo: str | None = None
     hindsight: bool = False
-    instead: Parameter | None = None
+    alternative: Parameter | None = None
 
     @property
-    def every(self) -> tuple[Parameter, ...]:
-        """All parameters, of whatever form."""
-        return self.parameters if self.instead is None else (*self.parameters, self.instead)
+    def all_parameters(self) -> tuple[Parameter, ...]:
+        """All parameters, of both forms."""
+        return self.parameters if self.alternative is None else (*self.parameters, self.alternative)
 
     def named_by(self, symbols: Container[str]) -> tuple[Parameter, ...]:
-        """Return the parameters of the form that some symbols speak of, its magnitude first."""
-        if self.instead is None or self.instead.symbol not in symbols:
+        """Return the parameters of the form that symbols name.
+
+        Parameters
+        ----------
+        symbols : container of str
+            Symbols of the parameters in use.
+
+        Returns
+        -------
+        tuple of Parameter
+            The magnitude first.
+        """
+        if self.alternative is None or self.alternative.symbol not in symbols:
             return self.parameters
-        return (self.instead, *self.parameters[1:])
+        return (self.alternative, *self.parameters[1:])
 
     def acting(self, m: npt.NDArray[np.float64]) -> tuple[Parameter, ...]:
-        """Return the parameters of the form that acts in a vector of magnitudes, its magnitude first."""
-        return self.named_by({p.symbol for p in self.every if m[p.slot] != 0.0})
+        """Return the parameters of the form that is active.
+
+        Parameters
+        ----------
+        m : float64, shape (slots.COUNT,)
+            Magnitudes of the effects.
+
+        Returns
+        -------
+        tuple of Parameter
+            The magnitude first.
+        """
+        return self.named_by({p.symbol for p in self.all_parameters if m[p.slot] != 0.0})

@@ -1,4 +1,4 @@
-"""The flat vector of magnitudes: which number stands where. All zero is exactly the plain IDM."""
+"""Positions in the vector of magnitudes; zeros are the IDM."""
 
 DELAY = 0  # s
 SECOND_LEADER = 1  # 1
@@ -35,8 +35,8 @@ FRICTION_NEXT = 31  # 1
 HYSTERESIS_OF_LATE = 32  # 1
 COURTESY_BRAKING = 33  # m/s^2
 PRE_INSERTION_BRAKING = 34  # m/s^2
-LAW = 35  # number of the car-following law, of `idm_sumo.models.laws`
-REACTION_CHANGE = 36  # s, by which a safe speed is reached later than within `idm_sumo.models.laws.REACTION`
+LAW = 35  # number of the car-following law in `idm_sumo.models.laws`
+REACTION_CHANGE = 36  # s, added to `idm_sumo.models.laws.REACTION`
 LEADER_CLASS_DISTANCE = 37  # m
 OWN_SPEED_IN_RATE = 38  # 1
 CREDIT_LIMITED = 39  # 1
@@ -44,8 +44,8 @@ DESIRED_SPEED_ACROSS = 40  # number of lanes, 0 where all are alike
 
 COUNT = 41
 
-# What depends on who and what is around a driver, or when: with all of these zero one moment is like another.
+# Effects that depend on the surroundings or the time. With all of these zero the terms are the same at every moment.
 OF_SURROUNDINGS = (
-    SECOND_LEADER, RELAXATION, LEADER_CLASS, LEADER_CLASS_DISTANCE, HYSTERESIS, FRICTION, PERIOD, PERIOD_DRIFT, DESIRED_SPEED,
-    OWN_CLASS, MEMORY, COURTESY, COURTESY_BRAKING, PRE_INSERTION, PRE_INSERTION_BRAKING,
+    SECOND_LEADER, RELAXATION, LEADER_CLASS, LEADER_CLASS_DISTANCE, HYSTERESIS, FRICTION, PERIOD, PERIOD_DRIFT,
+    DESIRED_SPEED, OWN_CLASS, MEMORY, COURTESY, COURTESY_BRAKING, PRE_INSERTION, PRE_INSERTION_BRAKING,
 )  # fmt: skip

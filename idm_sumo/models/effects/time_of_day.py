@@ -1,8 +1,8 @@
-r"""Time headway that differs in one interval of time, or drifts.
+r"""Time headway that differs in an interval, or drifts.
 
 .. math:: T \to T(1+\theta) \quad\text{for } t_1 \le t < t_2
 
-or drifts from the one time to the other, and stays there:
+In the alternative form it drifts from the first time to the second and then stays:
 
 .. math:: T \to T(1+\delta\,u), \qquad u = \min(\max(2\,\tfrac{t-t_1}{t_2-t_1} - 1, -1), 1)
 """
@@ -17,13 +17,43 @@ from idm_sumo.models.effects.record import Effect, Parameter
 
 @njit(cache=True, error_model="numpy")
 def at_time(t: float, share: float, begin: float, end: float) -> float:
-    r"""Return :math:`1+\theta` between the two times (s), else 1: a factor of the time headway."""
+    r"""Return the factor of the time headway in an interval.
+
+    Parameters
+    ----------
+    t : float
+        Time since the first frame of the recording's period (s).
+    share : float
+        Magnitude :math:`\theta`.
+    begin, end : float
+        Begin and end of the interval (s).
+
+    Returns
+    -------
+    float
+        :math:`1+\theta` inside the interval, else 1.
+    """
     return 1.0 + share if begin <= t < end else 1.0
 
 
 @njit(cache=True, error_model="numpy")
 def drifted(t: float, drift: float, begin: float, end: float) -> float:
-    r"""Return :math:`1+\delta u`: a factor of the time headway, from :math:`1-\delta` to :math:`1+\delta` between the times (s)."""
+    r"""Return the factor of the time headway during a drift.
+
+    Parameters
+    ----------
+    t : float
+        Time since the first frame of the recording's period (s).
+    drift : float
+        Magnitude :math:`\delta`.
+    begin, end : float
+        Begin and end of the drift (s).
+
+    Returns
+    -------
+    float
+        :math:`1+\delta u`, from :math:`1-\delta` to :math:`1+\delta`.
+    """
     if drift == 0.0:
         return 1.0
     along = (t - begin) / max(end - begin, 1e-9)
@@ -32,14 +62,14 @@ def drifted(t: float, drift: float, begin: float, end: float) -> float:
 
 EFFECT = Effect(
     name="time_of_day",
-    summary="drives otherwise at another time of the recording",
+    summary="drives differently at another time of the recording",
     parameters=(
         Parameter("theta", "1", slots.PERIOD, -0.8, 2.0, 0.12),
         Parameter("t_1", "s", slots.PERIOD_BEGIN, -1e9, 1e9, 0.0),
         Parameter("t_2", "s", slots.PERIOD_END, -1e9, 1e9, 0.0),
     ),
-    instead=Parameter("delta", "1", slots.PERIOD_DRIFT, -0.8, 0.8, 0.12),
-    must_see=("t",),
+    alternative=Parameter("delta", "1", slots.PERIOD_DRIFT, -0.8, 0.8, 0.12),
+    required_stimuli=("t",),
     confusable_with=("memory", "speed_dependent_headway"),
     source="Treiber and Helbing (2003), Memory effects in microscopic traffic models",
     sumo="one vType a departure period",

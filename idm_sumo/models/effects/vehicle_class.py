@@ -14,15 +14,28 @@ from idm_sumo.recordings.columns import TRUCK
 
 @njit(cache=True, error_model="numpy")
 def of_truck(own_class: float, share: float) -> float:
-    r"""Return :math:`1+\theta` for a truck, else 1: a factor of the time headway."""
+    r"""Return the factor of the time headway of a vehicle.
+
+    Parameters
+    ----------
+    own_class : float
+        Own vehicle class; NaN if unknown.
+    share : float
+        Magnitude :math:`\theta`.
+
+    Returns
+    -------
+    float
+        :math:`1+\theta` for a truck, else 1.
+    """
     return 1.0 + share if own_class == TRUCK else 1.0
 
 
 EFFECT = Effect(
     name="vehicle_class",
-    summary="trucks drive otherwise themselves",
+    summary="trucks drive differently themselves",
     parameters=(Parameter("theta", "1", slots.OWN_CLASS, -0.8, 3.0, 0.3),),
-    must_see=("own_class",),
+    required_stimuli=("own_class",),
     confusable_with=("leader_class",),
     source="Ossen and Hoogendoorn (2011), Heterogeneity in car-following behavior, Transportation Research C 19",
     sumo="one vType a class",

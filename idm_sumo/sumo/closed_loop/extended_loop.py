@@ -91,9 +91,9 @@ class ModelDrivers:
     ) -> None:
         n = len(demand)
         self._place = {str(vehicle): i for i, vehicle in enumerate(demand[c.VEHICLE])}
-        has = model.who_has(demand[c.VEHICLE]) if has is None else has
+        has = model.has_partial_causes(demand[c.VEHICLE]) if has is None else has
         self._without = (~has).astype(np.int64)
-        self._magnitudes = np.stack([model.magnitudes_by_lane(), model.of_others().magnitudes_by_lane()])
+        self._magnitudes = np.stack([model.magnitudes_by_lane(), model.without_partial_causes().magnitudes_by_lane()])
         self._theta = np.ascontiguousarray(theta, dtype=np.float64)
         self._limit = np.full(n, desired_speed, dtype=np.float64)
         self._length = demand[d.LENGTH].fillna(road.CAR_LENGTH).to_numpy(dtype=np.float64)

@@ -81,7 +81,7 @@ def express(model: ExtendedModel, table: pd.DataFrame, theta: Floats, maximum_sp
     )
     none: list[dict[str, str]] = [{} for _ in theta]
     held = Expressed(theta.copy(), maximum_speed.copy(), none, () if model.is_idm else (no_idm,))
-    some = table[d.HAS].to_numpy(dtype=bool) if d.HAS in table else model.who_has(table[c.VEHICLE])
+    some = table[d.HAS].to_numpy(dtype=bool) if d.HAS in table else model.has_partial_causes(table[c.VEHICLE])
     for cause in model.causes:
         how = None if cause.lanes else _HOW.get(cause.name)
         if how is None:

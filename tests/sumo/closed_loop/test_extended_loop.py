@@ -80,7 +80,7 @@ def test_who_has_not_what_some_have_drives_without(tmp_path, recorded, plain) ->
         - plain[0][plain[0][c.X] > 450.0].groupby(c.VEHICLE)[c.FRAME].min()
     )
     first = last[last.index % 5 == 4].to_numpy()  # of each lane, who has nobody ahead
-    assert (first > 0).tolist() == ExtendedModel(TEXTBOOK, causes=(place,)).who_has([14, 19]).tolist()
+    assert (first > 0).tolist() == ExtendedModel(TEXTBOOK, causes=(place,)).has_partial_causes([14, 19]).tolist()
 
 
 @pytest.mark.parametrize("known", [True, False])
@@ -95,7 +95,7 @@ def test_who_has_what_some_have_is_as_the_drivers_table_says(known, tmp_path) ->
     own.to_csv(tmp_path / "drivers.csv", index=False)
     demand = pd.DataFrame({"vehicle": vehicles})
     _, _, has = refitted_for(model, tmp_path / "model.json", demand, "p", np.ones((8, 5)))
-    expected = model.who_has(vehicles)
+    expected = model.has_partial_causes(vehicles)
     if known:
         expected[:5] = own["has_what_some_have"]
     np.testing.assert_array_equal(has, expected)

@@ -78,7 +78,7 @@ def test_a_drift_is_expressed_by_departure(tmp_path) -> None:
 def test_a_cause_of_some_drivers_is_in_their_types_only(known, tmp_path) -> None:
     table = drivers()
     model = model_of(Cause("reaction_delay", {"tau": 0.4}, share=0.5), Cause("desired_speed", {"delta": 0.1}))
-    has = np.arange(len(table)) % 3 == 0 if known else model.who_has(table["vehicle"])
+    has = np.arange(len(table)) % 3 == 0 if known else model.has_partial_causes(table["vehicle"])
     assert 0 < has.sum() < len(table)
     if known:
         table = table.assign(has_what_some_have=has.astype(int))
