@@ -226,8 +226,23 @@ def _was_in_the_way(  # type: ignore[no-untyped-def]
 
 
 @njit(cache=True)
-def _row_after(x, low, high, least):  # type: ignore[no-untyped-def]
-    """Return the first of the sorted rows ``low:high`` with ``x >= least``."""
+def first_row_from(x, low, high, least):  # type: ignore[no-untyped-def]
+    """Return the first sorted row that is not behind a position.
+
+    Parameters
+    ----------
+    x : float64, shape (rows,)
+        Front bumpers (m), sorted within ``low:high``.
+    low, high : int
+        Range of rows.
+    least : float
+        Position (m).
+
+    Returns
+    -------
+    int
+        Row, or ``high`` if all are behind.
+    """
     while low < high:
         middle = (low + high) >> 1
         if x[middle] < least:
@@ -250,7 +265,7 @@ def _first_contacts(  # type: ignore[no-untyped-def]
             ego = rectangle(x[i, k], y[i, k], heading[i, k], length[i], width[i])
             for lane in range(lanes):
                 cell = first_cell[i] + lane * frames + k
-                j = _row_after(other_x, offsets[cell], offsets[cell + 1], x[i, k] - mine)
+                j = first_row_from(other_x, offsets[cell], offsets[cell + 1], x[i, k] - mine)
                 while j < offsets[cell + 1] and other_x[j] <= x[i, k] + mine:
                     other = rectangle(other_x[j], other_y[j], other_heading[j], other_length[j], other_width[j])
                     if other_code[j] != own[i] and overlap(ego, other):

@@ -1,5 +1,5 @@
-"""The less constrained learner: a reward learned from recorded drivers, and an agent trained on it.
+"""A reward learned from recorded drivers, and an agent.
 
-Features and likelihood of demonstrations need nothing beyond the package's own requirements;
-the environment needs gymnasium, training needs stable-baselines3 and torch (the extra ``rl``).
+Features and likelihood of demonstrations need nothing beyond the package's own requirements. The
+environment needs gymnasium, training needs stable-baselines3 and torch (the extra ``rl``).
 """

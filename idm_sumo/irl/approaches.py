@@ -1,4 +1,7 @@
-"""How close a modelled car comes to others, beside, ahead and behind: what a gap to the leader does not tell."""
+"""Smallest distance between a modelled vehicle and any other.
+
+The gap to the leader says nothing about vehicles beside and behind; this distance covers them, too.
+"""
 
 from __future__ import annotations
 
@@ -7,30 +10,39 @@ import numpy.typing as npt
 import pandas as pd
 from numba import njit
 
-from idm_sumo.evaluation.collisions import rectangle, separation
+from idm_sumo.evaluation.collisions import first_row_from, rectangle, separation
 from idm_sumo.irl.episodes import episodes_of
-from idm_sumo.irl.features import first_row_from
 from idm_sumo.models import bicycle
 from idm_sumo.scenes.windows import Scenes
 from idm_sumo.simulation.rollout import Trajectories
 
 Floats = npt.NDArray[np.float64]
 
-FAR = 30.0  # m, how far to look
+FAR = 30.0  # m, largest distance of a vehicle that counts
 
 
 def closest_approaches(scenes: Scenes, trajectories: Trajectories) -> pd.DataFrame:
-    """Return how close each modelled car comes to any other vehicle but its recorded twin.
+    """Return each modelled vehicle's closest approach to another vehicle.
+
+    Parameters
+    ----------
+    scenes : Scenes
+        Windows of the drivers.
+    trajectories : Trajectories
+        One row a driver of ``scenes``, from the start of the simulation.
 
     Returns
     -------
     pandas.DataFrame
-        One row a driver: ``clearance_m``, the smallest distance over all steps after the start
-        between the rectangles of the car and of another (the largest separation along the
-        edges of either: exact unless corner faces corner, then a little less; negative where
-        they overlap; infinite where nobody is within 30 m), ``lateral`` (whether the other was
-        beside it, overlapping along the road, at that moment), ``step`` and ``other`` (vehicle
-        number, 0 for nobody or a leader known by its headway only).
+        One row a driver:
+
+        - ``clearance_m``: smallest distance over all steps after the start between its rectangle and another
+          vehicle's, the recorded vehicle that it replaces excepted. It is the largest separation along the edges
+          of either rectangle: exact unless corner faces corner, then a little too small; negative where the
+          rectangles overlap; infinite where no vehicle is within 30 m.
+        - ``lateral``: whether the other vehicle was beside it at that moment, overlapping along the road.
+        - ``step``: that moment.
+        - ``other``: number of the other vehicle; 0 for none, or for a leader known by its headway only.
     """
     episodes, around = episodes_of([scenes])
     n = len(scenes)

@@ -1,7 +1,8 @@
-"""Behaviour cloning: a network that imitates the recorded controls, from the same observations as the agent's.
+"""Behaviour cloning: a network that imitates recorded controls.
 
-Supervised learning with scikit-learn, frame by frame. It never sees where its own errors lead,
-which is what the paper holds against it (and what its table leaves out).
+It takes the agent's observation and is trained frame by frame with scikit-learn. Training never shows
+it the states to which its own errors lead; the paper names this weakness, but its table leaves the
+method out.
 """
 
 from __future__ import annotations
@@ -33,29 +34,37 @@ def clone(
     hidden: Sequence[int] = HIDDEN,
     epochs: int = EPOCHS,
 ) -> Policy:
-    """Fit a network to what the demonstrators did, frame by frame.
+    """Fit a network to the controls of demonstrations.
 
     Parameters
     ----------
-    demonstrations, episodes, around
+    demonstrations : Demonstrations
+        Paths and controls of the drivers.
+    episodes : Episodes
         The same windows, in the same order.
+    around : Surroundings
+        Traffic around them.
     seed : int
-        Of the network's first weights and of the order of the frames.
+        For the network's initial weights and the order of the frames.
+    hidden : sequence of int
+        Sizes of the hidden layers.
+    epochs : int
+        Passes over the frames.
 
     Returns
     -------
     Policy
-        Least squares, each control in units of its own standard deviation.
+        Minimises squared errors, each control in units of its own standard deviation.
     """
     seen = observe_along(demonstrations.state[:, :-1], episodes, around).reshape(-1, OBSERVATIONS)
     done = actions_of(demonstrations.control).reshape(len(seen), -1)
     network = MLPRegressor(
-        hidden_layer_sizes=tuple(hidden), activation="tanh", batch_size=min(BATCH, len(seen)), learning_rate_init=LEARNING_RATE,
-        max_iter=epochs, random_state=seed,
+        hidden_layer_sizes=tuple(hidden), activation="tanh", batch_size=min(BATCH, len(seen)),
+        learning_rate_init=LEARNING_RATE, max_iter=epochs, random_state=seed,
     )  # fmt: skip
     spread = done.std(axis=0) + 1e-12
     with warnings.catch_warnings():
-        warnings.simplefilter("ignore", ConvergenceWarning)  # it stops after its epochs, as it is told
+        warnings.simplefilter("ignore", ConvergenceWarning)  # the number of epochs is fixed
         network.fit(seen, done / spread)
     layers = [(np.asarray(w, dtype=np.float64), np.asarray(b, dtype=np.float64))
               for w, b in zip(network.coefs_, network.intercepts_, strict=True)]  # fmt: skip

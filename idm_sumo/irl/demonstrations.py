@@ -1,9 +1,9 @@
-r"""Recorded drivers as demonstrations: the controls with which the bicycle model drives their path.
+"""Recorded drivers as demonstrations, with the bicycle model's controls.
 
-A recorded path is no path of the bicycle model: positions carry noise, and speed and heading
-were smoothed apart from each other. The controls are found by tracking the path: the sum of
-squared distances, and of departures from the controls that speed and heading suggest, is made
-least by Gauss-Newton steps, each a backward pass (Riccati) and a rollout.
+A recorded path is not a path of the bicycle model: positions carry noise, and speed and heading
+were smoothed separately. So the path is tracked: Gauss-Newton steps, each a backward pass
+(Riccati recursion) and a rollout, minimise the sum of squared distances and of squared deviations
+from the controls that recorded speed and heading suggest.
 """
 
 from __future__ import annotations
@@ -22,29 +22,31 @@ from idm_sumo.scenes.windows import Scenes
 
 Floats = npt.NDArray[np.float64]
 
-SLOWEST = 3.0  # m/s: steering does little to a slow car, its recorded heading is noise, and at rest speed has a kink
+# m/s: below it steering has little effect and the recorded heading is noise; at rest the speed has a kink
+SLOWEST = 3.0
 POSITION_ERROR = 0.1  # m, of a smoothed recorded position
 HEADING_ERROR = 0.02  # rad
 SPEED_ERROR = 0.3  # m/s
-ACCELERATION_DEPARTURE = 0.5  # m/s^2, of the controls from what speed and heading suggest
+ACCELERATION_DEPARTURE = 0.5  # m/s^2, deviation of the controls from what speed and heading suggest
 STEERING_DEPARTURE = 0.01  # rad
 PASSES = 8
 WEIGHT = np.array([POSITION_ERROR, POSITION_ERROR, HEADING_ERROR, SPEED_ERROR]) ** -2
 EFFORT = np.array([ACCELERATION_DEPARTURE, STEERING_DEPARTURE]) ** -2
-CRAWLING = 1.0  # m/s, taken for slower speeds where headings are turned into steering
-SHARPEST = 0.2  # rad, of slip
+CRAWLING = 1.0  # m/s, least speed when changes of heading are converted to steering
+SHARPEST = 0.2  # rad, largest slip angle
 
 
 class Demonstrations(NamedTuple):
-    """Paths of the bicycle model; state ``x, y`` (m) of the middle, heading (rad), speed (m/s).
+    """Paths of the bicycle model, one row a window.
 
     Attributes
     ----------
     state : float64, shape (windows, steps + 1, 4)
+        Centre of mass ``x, y`` (m), heading (rad) and speed (m/s).
     control : float64, shape (windows, steps, 2)
         Acceleration (m/s²) and steering (rad).
     error : float64, shape (windows,)
-        Root mean square distance (m) to the recorded path.
+        Root mean square distance to the recorded path (m).
     """
 
     state: Floats
@@ -52,21 +54,54 @@ class Demonstrations(NamedTuple):
     error: Floats
 
     def first(self, steps: int) -> Demonstrations:
-        """Return the first ``steps`` steps."""
+        """Return the first steps of every window.
+
+        Parameters
+        ----------
+        steps : int
+            Number of steps to keep.
+
+        Returns
+        -------
+        Demonstrations
+            Shortened paths.
+        """
         return Demonstrations(self.state[:, : steps + 1], self.control[:, :steps], self.error)
 
     def rows(self, which: npt.NDArray[np.int64]) -> Demonstrations:
-        """Return some of the windows."""
+        """Return some of the windows.
+
+        Parameters
+        ----------
+        which : int64 array
+            Rows to keep.
+
+        Returns
+        -------
+        Demonstrations
+            Those windows.
+        """
         return Demonstrations(*(column[which] for column in self))
 
     @property
     def moving(self) -> npt.NDArray[np.bool_]:
-        """Whether the car never gets slower than ``SLOWEST``, by window."""
+        """Whether the vehicle stays faster than ``SLOWEST``, by window."""
         return np.asarray(self.state[:, :, 3].min(axis=1) > SLOWEST)
 
 
 def demonstrations_of(scenes: Scenes) -> Demonstrations:
-    """Track every recorded twin over the horizon, from the start of the simulation."""
+    """Track every recorded vehicle over the horizon.
+
+    Parameters
+    ----------
+    scenes : Scenes
+        Windows of the drivers.
+
+    Returns
+    -------
+    Demonstrations
+        From the start of the simulation on.
+    """
     span = slice(scenes.start, scenes.start + scenes.window.horizon + 1)
     target = np.stack([scenes.x, scenes.y, scenes.heading, scenes.speed], axis=2)[:, span]
     half = 0.5 * scenes.length[:, None]
@@ -78,7 +113,20 @@ def demonstrations_of(scenes: Scenes) -> Demonstrations:
 
 
 def rollout(episodes: Episodes, control: Floats) -> Floats:
-    """Return the states, shape (windows, steps + 1, 4), that controls of shape (windows, steps, 2) lead to."""
+    """Return the states to which controls lead.
+
+    Parameters
+    ----------
+    episodes : Episodes
+        Starts of the simulations.
+    control : float64, shape (windows, steps, 2)
+        Acceleration (m/s²) and steering (rad).
+
+    Returns
+    -------
+    float64, shape (windows, steps + 1, 4)
+        Centre of mass ``x, y`` (m), heading (rad) and speed (m/s).
+    """
     start = np.array([start_state(*row) for row in zip(*episodes.start.T, episodes.length, strict=True)])
     about = np.empty((*control.shape[:1], control.shape[1] + 1, 4))
     about[:] = start[:, None]
@@ -88,13 +136,29 @@ def rollout(episodes: Episodes, control: Floats) -> Floats:
 
 @njit(cache=True)
 def start_state(front_x, front_y, heading, speed, length):  # type: ignore[no-untyped-def]
-    """Return the state of the middle for a start given at the front bumper."""
+    """Convert a start given at the front bumper.
+
+    Parameters
+    ----------
+    front_x, front_y : float
+        Centre of the front bumper (m).
+    heading, speed, length : float
+        Heading (rad), speed (m/s) and vehicle length (m).
+
+    Returns
+    -------
+    x, y, heading, speed : float
+        State of the centre of mass (m, m, rad, m/s).
+    """
     x, y = bicycle.center_of_front(front_x, front_y, heading, length)
     return x, y, heading, speed
 
 
 def _suggested(target: Floats, axles: Floats) -> Floats:
-    """Return the controls that recorded speeds and headings suggest, shape (windows, steps, 2)."""
+    """Return the controls that recorded speeds and headings suggest.
+
+    The shape is (windows, steps, 2).
+    """
     dt = road.FRAME_STEP
     speed = np.maximum(target[:, :-1, 3], CRAWLING)
     turn = np.diff(target[:, :, 2], axis=1) * bicycle.REAR_SHARE * axles[:, None] / (speed * dt)
@@ -103,7 +167,7 @@ def _suggested(target: Floats, axles: Floats) -> Floats:
 
 
 def _track(target: Floats, axles: Floats) -> tuple[Floats, Floats]:
-    """Return states and controls whose cost is least, by Gauss-Newton steps of all windows side by side."""
+    """Return states and controls of least cost."""
     suggested = _suggested(target, axles)
     control, state = suggested.copy(), np.empty_like(target)
     no_feedback = np.zeros((*control.shape, 4))
@@ -116,7 +180,7 @@ def _track(target: Floats, axles: Floats) -> tuple[Floats, Floats]:
         new = _cost(tried_state, tried, target, suggested)
         better = new < cost
         state[better], control[better], cost[better] = tried_state[better], tried[better], new[better]
-        size = np.where(better, 1.0, 0.5 * size)  # a step that went too far is tried again, half as long
+        size = np.where(better, 1.0, 0.5 * size)  # a step that raised the cost is halved and tried again
     return state, control
 
 
@@ -126,7 +190,10 @@ def _cost(state: Floats, control: Floats, target: Floats, suggested: Floats) -> 
 
 
 def _follow(start: Floats, control: Floats, about: Floats, feedback: Floats, axles: Floats) -> tuple[Floats, Floats]:
-    """Drive by controls plus feedback of the distance from the states ``about``; return states and controls."""
+    """Drive by controls plus linear feedback.
+
+    ``feedback`` weighs the deviation from the states ``about``. Returns states and controls.
+    """
     state, done = np.empty_like(about), np.empty_like(control)
     state[:, 0] = start
     for k in range(control.shape[1]):
@@ -139,7 +206,10 @@ def _follow(start: Floats, control: Floats, about: Floats, feedback: Floats, axl
 def _improvement(
     state: Floats, control: Floats, target: Floats, suggested: Floats, axles: Floats
 ) -> tuple[Floats, Floats]:
-    """Return the Gauss-Newton step, shape (windows, steps, 2), and its feedback (windows, steps, 2, 4), by Riccati's recursion."""
+    """Return the Gauss-Newton step and its feedback, by Riccati's recursion.
+
+    Shapes are (windows, steps, 2) and (windows, steps, 2, 4).
+    """
     jacobian = np.empty((*control.shape[:2], 4, 6))
     _jacobians(state, control, axles, jacobian)
     shift, feedback = np.empty_like(control), np.empty((*control.shape, 4))

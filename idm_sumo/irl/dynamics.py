@@ -1,7 +1,7 @@
-"""First and second derivatives of the bicycle model's step, for the likelihood of a demonstration.
+"""First and second derivatives of the bicycle model's step.
 
-The step itself is :func:`idm_sumo.models.bicycle.step`. State ``x, y, psi, v`` of the middle, controls
-``acceleration, steering``, in this order.
+The likelihood of a demonstration needs them. The step itself is :func:`idm_sumo.models.bicycle.step`.
+The state is ``x, y, psi, v`` of the centre of mass, the controls are ``acceleration, steering``, in this order.
 """
 
 from __future__ import annotations
@@ -18,7 +18,20 @@ X, Y, PSI, V, ACC, STEER = range(6)
 
 @njit(cache=True)
 def slip_derivatives(steering: float) -> tuple[float, float, float]:
-    r"""Return :math:`\beta = \arctan(\rho\tan\delta)` (rad) and its first and second derivative by :math:`\delta`."""
+    r"""Return the slip angle and its derivatives by the steering.
+
+    Parameters
+    ----------
+    steering : float
+        Steering angle :math:`\delta` (rad).
+
+    Returns
+    -------
+    slip : float
+        :math:`\beta = \arctan(\rho\tan\delta)` (rad).
+    first, second : float
+        Its derivatives by :math:`\delta`.
+    """
     t = tan(steering)
     below = 1.0 + (REAR_SHARE * t) ** 2
     first = REAR_SHARE * (1.0 + t * t) / below
@@ -28,10 +41,22 @@ def slip_derivatives(steering: float) -> tuple[float, float, float]:
 
 @njit(cache=True)
 def step_jacobian(psi, v, acceleration, steering, axles, jacobian):  # type: ignore[no-untyped-def]
-    """Write the derivatives of the next state by state and controls to ``jacobian``, shape (4, 6).
+    """Write the derivatives of the next state.
 
-    At the kink where a car comes to rest, those of the side on which it still rolls are taken
-    if its next speed is positive; otherwise the next speed depends on nothing.
+    Parameters
+    ----------
+    psi, v : float
+        Heading (rad) and speed (m/s).
+    acceleration, steering : float
+        Controls (m/s², rad).
+    axles : float
+        Wheelbase (m).
+    jacobian : float64, shape (4, 6)
+        Written: derivatives by state and controls.
+
+    Notes
+    -----
+    Where the next speed is not positive it depends on nothing, since the vehicle stands.
     """
     dt = road.FRAME_STEP
     slip, b, _ = slip_derivatives(steering)
@@ -48,7 +73,19 @@ def step_jacobian(psi, v, acceleration, steering, axles, jacobian):  # type: ign
 
 @njit(cache=True)
 def add_step_curvature(psi, v, steering, axles, costate, out):  # type: ignore[no-untyped-def]
-    """Add the second derivatives of the next state, weighted by ``costate`` (4,), to ``out``, shape (6, 6)."""
+    """Add the weighted second derivatives of the next state.
+
+    Parameters
+    ----------
+    psi, v : float
+        Heading (rad) and speed (m/s).
+    steering, axles : float
+        Steering angle (rad) and wheelbase (m).
+    costate : float64, shape (4,)
+        Weights of the state's components.
+    out : float64, shape (6, 6)
+        Changed in place: derivatives by state and controls.
+    """
     dt = road.FRAME_STEP
     slip, b, b2 = slip_derivatives(steering)
     c, s = cos(psi + slip), sin(psi + slip)

@@ -1,4 +1,4 @@
-"""One modelled vehicle in replayed traffic, as a gymnasium environment."""
+"""A modelled vehicle in replayed traffic, as gymnasium environment."""
 
 from __future__ import annotations
 
@@ -19,22 +19,25 @@ Observation = npt.NDArray[np.float32]
 
 
 class ReplayEnv(gymnasium.Env[Any, Any]):
-    """A vehicle that an agent drives, among recorded ones that do not react.
+    """A vehicle driven by an agent among recorded vehicles.
+
+    The recorded vehicles do not react.
 
     Parameters
     ----------
     scenes : sequence of Scenes
-        Windows to drive in; every reset draws one, or takes ``options={"window": number}``.
+        Windows to drive in. Every reset draws one, or takes ``options={"window": number}``.
     reward : Reward
+        Reward of a step.
     penalties : bool
-        Whether a collision or leaving the road costs and ends the episode, as in training.
+        Whether a collision or leaving the road has a penalty and ends the episode, as in training.
         Without them an episode lasts the whole horizon, as in evaluation.
 
     Notes
     -----
-    Observation and action, with their units: :mod:`idm_sumo.irl.simulation`. ``info`` holds the
-    features of the step by name of :data:`idm_sumo.irl.features.NAMES` as ``features``, and how
-    the episode stands as ``outcome``.
+    Observation and action, with their units: :mod:`idm_sumo.irl.simulation`. ``info`` holds the features of
+    the step, in the order of :data:`idm_sumo.irl.features.NAMES`, as ``features`` and the state of the
+    episode as ``outcome``.
     """
 
     metadata = {"render_modes": []}  # noqa: RUF012 - gymnasium's
@@ -50,14 +53,46 @@ class ReplayEnv(gymnasium.Env[Any, Any]):
     def reset(
         self, *, seed: int | None = None, options: dict[str, Any] | None = None
     ) -> tuple[Observation, dict[str, Any]]:
-        """Start an episode."""
+        """Start an episode.
+
+        Parameters
+        ----------
+        seed : int, optional
+            For the random draws.
+        options : dict, optional
+            ``window`` chooses the window.
+
+        Returns
+        -------
+        observation : float32, shape (16,)
+            See :mod:`idm_sumo.irl.simulation`.
+        info : dict
+            The ``window``.
+        """
         super().reset(seed=seed)
         window = (options or {}).get("window", self.np_random.integers(len(self.episodes.length)))
         self.simulation = Simulation(self.episodes, self.around, np.array([window]))
         return self.simulation.observation[0].copy(), {"window": int(window)}
 
     def step(self, action: npt.NDArray[np.float32]) -> tuple[Observation, float, bool, bool, dict[str, Any]]:
-        """Drive one frame of 0.1 s."""
+        """Drive one frame of 0.1 s.
+
+        Parameters
+        ----------
+        action : float32, shape (2,)
+            See :mod:`idm_sumo.irl.simulation`.
+
+        Returns
+        -------
+        observation : float32, shape (16,)
+            After the step.
+        reward : float
+            Of the step.
+        terminated, truncated : bool
+            Whether a penalty ended the episode, and whether the horizon was reached.
+        info : dict
+            ``features`` and ``outcome``.
+        """
         simulation = self.simulation
         if simulation is None:
             raise gymnasium.error.ResetNeeded("call reset first")

@@ -1,4 +1,4 @@
-"""What the learner drives in: windows of recorded drivers and the traffic around them, for compiled kernels."""
+"""Windows of recorded drivers and traffic, for compiled kernels."""
 
 from __future__ import annotations
 
@@ -16,11 +16,14 @@ Integers = npt.NDArray[np.int64]
 
 
 class Surroundings(NamedTuple):
-    """Recorded vehicles as sorted cells (see :class:`idm_sumo.scenes.traffic.Traffic`), of one or more periods.
+    """Recorded vehicles of one or more periods, as sorted cells.
+
+    See :class:`idm_sumo.scenes.traffic.Traffic` for the cells.
 
     Attributes
     ----------
     offsets : int64, shape (cells + 1,)
+        First row of each cell.
     front : float64, shape (rows,)
         Front bumper (m), sorted within a cell.
     x, y : float64, shape (rows,)
@@ -28,8 +31,9 @@ class Surroundings(NamedTuple):
     heading, speed, length, width : float64, shape (rows,)
         rad, m/s, m, m.
     vehicle : int64, shape (rows,)
+        Vehicle number.
     reach : float
-        Length (m) of the longest vehicle.
+        Length of the longest vehicle (m).
     """
 
     offsets: Integers
@@ -50,17 +54,17 @@ class Episodes(NamedTuple):
     Attributes
     ----------
     start : float64, shape (windows, 4)
-        Front bumper ``x, y`` (m), heading (rad) and speed (m/s) of the recorded twin.
+        Front bumper ``x, y`` (m), heading (rad) and speed (m/s) of the recorded vehicle.
     length, width : float64, shape (windows,)
-        m.
+        Size of the vehicle (m).
     cell : int64, shape (windows,)
         Cell of the leftmost lane at the start.
     stride : int64, shape (windows,)
-        From a cell to the one of the next lane to the right at the same frame.
+        Distance between the cells of adjacent lanes at the same frame.
     lanes : int64, shape (windows,)
-        Number of lanes with traffic; 1 where only the twin's leader is known.
+        Number of lanes with traffic; 1 where only the recorded vehicle's leader is known.
     own : int64, shape (windows,)
-        Number of the twin, who is not there.
+        Number of the recorded vehicle, which is taken out of the traffic.
     """
 
     start: Floats
@@ -72,13 +76,37 @@ class Episodes(NamedTuple):
     own: Integers
 
     def rows(self, which: Integers) -> Episodes:
-        """Return some of the windows."""
+        """Return some of the windows.
+
+        Parameters
+        ----------
+        which : int64 array
+            Rows to keep.
+
+        Returns
+        -------
+        Episodes
+            Those windows.
+        """
         columns: list[Any] = [np.ascontiguousarray(column[which]) for column in self]
         return Episodes(*columns)
 
 
 def episodes_of(scenes: Sequence[Scenes]) -> tuple[Episodes, Surroundings]:
-    """Put the windows of several periods one behind the other, in their order."""
+    """Concatenate the windows and the traffic of several periods.
+
+    Parameters
+    ----------
+    scenes : sequence of Scenes
+        One for each period.
+
+    Returns
+    -------
+    episodes : Episodes
+        All windows in their order.
+    around : Surroundings
+        All traffic.
+    """
     cells = np.cumsum([0] + [len(s.traffic.offsets) - 1 for s in scenes])
     episodes = [_episodes(s, shift) for s, shift in zip(scenes, cells, strict=False)]
     whole = Episodes(*(np.concatenate(columns) for columns in zip(*episodes, strict=True)))
@@ -97,7 +125,7 @@ def _episodes(scenes: Scenes, shift: int) -> Episodes:
 
 
 def _surroundings(scenes: Sequence[Scenes]) -> Surroundings:
-    """Put the traffic of several periods one behind the other."""
+    """Concatenate the traffic of several periods."""
     traffic = [s.traffic for s in scenes]
     rows = np.cumsum([0] + [len(t.x) for t in traffic])
     offsets = [t.offsets[:-1] + shift for t, shift in zip(traffic, rows, strict=False)]

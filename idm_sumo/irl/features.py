@@ -1,16 +1,16 @@
-r"""What the reward is made of: smooth functions of the vehicle's state and controls.
+"""Features of the reward: smooth functions of state and controls.
 
 The paper names five: distance to the middle of the lane, distance to the boundaries of the
-road, speed forward, heading along the road, and the collision risk of the ellipsoidal
-Gaussian. It gives no formulas; these are ours, each without a unit, about 1 in size where it
-matters, and twice differentiable, since the likelihood of a demonstration needs gradient and
-Hessian. Two more charge the effort of acceleration and steering. Without them the likelihood
-does not exist: along a control that no feature bends (the last acceleration moves nothing
-within the horizon), the exponential of a linear reward has no integral.
+road, forward speed, heading along the road, and the collision risk of the ellipsoidal Gaussian.
+It gives no formulas. The formulas here have no unit, a size of about 1 where they matter, and
+second derivatives, since the likelihood of a demonstration needs gradient and Hessian. Two more
+features charge the effort of acceleration and steering. Without them the likelihood does not
+exist: the last acceleration moves nothing within the horizon, and the exponential of a reward
+that does not depend on it has no integral.
 
-Every function returns its value followed by its first and then its second derivatives, so
-that the environment and the inverse control share one formula. The state is that of the
-vehicle's middle: ``x, y`` (m), heading ``psi`` (rad, 0 along the road), speed ``v`` (m/s).
+Every function returns its value followed by its first and second derivatives, so that the
+environment and the inverse control share one formula. The state is that of the vehicle's
+middle: ``x, y`` (m), heading ``psi`` (rad, 0 along the road) and speed ``v`` (m/s).
 """
 
 from __future__ import annotations
@@ -20,13 +20,14 @@ from math import cos, exp, pi, sin
 import numpy as np
 from numba import njit
 
+from idm_sumo.evaluation.collisions import first_row_from
 from idm_sumo.evaluation.risk import LENGTH_SCALE, WIDTH_SCALE, risk_derivatives
 from idm_sumo.roads import road
 
 LANE, BOUNDARY, SPEED, HEADING, COLLISION, ACCELERATION, STEERING = range(7)
 NAMES = ("lane", "boundary", "speed", "heading", "collision", "acceleration", "steering")
 COUNT = len(NAMES)
-STATE_FEATURES = 5  # the first ones; the others are of the controls
+STATE_FEATURES = 5  # the first ones depend on the state, the others on the controls
 
 LANE_SPREAD = 0.25 * road.LANE_WIDTH  # m, standard deviation of the bump over a lane's middle
 BOUNDARY_DECAY = 1.0  # m, within which the nearness of the road's edge falls to 1/e
@@ -35,14 +36,27 @@ ACCELERATION_SCALE = 1.0  # m/s^2
 STEERING_SCALE = 0.01  # rad, a lateral acceleration of 0.9 m/s^2 at 16 m/s
 ROAD_WIDTH = road.MAIN_LANES * road.LANE_WIDTH
 
-# Risk of two cars of usual size that stand in the same place; makes the collision feature -1 there.
+# Risk of two cars of usual size in the same place, where the collision feature is -1.
 FULL_RISK = 1.0 / (4.0 * pi * LENGTH_SCALE * road.CAR_LENGTH * WIDTH_SCALE * road.CAR_WIDTH)
-SIGHT = 60.0  # m, beyond it a risk is below 1e-12 of the full one for all but the longest trucks
+VIEW = 60.0  # m, beyond it a risk is below 1e-12 of the full one for all but the longest trucks
 
 
 @njit(cache=True)
 def lane_middle(y: float) -> tuple[float, float, float]:
-    r"""Return the nearness to the middle of a lane: :math:`\sum_i e^{-(y - y_i)^2 / 2 s^2}`, 1 on a middle."""
+    r"""Return the nearness to the middle of a lane.
+
+    .. math:: \sum_i e^{-(y - y_i)^2 / 2 s^2}
+
+    Parameters
+    ----------
+    y : float
+        Lateral position (m).
+
+    Returns
+    -------
+    value, first, second : float
+        Feature, 1 on a middle, and its derivatives by ``y``.
+    """
     value = first = second = 0.0
     for lane in range(road.MAIN_LANES):
         z = (y + (lane + 0.5) * road.LANE_WIDTH) / LANE_SPREAD
@@ -55,61 +69,119 @@ def lane_middle(y: float) -> tuple[float, float, float]:
 
 @njit(cache=True)
 def boundaries(y: float) -> tuple[float, float, float]:
-    r"""Return minus the nearness to the road's edges: :math:`-e^{y/s} - e^{-(y + w)/s}`, -1 on an edge, less beyond."""
+    """Return minus the nearness to the road's edges.
+
+    .. math:: -e^{y/s} - e^{-(y + w)/s}
+
+    Parameters
+    ----------
+    y : float
+        Lateral position (m).
+
+    Returns
+    -------
+    value, first, second : float
+        Feature, -1 on an edge and less beyond, and its derivatives by ``y``.
+    """
     left, right = exp(y / BOUNDARY_DECAY), exp(-(y + ROAD_WIDTH) / BOUNDARY_DECAY)
     return -left - right, (right - left) / BOUNDARY_DECAY, -(left + right) / BOUNDARY_DECAY**2
 
 
 @njit(cache=True)
 def forward_speed(v: float, psi: float) -> tuple[float, float, float, float, float]:
-    r"""Return :math:`v\cos\psi/v_0` for the speed limit :math:`v_0`, its derivatives by v, psi, v and psi, psi twice."""
+    r"""Return the speed along the road, over the limit.
+
+    .. math:: v\cos\psi/v_0
+
+    Parameters
+    ----------
+    v, psi : float
+        Speed (m/s) and heading (rad).
+
+    Returns
+    -------
+    value : float
+        Feature, 1 at the speed limit :math:`v_0`.
+    v, psi, v_psi, psi_psi : float
+        Its derivatives.
+    """
     c, s = cos(psi) / road.SPEED_LIMIT, sin(psi) / road.SPEED_LIMIT
     return v * c, c, -v * s, -s, -v * c
 
 
 @njit(cache=True)
 def along_road(psi: float) -> tuple[float, float, float]:
-    r"""Return :math:`(\cos\psi - 1)/s^2`, which is :math:`-\psi^2/2s^2` for small headings."""
+    r"""Return minus the deviation from the road's direction.
+
+    .. math:: (\cos\psi - 1)/s^2 \approx -\psi^2/2s^2
+
+    Parameters
+    ----------
+    psi : float
+        Heading (rad).
+
+    Returns
+    -------
+    value, first, second : float
+        Feature and its derivatives by ``psi``.
+    """
     weight = 1.0 / HEADING_SCALE**2
     return weight * (cos(psi) - 1.0), -weight * sin(psi), -weight * cos(psi)
 
 
 @njit(cache=True)
 def effort(u: float, scale: float) -> tuple[float, float, float]:
-    r"""Return :math:`-\tfrac12 (u/s)^2` of a control."""
+    r"""Return minus the effort of a control.
+
+    .. math:: -\tfrac12 (u/s)^2
+
+    Parameters
+    ----------
+    u, scale : float
+        Control and its scale, in the same unit.
+
+    Returns
+    -------
+    value, first, second : float
+        Feature and its derivatives by ``u``.
+    """
     return -0.5 * (u / scale) ** 2, -u / scale**2, -1.0 / scale**2
 
 
 @njit(cache=True)
-def first_row_from(front, low, high, least):  # type: ignore[no-untyped-def]
-    """Return the first of the sorted rows ``low:high`` whose front is not behind ``least`` (m)."""
-    while low < high:
-        middle = (low + high) >> 1
-        if front[middle] < least:
-            low = middle + 1
-        else:
-            high = middle
-    return low
-
-
-@njit(cache=True)
 def collision(x, y, psi, length, width, cell, stride, lanes, own, around):  # type: ignore[no-untyped-def]
-    """Return minus the summed risk over the full risk of all vehicles in sight, with derivatives by x, y and psi.
+    """Return minus the collision risk of all vehicles in view.
 
-    ``cell`` is the leftmost lane's at this frame, the others follow by ``stride``; ``around``
-    is :class:`~idm_sumo.irl.episodes.Surroundings`.
+    The risks are added and divided by that of two cars in the same place.
+
+    Parameters
+    ----------
+    x, y, psi : float
+        Middle of the vehicle (m) and heading (rad).
+    length, width : float
+        Its size (m).
+    cell, stride, lanes : int
+        Cell of the leftmost lane at this frame, distance to the next lane's cell, number of lanes.
+    own : int
+        Number of the recorded vehicle, which is left out.
+    around : Surroundings
+        Traffic.
 
     Returns
     -------
-    tuple of float
-        Value; x, y, psi; xx, xy, xpsi, yy, ypsi, psipsi.
+    value : float
+        Feature.
+    x, y, psi : float
+        First derivatives.
+    xx, xy, xpsi, yy, ypsi, psipsi : float
+        Second derivatives.
     """
     total = (0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0)
     for lane in range(lanes):
         here = cell + lane * stride
         row, end = around.offsets[here], around.offsets[here + 1]
-        row = first_row_from(around.front, row, end, x - SIGHT)
-        while row < end and around.front[row] < x + SIGHT + around.reach:
+        row = first_row_from(around.front, row, end, x - VIEW)
+        while row < end and around.front[row] < x + VIEW + around.reach:
             if around.vehicle[row] != own:
                 r = risk_derivatives(
                     x - around.x[row], y - around.y[row], psi, length, width,
@@ -129,7 +201,19 @@ def collision(x, y, psi, length, width, cell, stride, lanes, own, around):  # ty
 
 @njit(cache=True)
 def values(x, y, psi, v, acceleration, steering, length, width, cell, stride, lanes, own, around, out):  # type: ignore[no-untyped-def]
-    """Write all features of a state and of the controls that led to it to ``out``, shape (features,)."""
+    """Write all features of a state and its controls.
+
+    Parameters
+    ----------
+    x, y, psi, v : float
+        State of the vehicle's middle.
+    acceleration, steering : float
+        Controls that led to it (m/s², rad).
+    length, width, cell, stride, lanes, own, around
+        As in :func:`collision`.
+    out : float64, shape (features,)
+        Written.
+    """
     out[LANE] = lane_middle(y)[0]
     out[BOUNDARY] = boundaries(y)[0]
     out[SPEED] = forward_speed(v, psi)[0]
@@ -141,7 +225,19 @@ def values(x, y, psi, v, acceleration, steering, length, width, cell, stride, la
 
 @njit(cache=True)
 def state_derivatives(x, y, psi, v, length, width, cell, stride, lanes, own, around, gradient, hessian):  # type: ignore[no-untyped-def]
-    """Write gradients, shape (5, 4), and Hessians, shape (5, 4, 4), of the state features by ``x, y, psi, v``."""
+    """Write the derivatives of the state features.
+
+    Parameters
+    ----------
+    x, y, psi, v : float
+        State of the vehicle's middle.
+    length, width, cell, stride, lanes, own, around
+        As in :func:`collision`.
+    gradient : float64, shape (STATE_FEATURES, 4)
+        Written: derivatives by ``x, y, psi, v``.
+    hessian : float64, shape (STATE_FEATURES, 4, 4)
+        Written: second derivatives.
+    """
     gradient[:] = 0.0
     hessian[:] = 0.0
     _, gradient[LANE, 1], hessian[LANE, 1, 1] = lane_middle(y)
@@ -159,7 +255,23 @@ def state_derivatives(x, y, psi, v, length, width, cell, stride, lanes, own, aro
 
 
 def weights_from(named: dict[str, float]) -> np.ndarray:
-    """Return weights in the order of :data:`NAMES`; a feature that is not named has weight 0."""
+    """Return weights in the order of :data:`NAMES`.
+
+    Parameters
+    ----------
+    named : dict of str to float
+        Weights by feature; a feature that is not named has weight 0.
+
+    Returns
+    -------
+    float64, shape (features,)
+        Weights.
+
+    Raises
+    ------
+    ValueError
+        If a feature is unknown.
+    """
     unknown = set(named) - set(NAMES)
     if unknown:
         raise ValueError(f"no feature {sorted(unknown)[0]!r}; there are {', '.join(NAMES)}")

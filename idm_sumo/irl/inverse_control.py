@@ -1,9 +1,9 @@
-r"""Continuous inverse optimal control: the weights under which demonstrations are most likely.
+r"""Continuous inverse optimal control: most likely weights of a reward.
 
-Levine and Koltun (2012). A driver is thought to choose controls :math:`u` with a density
-proportional to :math:`e^{R(u)}` for the reward :math:`R = \theta^\top f` summed over the steps
-(maximum entropy). The reward's second-order expansion about the demonstration makes the density
-Gaussian (Laplace), and with gradient :math:`g` and :math:`A = -H > 0` the log-likelihood is
+A driver is assumed to choose controls :math:`u` with a density proportional to :math:`e^{R(u)}` for
+the reward :math:`R = \theta^\top f` summed over the steps (maximum entropy). A second-order expansion
+of the reward about the demonstration makes the density Gaussian (Laplace). With gradient :math:`g`
+and :math:`A = -H > 0` the log-likelihood is
 
 .. math:: L = -\tfrac12 g^\top A^{-1} g + \tfrac12 \log|A| - \tfrac n2 \log 2\pi .
 
@@ -15,14 +15,14 @@ term is a matrix-fractional function, the second a log-determinant. Newton steps
 
 :math:`w = A^{-1}g`, :math:`r_k = g_k - A_k w`, find its only maximum.
 
-*Where A is not positive definite* the likelihood is undefined. Levine and Koltun's remedy: a
-dummy feature, minus half the squared deviation from the demonstrated controls, whose gradient is
-zero there and whose Hessian is minus the identity (in units of the controls' scales). Its
-weight starts so large that every :math:`A` is positive definite, and an augmented Lagrangian then
-drives it to zero. What is left of it is in the result.
+Where :math:`A` is not positive definite the likelihood is undefined. The remedy of Levine and Koltun is
+a dummy feature, minus half the squared deviation from the demonstrated controls. Its gradient is zero
+there and its Hessian is minus the identity (in units of the controls' scales). Its weight starts so
+large that every :math:`A` is positive definite, and an augmented Lagrangian drives it to zero. The
+result holds the weight that remains.
 
-Standard errors are those of an estimator that knows its model to be wrong (sandwich), with one
-score a demonstration.
+Standard errors are sandwich estimates, with one score a demonstration; they stay valid where the model
+is wrong. Source: Levine and Koltun (2012), Continuous inverse optimal control with locally optimal examples.
 """
 
 from __future__ import annotations
@@ -39,23 +39,25 @@ Floats = npt.NDArray[np.float64]
 Integers = npt.NDArray[np.int64]
 
 ITERATIONS = 60
-TOLERANCE = 1e-8  # of the Newton decrement, per demonstration
-DUMMY_GONE = 1e-6
+TOLERANCE = 1e-8  # Newton decrement per demonstration at which the search ends
+DUMMY_GONE = 1e-6  # weight of the dummy feature that counts as zero
 ROUNDS = 12  # of the augmented Lagrangian
-CHUNK = 64  # demonstrations whose matrices are in memory a second time
-FIRST_GUESS = 1.0
+CHUNK = 64  # demonstrations that are processed at once, which bounds the memory
+FIRST_GUESS = 1.0  # weight of every feature at the start
 
 
 @dataclass(frozen=True)
 class Expansion:
-    """The reward's features about each demonstration, to second order.
+    """Features summed along each demonstration, to second order.
 
     Attributes
     ----------
     gradient : float64, shape (demonstrations, features, n)
+        Derivatives by the ``n`` controls.
     hessian : float64, shape (demonstrations, features, n, n)
+        Second derivatives.
     scale : float64, shape (n,)
-        Units of the controls; the dummy feature's.
+        Scales of the controls, for the dummy feature.
     """
 
     gradient: Floats
@@ -64,7 +66,20 @@ class Expansion:
 
     @classmethod
     def of(cls, gradient: Floats, hessian: Floats) -> Expansion:
-        """Wrap the result of :func:`idm_sumo.irl.trajectory.derivatives`."""
+        """Wrap the result of :func:`idm_sumo.irl.trajectory.derivatives`.
+
+        Parameters
+        ----------
+        gradient : float64, shape (demonstrations, features, n)
+            Derivatives by the controls.
+        hessian : float64, shape (demonstrations, features, n, n)
+            Second derivatives.
+
+        Returns
+        -------
+        Expansion
+            With the scales of the controls.
+        """
         units = [features.ACCELERATION_SCALE, features.STEERING_SCALE]
         return cls(gradient, hessian, np.tile(units, gradient.shape[2] // 2))
 
@@ -82,12 +97,15 @@ class LearnedReward:
     weights, standard_errors : float64, shape (features,)
         0 for a feature that was left out.
     covariance : float64, shape (features, features)
+        Sandwich estimate.
     log_likelihood : float
         Mean over demonstrations.
     demonstrations : int
+        Number of demonstrations.
     dummy : float
-        What is left of the dummy feature's weight.
+        Remaining weight of the dummy feature.
     converged : bool
+        Whether the search ended at a maximum without the dummy feature.
     """
 
     weights: Floats
@@ -99,7 +117,13 @@ class LearnedReward:
     converged: bool
 
     def to_json(self) -> dict[str, object]:
-        """Return plain values, by feature."""
+        """Return plain values, by feature.
+
+        Returns
+        -------
+        dict
+            Ready for JSON.
+        """
         return {
             "weights": dict(zip(features.NAMES, self.weights.tolist(), strict=True)),
             "standard_errors": dict(zip(features.NAMES, self.standard_errors.tolist(), strict=True)),
@@ -109,7 +133,22 @@ class LearnedReward:
 
 
 def log_likelihood(expansion: Expansion, weights: npt.ArrayLike, dummy: float = 0.0) -> Floats:
-    """Return the log-likelihood of each demonstration; minus infinity where the reward is not concave."""
+    """Return the log-likelihood of each demonstration.
+
+    Parameters
+    ----------
+    expansion : Expansion
+        Features about the demonstrations.
+    weights : array_like, shape (features,)
+        Weights of the reward.
+    dummy : float
+        Weight of the dummy feature.
+
+    Returns
+    -------
+    float64, shape (demonstrations,)
+        Minus infinity where the reward is not concave.
+    """
     theta = np.append(np.asarray(weights, dtype=np.float64), dummy)
     one_by_one = (
         Expansion(expansion.gradient[i : i + 1], expansion.hessian[i : i + 1], expansion.scale)
@@ -119,11 +158,24 @@ def log_likelihood(expansion: Expansion, weights: npt.ArrayLike, dummy: float = 
 
 
 def learn_wanted(expansion: Expansion, free: LearnedReward, progress: Progress = silent) -> LearnedReward:
-    """Find the most likely weights none of which is negative.
+    """Find the most likely weights without negative ones.
 
-    Every feature is written so that a driver is thought to want more of it. A weight that comes
-    out negative in ``free``, the weights learned without that bound, is set to 0, the most
-    negative first, and the others are learned anew.
+    Every feature is written so that drivers are expected to want more of it. While a weight is negative,
+    the most negative one is set to 0 and the others are learned again.
+
+    Parameters
+    ----------
+    expansion : Expansion
+        Features about the demonstrations.
+    free : LearnedReward
+        Weights learned without the bound.
+    progress : Progress
+        Called as the work proceeds.
+
+    Returns
+    -------
+    LearnedReward
+        Weights of which none is negative.
     """
     learned = free
     use: tuple[str, ...] = features.NAMES
@@ -139,14 +191,17 @@ def learn(expansion: Expansion, *, use: tuple[str, ...] = features.NAMES, progre
     Parameters
     ----------
     expansion : Expansion
+        Features about the demonstrations.
     use : tuple of str
         Features with a weight; the others keep 0.
+    progress : Progress
+        Called as the work proceeds.
 
     Returns
     -------
     LearnedReward
-        ``converged`` is false if the steps ran out, or if no weights make every demonstration's
-        reward concave without the dummy feature.
+        ``converged`` is false if the steps ran out, or if no weights make every demonstration's reward
+        concave without the dummy feature.
     """
     free = np.array([features.NAMES.index(name) for name in use])
     theta = np.zeros(features.COUNT + 1)
@@ -172,7 +227,7 @@ def learn(expansion: Expansion, *, use: tuple[str, ...] = features.NAMES, progre
 
 
 def _enough_dummy(expansion: Expansion, theta: Floats) -> float:
-    """Return a weight of the dummy feature that makes every reward concave."""
+    """Return a dummy weight that makes every reward concave."""
     trial = theta.copy()
     trial[-1] = 1.0
     while not np.isfinite(_likelihoods(expansion, trial)).all():
@@ -181,7 +236,10 @@ def _enough_dummy(expansion: Expansion, theta: Floats) -> float:
 
 
 def _newton(expansion: Expansion, theta: Floats, free: Integers, price: float, stiffness: float) -> tuple[Floats, bool]:
-    """Maximise mean likelihood less ``price * dummy + stiffness / 2 * dummy**2`` by damped Newton steps."""
+    """Maximise the mean likelihood less the dummy's penalty.
+
+    Damped Newton steps; the penalty is ``price * dummy + stiffness / 2 * dummy**2``.
+    """
     for _ in range(ITERATIONS):
         value, slope, bend = _objective(expansion, theta, free, price, stiffness)
         step = np.zeros_like(theta)
@@ -213,7 +271,10 @@ def _value(expansion: Expansion, theta: Floats, price: float, stiffness: float) 
 def _objective(
     expansion: Expansion, theta: Floats, free: Integers, price: float, stiffness: float
 ) -> tuple[float, Floats, Floats]:
-    """Return value, gradient and Hessian of what :func:`_newton` maximises, by the weights ``free``."""
+    """Return the objective of :func:`_newton` with gradient and Hessian.
+
+    The derivatives are by the weights ``free``.
+    """
     score, bend = _derivatives(expansion, theta, free)
     gradient, hessian = score.mean(axis=0), bend / len(expansion)
     if free[-1] == features.COUNT:
@@ -233,7 +294,10 @@ def _expanded(gradient: Floats, hessian: Floats, scale: Floats, theta: Floats) -
 
 
 def _likelihoods(expansion: Expansion, theta: Floats) -> Floats:
-    """Return the log-likelihood of each demonstration; all are minus infinity if one does not exist."""
+    """Return the log-likelihood of each demonstration.
+
+    All are minus infinity if one does not exist.
+    """
     g, a = _expanded(expansion.gradient, expansion.hessian, expansion.scale, theta)
     try:
         lower = np.linalg.cholesky(a)
@@ -245,7 +309,10 @@ def _likelihoods(expansion: Expansion, theta: Floats) -> Floats:
 
 
 def _derivatives(expansion: Expansion, theta: Floats, free: Integers) -> tuple[Floats, Floats]:
-    """Return scores, shape (demonstrations, free), and the sum of second derivatives, shape (free, free)."""
+    """Return the scores and the sum of second derivatives.
+
+    Shapes are (demonstrations, free) and (free, free).
+    """
     score, bend = np.empty((len(expansion), len(free))), np.zeros((len(free), len(free)))
     for begin in range(0, len(expansion), CHUNK):
         part = slice(begin, begin + CHUNK)
@@ -268,7 +335,7 @@ def _derivatives(expansion: Expansion, theta: Floats, free: Integers) -> tuple[F
 
 
 def _one_weight(k: int, gradient: Floats, hessian: Floats, scale: Floats) -> tuple[Floats, Floats]:
-    """Return g_k and A_k of a feature, or of the dummy."""
+    """Return g_k and A_k of a feature or the dummy."""
     if k < features.COUNT:
         return gradient[:, k], -hessian[:, k]
     return np.zeros_like(gradient[:, 0]), np.broadcast_to(np.diag(1.0 / scale**2), hessian[:, 0].shape)
@@ -280,6 +347,6 @@ def _result(expansion: Expansion, theta: Floats, free: Integers, converged: bool
     covariance = np.zeros((features.COUNT, features.COUNT))
     covariance[np.ix_(free, free)] = inverse @ (score.T @ score) @ inverse
     return LearnedReward(
-        theta[:-1], np.sqrt(np.diag(covariance)), covariance, float(_likelihoods(expansion, theta).mean()), len(expansion),
-        float(theta[-1]), converged,
+        theta[:-1], np.sqrt(np.diag(covariance)), covariance, float(_likelihoods(expansion, theta).mean()),
+        len(expansion), float(theta[-1]), converged,
     )  # fmt: skip

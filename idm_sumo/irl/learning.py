@@ -1,4 +1,4 @@
-"""From recorded drivers to a reward, an agent and a clone: each one call."""
+"""From recorded drivers to a reward and an agent."""
 
 from __future__ import annotations
 
@@ -28,37 +28,58 @@ if TYPE_CHECKING:
     from idm_sumo.irl.ppo import Training
 
 INSTALL = "pip install 'idm-sumo[rl]'"
-HELD_OUT = 0.25  # of the demonstrations, to tell whether the weights explain drivers they have not seen
+HELD_OUT = 0.25  # share of the demonstrations that is not used for learning
 CLONED_DRIVERS = 600
 
 
 class Lessons(NamedTuple):
-    """Training drivers as the learner sees them: demonstrations in their traffic."""
+    """Training drivers as demonstrations in their traffic.
+
+    Attributes
+    ----------
+    demonstrations : Demonstrations
+        Paths and controls.
+    episodes : Episodes
+        Starts of the same windows.
+    around : Surroundings
+        Traffic around them.
+    """
 
     demonstrations: Demonstrations
     episodes: Episodes
     around: Surroundings
 
     def rows(self, which: npt.NDArray[np.int64]) -> Lessons:
-        """Return some of the drivers."""
+        """Return some of the drivers.
+
+        Parameters
+        ----------
+        which : int64 array
+            Rows to keep.
+
+        Returns
+        -------
+        Lessons
+            Those drivers, in the same traffic.
+        """
         return Lessons(self.demonstrations.rows(which), self.episodes.rows(which), self.around)
 
 
 class RewardReport(NamedTuple):
-    """What :func:`learn_reward` found.
+    """The result of :func:`learn_reward`.
 
     Attributes
     ----------
     wanted : LearnedReward
-        The weights an agent is trained on: none is negative.
+        The weights on which an agent is trained; none is negative.
     free : LearnedReward
-        The same without that bound.
+        The weights without that bound.
     held_out : float
-        Mean log-likelihood of demonstrations that were not learned from, under ``wanted``.
+        Mean log-likelihood under ``wanted`` of demonstrations that were not used for learning.
     scale, shift : float
         Of the reward of a step, see :class:`idm_sumo.irl.reward.Reward`.
     standing : int
-        Drivers left out because they come (almost) to rest.
+        Number of drivers left out because they (almost) come to rest.
     """
 
     wanted: LearnedReward
@@ -74,7 +95,13 @@ class RewardReport(NamedTuple):
         return Reward(self.wanted.weights, self.shift, self.scale)
 
     def to_json(self) -> dict[str, Any]:
-        """Return plain values."""
+        """Return plain values.
+
+        Returns
+        -------
+        dict
+            Ready for JSON.
+        """
         return {
             "wanted": self.wanted.to_json(), "free": self.free.to_json(), "held_out_log_likelihood": self.held_out,
             "scale": self.scale, "shift": self.shift, "standing": self.standing, "features": list(features.NAMES),
@@ -82,19 +109,29 @@ class RewardReport(NamedTuple):
 
 
 def reward_of_json(stored: dict[str, Any]) -> Reward:
-    """Return the reward of a step from :meth:`RewardReport.to_json`.
+    """Return the reward stored by :meth:`RewardReport.to_json`.
+
+    Parameters
+    ----------
+    stored : dict
+        As :meth:`RewardReport.to_json` returns it.
+
+    Returns
+    -------
+    Reward
+        Reward of a step.
 
     Raises
     ------
     KeyError
-        If something is missing.
+        If an entry is missing.
     """
     named = stored["wanted"]["weights"]
     return Reward(features.weights_from(named), float(stored["shift"]), float(stored["scale"]))
 
 
 def rl_is_installed() -> bool:
-    """Return whether an agent can be trained here."""
+    """Return whether torch and stable-baselines3 are installed."""
     try:
         return find_spec("stable_baselines3") is not None and find_spec("torch") is not None
     except ModuleNotFoundError:
@@ -102,19 +139,30 @@ def rl_is_installed() -> bool:
 
 
 def require_rl() -> None:
-    """Say what to install if no agent can be trained.
+    """Raise an error if torch or stable-baselines3 is missing.
 
     Raises
     ------
     InputError
-        If torch or stable-baselines3 is missing.
+        Names the command that installs them.
     """
     if not rl_is_installed():
         raise InputError(f"training an agent needs torch and stable-baselines3: {INSTALL}")
 
 
 def lessons_of(scenes: Sequence[Scenes]) -> Lessons:
-    """Track all drivers of one or more periods."""
+    """Track all drivers of one or more periods.
+
+    Parameters
+    ----------
+    scenes : sequence of Scenes
+        One for each period.
+
+    Returns
+    -------
+    Lessons
+        All drivers in their order.
+    """
     parts = [demonstrations_of(one) for one in scenes]
     together = Demonstrations(*(np.concatenate(columns) for columns in zip(*parts, strict=True)))
     return Lessons(together, *episodes_of(scenes))
@@ -128,11 +176,20 @@ def learn_reward(
     Parameters
     ----------
     lessons : Lessons
+        Drivers to learn from.
     most : int
-        Drivers to learn from at most, drawn with ``seed``; a third as many are held out.
+        Largest number of drivers to learn from, drawn at random; a third as many are held out.
     steps : int
         Steps of each, 0.1 s.
     seed : int
+        For the random draws.
+    progress : Progress
+        Called as the work proceeds.
+
+    Returns
+    -------
+    RewardReport
+        Weights, their scale, and the likelihood of held-out drivers.
 
     Raises
     ------
@@ -171,7 +228,29 @@ def train_agent(
     checkpoint: Path | None = None,
     progress: Progress = silent,
 ) -> tuple[Policy, pd.DataFrame]:
-    """Train one agent among the lessons' drivers; see :func:`idm_sumo.irl.ppo.train`.
+    """Train an agent among the lessons' drivers.
+
+    Parameters
+    ----------
+    lessons : Lessons
+        Drivers in their traffic.
+    reward : Reward
+        Reward of a step.
+    training : Training
+        Settings of the training.
+    seed : int
+        For the network and the random draws.
+    checkpoint : Path, optional
+        File from which training continues, see :func:`idm_sumo.irl.ppo.train`.
+    progress : Progress
+        Called as the work proceeds.
+
+    Returns
+    -------
+    policy : Policy
+        The agent.
+    curve : pandas.DataFrame
+        Learning curve, see :func:`idm_sumo.irl.ppo.train`.
 
     Raises
     ------
@@ -190,7 +269,20 @@ def train_agent(
 
 
 def clone_drivers(lessons: Lessons, *, seed: int) -> Policy:
-    """Fit a behaviour clone to at most ``CLONED_DRIVERS`` drivers, drawn with ``seed``."""
+    """Fit a behaviour clone to some of the drivers.
+
+    Parameters
+    ----------
+    lessons : Lessons
+        Drivers in their traffic.
+    seed : int
+        For the draw of at most ``CLONED_DRIVERS`` drivers and for the network.
+
+    Returns
+    -------
+    Policy
+        The clone.
+    """
     n = len(lessons.episodes.length)
     chosen = lessons.rows(np.sort(np.random.default_rng(seed).permutation(n)[:CLONED_DRIVERS]))
     return clone(chosen.demonstrations, chosen.episodes, chosen.around, seed=seed)

@@ -1,4 +1,4 @@
-"""A trained policy as plain arrays: what it does needs neither torch nor scikit-learn."""
+"""A trained policy as plain arrays, independent of torch."""
 
 from __future__ import annotations
 
@@ -25,21 +25,34 @@ Floats = npt.NDArray[np.float64]
 
 @dataclass(frozen=True)
 class Policy:
-    """A network with tanh layers and a linear last one, from observations to actions.
+    """A network from observations to actions.
+
+    Its layers have hyperbolic tangents, the last one is linear.
 
     Attributes
     ----------
     layers : tuple of (weights, bias)
         Shapes ``(inputs, outputs)`` and ``(outputs,)``.
     facts : dict
-        How it was made: kind, seed, steps, ...; plain values.
+        How it was made: kind, seed, steps and others; plain values.
     """
 
     layers: tuple[tuple[Floats, Floats], ...]
     facts: dict[str, Any]
 
     def __call__(self, observation: npt.NDArray[np.floating]) -> Floats:
-        """Return actions (vehicles, 2) for observations (vehicles, 16), the mean ones: nothing is drawn."""
+        """Return the mean actions for observations.
+
+        Parameters
+        ----------
+        observation : float array, shape (vehicles, 16)
+            See :mod:`idm_sumo.irl.simulation`.
+
+        Returns
+        -------
+        float64, shape (vehicles, 2)
+            Actions from -1 to 1; nothing is drawn at random.
+        """
         value = np.asarray(observation, dtype=np.float64)
         for weights, bias in self.layers[:-1]:
             value = np.tanh(value @ weights + bias)
@@ -47,7 +60,13 @@ class Policy:
         return np.clip(value @ weights + bias, -1.0, 1.0)
 
     def save(self, path: Path) -> None:
-        """Write ``.npz``."""
+        """Write the policy as ``.npz``.
+
+        Parameters
+        ----------
+        path : Path
+            File to write.
+        """
         arrays: dict[str, Any] = {
             f"{kind}{i}": part for i, layer in enumerate(self.layers) for kind, part in zip("wb", layer, strict=True)
         }
@@ -56,38 +75,70 @@ class Policy:
 
     @classmethod
     def load(cls, path: Path) -> Policy:
-        """Read what :meth:`save` wrote.
+        """Read a policy that :meth:`save` wrote.
+
+        Parameters
+        ----------
+        path : Path
+            File to read.
+
+        Returns
+        -------
+        Policy
+            The policy.
 
         Raises
         ------
         InputError
-            If the file is missing or no policy of this observation.
+            If the file is missing, or is no policy for this observation.
         """
         try:
             with np.load(path, allow_pickle=False) as stored:
                 layers = tuple((stored[f"w{i}"], stored[f"b{i}"]) for i in range((len(stored.files) - 1) // 2))
                 facts = json.loads(str(stored["facts"]))
         except (OSError, ValueError, KeyError) as error:
-            raise InputError(f"{path}: is no policy ({error}); make one with `idm-sumo irl train`") from None
+            raise InputError(f"{path}: not a policy ({error}); make one with `idm-sumo irl train`") from None
         if not layers or layers[0][0].shape[0] != OBSERVATIONS:
-            raise InputError(f"{path}: is a policy of another version's observation; train it anew")
+            raise InputError(f"{path}: a policy for another observation; train it again with `idm-sumo irl train`")
         return cls(layers, facts)
 
 
 def drive_policy(scenes: Scenes, policy: Policy) -> Trajectories:
-    """Let a policy drive every vehicle from its start over the horizon; nothing ends an episode.
+    """Drive every vehicle by a policy over the horizon.
+
+    Nothing ends an episode early.
+
+    Parameters
+    ----------
+    scenes : Scenes
+        Windows of the drivers.
+    policy : Policy
+        The agent.
 
     Returns
     -------
     Trajectories
-        By the paper's transition model: Euler with the old speed. ``gap`` and ``leader`` are
-        not recorded (infinite, ``NOBODY``): the policy perceives more than a leader.
+        By the paper's transition model, Euler with the old speed. ``gap`` is infinite and ``leader`` is
+        ``NOBODY`` throughout, since the policy does not follow a single leader.
     """
     return _driven(scenes, lambda _, simulation: simulation.advance(policy(simulation.observation)))
 
 
 def drive_controls(scenes: Scenes, acceleration: Floats, steering: Floats) -> Trajectories:
-    """Drive every vehicle by given controls, arrays of shape (vehicles, horizon) in m/s² and rad."""
+    """Drive every vehicle by given controls.
+
+    Parameters
+    ----------
+    scenes : Scenes
+        Windows of the drivers.
+    acceleration, steering : float64, shape (vehicles, horizon)
+        Controls (m/s², rad).
+
+    Returns
+    -------
+    Trajectories
+        As in :func:`drive_policy`.
+    """
     control = np.stack([acceleration, steering], axis=2)
     return _driven(scenes, lambda step, simulation: simulation.advance_by(np.ascontiguousarray(control[:, step])))
 

@@ -1,6 +1,7 @@
-"""Training an agent by proximal policy optimisation, with checkpoints from which it goes on exactly.
+"""Training an agent by proximal policy optimisation, with checkpoints.
 
-Needs the extra ``rl`` (stable-baselines3, torch).
+Training that continues from a checkpoint gives exactly the result of uninterrupted training. Needs
+the extra ``rl`` (stable-baselines3, torch).
 """
 
 from __future__ import annotations
@@ -27,24 +28,24 @@ CURVE = ("steps", "episodes", "mean_return", "mean_length", "collision_share", "
 
 @dataclass(frozen=True)
 class Training:
-    """How an agent is trained.
+    """Settings of an agent's training.
 
     Attributes
     ----------
     steps : int
         Environment steps in all, rounded up to whole rollouts.
     episodes : int
-        Episodes side by side.
+        Number of episodes side by side.
     rollout : int
         Steps of each between two updates.
     batch, passes : int
         Samples of a gradient step, and passes over the rollout in an update.
     learning_rate : float
-        At the start; falls linearly to zero.
+        At the start; it falls linearly to zero.
     discount, trace : float
-        Of rewards a step, and of generalised advantage estimation.
+        Discount of rewards by step, and lambda of the generalised advantage estimation.
     clip : float
-        PPO's clip range.
+        Clip range of PPO.
     first_spread : float
         Standard deviation of the actions (-1 ... 1) at the start.
     hidden : tuple of int
@@ -80,29 +81,32 @@ def train(
     checkpoint: Path | None = None,
     progress: Progress = silent,
 ) -> tuple[Policy, pd.DataFrame]:
-    """Train an agent, or go on with one whose checkpoint is there.
+    """Train an agent, or continue from its checkpoint.
 
     Parameters
     ----------
     environment : ReplayVecEnv
         With ``training.episodes`` episodes, made with the same seed.
     training : Training
+        Settings.
     seed : int
-        Of the network and of the draws in training.
+        For the network and the random draws.
     checkpoint : Path, optional
-        Written every ``checkpoint_every`` updates and at the end; if it is there, training goes
-        on from it and ends as if it had never been interrupted.
+        Written every ``checkpoint_every`` updates and at the end. If it exists, training continues from it.
+    progress : Progress
+        Called as the work proceeds.
 
     Returns
     -------
     policy : Policy
+        The agent.
     curve : pandas.DataFrame
         One row an update, columns ``CURVE``: means over the episodes that ended in the rollout.
 
     Raises
     ------
     InputError
-        If the checkpoint is of other settings or another seed, or cannot be read.
+        If the checkpoint belongs to other settings or another seed, or cannot be read.
     """
     torch.set_num_threads(1)  # networks this small are slower on several cores
     model = _new_model(environment, training, seed)
@@ -124,14 +128,14 @@ def _plain(values: dict[str, Any]) -> dict[str, Any]:
 
 def _new_model(environment: ReplayVecEnv, t: Training, seed: int) -> PPO:
     return PPO(
-        "MlpPolicy", environment, learning_rate=lambda left: t.learning_rate * left, n_steps=t.rollout, batch_size=t.batch,
-        n_epochs=t.passes, gamma=t.discount, gae_lambda=t.trace, clip_range=t.clip, seed=seed, device="cpu",
+        "MlpPolicy", environment, learning_rate=lambda left: t.learning_rate * left, n_steps=t.rollout,
+        batch_size=t.batch, n_epochs=t.passes, gamma=t.discount, gae_lambda=t.trace, clip_range=t.clip, seed=seed, device="cpu",
         policy_kwargs={"net_arch": list(t.hidden), "log_std_init": float(np.log(t.first_spread))},
     )  # fmt: skip
 
 
 def _policy_of(model: PPO, facts: dict[str, Any]) -> Policy:
-    """Take the policy's layers out of torch."""
+    """Copy the policy's layers from torch."""
     policy: Any = model.policy
     linear = [layer for layer in policy.mlp_extractor.policy_net if isinstance(layer, torch.nn.Linear)]
     layers = tuple(
@@ -142,7 +146,7 @@ def _policy_of(model: PPO, facts: dict[str, Any]) -> Policy:
 
 
 class _Recorder(BaseCallback):
-    """Keeps the learning curve and writes checkpoints, between update and next rollout."""
+    """Records the learning curve and writes checkpoints."""
 
     def __init__(
         self, training: Training, identity: dict[str, Any], checkpoint: Path | None, progress: Progress
@@ -154,7 +158,7 @@ class _Recorder(BaseCallback):
         self._begin = time.perf_counter()
 
     def _on_rollout_start(self) -> None:
-        """Every call but the first of a process comes right after an update."""
+        """Write a checkpoint after every few updates."""
         if self.rows and len(self.rows) % self._of.checkpoint_every == 0:
             self.save_checkpoint(self.model)
         self._ended = []
@@ -173,7 +177,7 @@ class _Recorder(BaseCallback):
         self._report(f"training agent, seed {self._identity['seed']}", len(self.rows), self._of.updates)
 
     def save_checkpoint(self, model: Any) -> None:
-        """Write all that changes in training, in place of the last checkpoint."""
+        """Write the whole state of the training."""
         if self._checkpoint is None:
             return
         environment: ReplayVecEnv = model.env
@@ -183,21 +187,27 @@ class _Recorder(BaseCallback):
             "identity": self._identity, "rows": self.rows, "steps": model.num_timesteps, "updates": model._n_updates,
             "policy": model.policy.state_dict(), "optimizer": model.policy.optimizer.state_dict(),
             "observation": torch.tensor(model._last_obs), "starts": torch.tensor(model._last_episode_starts),
-            "environment": {k: torch.tensor(v) if isinstance(v, np.ndarray) else v for k, v in environment.state().items()},
-            "torch": torch.get_rng_state(), "numpy": [kind, torch.tensor(keys.astype(np.int64)), position, gauss, cached],
+            "environment": {
+                k: torch.tensor(v) if isinstance(v, np.ndarray) else v for k, v in environment.state().items()
+            },
+            "torch": torch.get_rng_state(),
+            "numpy": [kind, torch.tensor(keys.astype(np.int64)), position, gauss, cached],
         }  # fmt: skip
         with new_file(self._checkpoint) as part:
             torch.save(record, part)
 
 
 def _restore(model: PPO, environment: ReplayVecEnv, checkpoint: Path, identity: dict[str, Any]) -> list[list[float]]:
-    """Put a checkpoint into model and environment; return its learning curve."""
+    """Load a checkpoint into model and environment.
+
+    Returns the learning curve.
+    """
     try:
         record = torch.load(checkpoint, weights_only=True)
     except Exception as error:
-        raise InputError(f"{checkpoint}: cannot be read ({type(error).__name__}); remove it to begin anew") from None
+        raise InputError(f"{checkpoint}: cannot be read ({type(error).__name__}); remove it to start again") from None
     if record["identity"] != identity:
-        raise InputError(f"{checkpoint}: is of other settings or another seed; choose another output or remove it")
+        raise InputError(f"{checkpoint}: belongs to other settings or another seed; choose another output or remove it")
     model.policy.load_state_dict(record["policy"])
     model.policy.optimizer.load_state_dict(record["optimizer"])
     model.num_timesteps, model._n_updates = record["steps"], record["updates"]

@@ -1,4 +1,4 @@
-"""The reward an agent is trained on: learned weights, brought to a scale, and penalties that end an episode."""
+"""The reward of a step: learned weights, scaled, with penalties."""
 
 from __future__ import annotations
 
@@ -11,21 +11,22 @@ from idm_sumo.irl.simulation import RUNNING
 
 Floats = npt.NDArray[np.float64]
 
-ALIVE = 1.0  # a step, for driving as the recorded drivers do on average
-PENALTY = 25.0  # once, in place of all that the rest of the episode would have brought
-WORST = -5.0  # a step: the boundary feature grows without bound, and a single step must not decide
+ALIVE = 1.0  # mean reward of a recorded driver's step
+PENALTY = 25.0  # once, at the end of the episode by a collision or by leaving the road
+WORST = -5.0  # least reward of a step: the boundary feature is unbounded, and no single step may dominate
 
 
 class Reward(NamedTuple):
-    """Linear in the features.
+    """A reward that is linear in the features.
 
-    The learned weights say which of two trajectories is better; a scale and a constant a step do
-    not change that while an episode lasts, and make it learnable: recorded drivers get
-    ``ALIVE`` a step on average, with a standard deviation of 1.
+    The learned weights say which of two trajectories is better. Scale and shift do not change that while
+    an episode lasts; they make the reward learnable: recorded drivers get ``ALIVE`` a step on average,
+    with a standard deviation of 1.
 
     Attributes
     ----------
     weights : float64, shape (features,)
+        Weights of the features.
     shift, scale : float
         The reward of a step is ``(weights . features - shift) / scale``.
     """
@@ -36,15 +37,52 @@ class Reward(NamedTuple):
 
     @classmethod
     def brought_to_scale(cls, weights: Floats, recorded: Floats) -> Reward:
-        """Return the reward by the features of recorded drivers' steps, shape (..., features)."""
+        """Return the reward scaled by recorded drivers.
+
+        Parameters
+        ----------
+        weights : float64, shape (features,)
+            Learned weights.
+        recorded : float64, shape (..., features)
+            Features of the recorded drivers' steps.
+
+        Returns
+        -------
+        Reward
+            With mean ``ALIVE`` and standard deviation 1 over those steps.
+        """
         steps = recorded.reshape(-1, recorded.shape[-1]) @ weights
         scale = float(steps.std()) or 1.0
         return cls(np.asarray(weights, dtype=np.float64), float(steps.mean()) - ALIVE * scale, scale)
 
     def of(self, features: Floats) -> Floats:
-        """Return the reward of steps, shape (...,), from features of shape (..., features)."""
+        """Return the reward of steps.
+
+        Parameters
+        ----------
+        features : float64, shape (..., features)
+            Features of the steps.
+
+        Returns
+        -------
+        float64, shape (...)
+            At least ``WORST``.
+        """
         return np.maximum((features @ self.weights - self.shift) / self.scale, WORST)
 
     def in_training(self, features: Floats, status: npt.NDArray[np.int64]) -> Floats:
-        """Return the reward less the penalty for a collision or for leaving the road."""
+        """Return the reward less the penalties.
+
+        Parameters
+        ----------
+        features : float64, shape (..., features)
+            Features of the steps.
+        status : int64, shape (...)
+            Status of :class:`idm_sumo.irl.simulation.Simulation`; a collision or leaving the road has a penalty.
+
+        Returns
+        -------
+        float64, shape (...)
+            Reward.
+        """
         return np.asarray(self.of(features) - PENALTY * (status != RUNNING))

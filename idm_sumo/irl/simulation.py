@@ -1,6 +1,6 @@
-r"""Many modelled vehicles, each in its own recorded traffic, driven by given controls: compiled.
+r"""Compiled simulation of many vehicles, each in its recorded traffic.
 
-Observation (float32, ``OBSERVATIONS`` numbers, all about 1 in size):
+Controls are given. Observation (float32, ``OBSERVATIONS`` numbers, all of size about 1):
 
 ====  =======================================================  =====================
 no.   what                                                     unit
@@ -15,12 +15,12 @@ no.   what                                                     unit
 12-15 leader and follower in the lane to the right             the same
 ====  =======================================================  =====================
 
-A gap :math:`d` (m, bumper to bumper, negative beside) is shown as :math:`d/(|d| + 20)`, so that
-near gaps are told apart better than far ones; 1 and speed difference 0 stand for nobody, and for
+A gap :math:`d` (m, bumper to bumper, negative beside) enters as :math:`d/(|d| + 20)`, so that
+short gaps are resolved better than long ones; 1 and speed difference 0 stand for no vehicle, and for
 a lane that is not there.
 
 Action (float32, 2 numbers in -1 ... 1): acceleration in ``ACCELERATION_LIMIT`` and steering
-angle in ``STEERING_LIMIT``, positive to the left; what lies beyond is clipped.
+angle in ``STEERING_LIMIT``, positive to the left; values beyond are clipped.
 """
 
 from __future__ import annotations
@@ -29,7 +29,7 @@ import numpy as np
 import numpy.typing as npt
 from numba import njit
 
-from idm_sumo.evaluation.collisions import overlap, rectangle
+from idm_sumo.evaluation.collisions import first_row_from, overlap, rectangle
 from idm_sumo.irl import features
 from idm_sumo.irl.demonstrations import start_state
 from idm_sumo.irl.episodes import Episodes, Surroundings
@@ -51,22 +51,34 @@ RUNNING, COLLIDED, OFF_ROAD = range(3)
 
 
 class Simulation:
-    """Vehicles side by side in time, one row each; all arrays are updated in place.
+    """Vehicles that are simulated side by side, one row each.
+
+    All arrays are updated in place.
+
+    Parameters
+    ----------
+    episodes : Episodes
+        Starts of the windows.
+    around : Surroundings
+        Traffic.
+    row : int64, shape (vehicles,)
+        Window of each vehicle.
 
     Attributes
     ----------
     row : int64, shape (vehicles,)
-        Window that each vehicle drives in.
+        Window in which each vehicle drives.
     step : int64, shape (vehicles,)
-        Steps made since the start.
+        Steps since the start.
     state : float64, shape (vehicles, 4)
         ``x, y`` (m) of the middle, heading (rad), speed (m/s).
     observation : float32, shape (vehicles, 16)
+        See the text of the module.
     features : float64, shape (vehicles, features)
         Of the last step.
     status : int64, shape (vehicles,)
-        ``RUNNING``, ``COLLIDED`` (the rectangles of it and another vehicle overlap that did
-        not at the start) or ``OFF_ROAD`` (its middle has left the five lanes).
+        ``RUNNING``, ``COLLIDED`` (its rectangle overlaps that of another vehicle, which it did not at the start)
+        or ``OFF_ROAD`` (its middle has left the five lanes).
     """
 
     def __init__(self, episodes: Episodes, around: Surroundings, row: npt.NDArray[np.int64]) -> None:
@@ -81,32 +93,78 @@ class Simulation:
         self.restart(np.arange(n), self.row)
 
     def restart(self, which: npt.NDArray[np.int64], row: npt.NDArray[np.int64]) -> None:
-        """Put the vehicles ``which`` at the starts of the windows ``row``."""
+        """Put vehicles at the starts of windows.
+
+        Parameters
+        ----------
+        which : int64 array
+            Vehicles.
+        row : int64 array, shape of ``which``
+            Their windows.
+        """
         self.row[which], self.step[which] = row, 0
         _start(which, self.row, self.state, self.observation, self.status, self.overlapping, self.episodes, self.around)
 
     def advance(self, action: npt.NDArray[np.floating]) -> None:
-        """Drive every vehicle one step by its action, shape (vehicles, 2); see the module's text."""
+        """Drive every vehicle one step by its action.
+
+        Parameters
+        ----------
+        action : float array, shape (vehicles, 2)
+            Acceleration and steering from -1 to 1, see the text of the module.
+        """
         self.control[:, 0] = np.clip(action[:, 0], -1.0, 1.0) * ACCELERATION_LIMIT
         self.control[:, 1] = np.clip(action[:, 1], -1.0, 1.0) * STEERING_LIMIT
         self.advance_by(self.control)
 
     def advance_by(self, control: Floats) -> None:
-        """Drive every vehicle one step by acceleration (m/s²) and steering (rad), shape (vehicles, 2)."""
+        """Drive every vehicle one step by its controls.
+
+        Parameters
+        ----------
+        control : float64, shape (vehicles, 2)
+            Acceleration (m/s²) and steering (rad).
+        """
         self.control[:] = control
         _advance(
-            self.control, self.row, self.step, self.state, self.observation, self.features, self.status, self.overlapping,
-            self.episodes, self.around,
+            self.control, self.row, self.step, self.state, self.observation, self.features, self.status,
+            self.overlapping, self.episodes, self.around,
         )  # fmt: skip
 
 
 def actions_of(control: npt.ArrayLike) -> Floats:
-    """Return the actions (-1 ... 1, clipped) of accelerations (m/s²) and steering angles (rad)."""
+    """Return the actions of controls.
+
+    Parameters
+    ----------
+    control : array_like, shape (..., 2)
+        Acceleration (m/s²) and steering (rad).
+
+    Returns
+    -------
+    float64, shape (..., 2)
+        Actions, clipped to -1 ... 1.
+    """
     return np.clip(np.asarray(control) / (ACCELERATION_LIMIT, STEERING_LIMIT), -1.0, 1.0)
 
 
 def observe_along(state: Floats, episodes: Episodes, around: Surroundings) -> Observations:
-    """Return what drivers see along given paths: states (windows, steps, 4), observations (windows, steps, 16)."""
+    """Return the observations along given paths.
+
+    Parameters
+    ----------
+    state : float64, shape (windows, steps, 4)
+        ``x, y`` (m) of the middle, heading (rad), speed (m/s).
+    episodes : Episodes
+        The same windows.
+    around : Surroundings
+        Traffic.
+
+    Returns
+    -------
+    float32, shape (windows, steps, 16)
+        Observations.
+    """
     out = np.empty((*state.shape[:2], OBSERVATIONS), dtype=np.float32)
     _observe_along(np.ascontiguousarray(state), episodes, around, out)
     return out
@@ -114,17 +172,31 @@ def observe_along(state: Floats, episodes: Episodes, around: Surroundings) -> Ob
 
 @njit(cache=True)
 def squashed(gap: float) -> float:
-    """Return a gap (m) as it is shown in an observation."""
+    """Return a gap as it enters the observation.
+
+    Parameters
+    ----------
+    gap : float
+        Gap (m).
+
+    Returns
+    -------
+    float
+        :math:`d/(|d| + 20)`.
+    """
     return gap / (abs(gap) + GAP_SCALE)
 
 
 @njit(cache=True)
 def _neighbours(cell, x, length, v, own, around, out):  # type: ignore[no-untyped-def]
-    """Write gap and speed difference of the vehicles ahead and behind in a lane to ``out``, shape (4,)."""
+    """Write gaps and speed differences of a lane's neighbours.
+
+    ``out``, shape (4,), gets those of the vehicle ahead, then those of the one behind.
+    """
     front = x + 0.5 * length
     low, high = around.offsets[cell], around.offsets[cell + 1]
     out[0], out[1], out[2], out[3] = 1.0, 0.0, 1.0, 0.0
-    ahead = features.first_row_from(around.front, low, high, front)
+    ahead = first_row_from(around.front, low, high, front)
     behind = ahead - 1
     if ahead < high and around.vehicle[ahead] == own:
         ahead += 1
@@ -164,7 +236,7 @@ def _touches(x, y, psi, length, width, cell, stride, lanes, own, around):  # typ
     for lane in range(lanes):
         here = cell + lane * stride
         row, end = around.offsets[here], around.offsets[here + 1]
-        row = features.first_row_from(around.front, row, end, x - length)
+        row = first_row_from(around.front, row, end, x - length)
         while row < end and around.front[row] < x + length + around.reach:
             if around.vehicle[row] != own:
                 psi_o, long = around.heading[row], around.length[row]

@@ -1,15 +1,16 @@
-r"""Features summed along a trajectory, with exact gradient and Hessian by its controls.
+r"""Features summed along a trajectory, with gradient and Hessian.
 
-With states :math:`x_{t+1} = F(x_t, u_t)` the sum of a feature, :math:`R(u) = \sum_t f(x_{t+1}) +
-h(u_t)`, has the gradient :math:`\partial R/\partial u_t = h_u + F_u^\top p_{t+1}` by the costate
-:math:`p_t = f_x + F_x^\top p_{t+1}`. Its Hessian needs one pass backwards more,
+Both are exact and taken by the controls. With states :math:`x_{t+1} = F(x_t, u_t)` the sum of a feature,
+:math:`R(u) = \sum_t f(x_{t+1}) + h(u_t)`, has the gradient
+:math:`\partial R/\partial u_t = h_u + F_u^\top p_{t+1}` by the costate
+:math:`p_t = f_x + F_x^\top p_{t+1}`. Its Hessian needs one more backward pass,
 
 .. math:: P_t = f_{xx} + F_x^\top P_{t+1} F_x + p_{t+1}\!\cdot\! F_{xx},\qquad
     H_{tt} = h_{uu} + F_u^\top P_{t+1} F_u + p_{t+1}\!\cdot\! F_{uu},
 
 and for an earlier control :math:`H_{ts} = (F_u^\top P_{t+1} F_x + p_{t+1}\!\cdot\!F_{ux})\,
-\partial x_t/\partial u_s`. The dot is the sum over the components of the state. Nothing is
-neglected; time grows with the square of the number of steps.
+\partial x_t/\partial u_s`. The dot is the sum over the components of the state. The time grows with
+the square of the number of steps.
 """
 
 from __future__ import annotations
@@ -28,12 +29,42 @@ Floats = npt.NDArray[np.float64]
 
 
 def feature_sums(demonstrations: Demonstrations, episodes: Episodes, around: Surroundings) -> Floats:
-    """Return every feature summed over the steps of each demonstration, shape (windows, features)."""
+    """Return every feature summed over each demonstration's steps.
+
+    Parameters
+    ----------
+    demonstrations : Demonstrations
+        Paths and controls.
+    episodes : Episodes
+        The same windows.
+    around : Surroundings
+        Traffic.
+
+    Returns
+    -------
+    float64, shape (windows, features)
+        Sums.
+    """
     return np.asarray(step_features(demonstrations, episodes, around).sum(axis=1))
 
 
 def step_features(demonstrations: Demonstrations, episodes: Episodes, around: Surroundings) -> Floats:
-    """Return every feature after each step, shape (windows, steps, features)."""
+    """Return every feature after each step.
+
+    Parameters
+    ----------
+    demonstrations : Demonstrations
+        Paths and controls.
+    episodes : Episodes
+        The same windows.
+    around : Surroundings
+        Traffic.
+
+    Returns
+    -------
+    float64, shape (windows, steps, features)
+        Features.
+    """
     n, steps = demonstrations.control.shape[:2]
     out = np.empty((n, steps, features.COUNT))
     _step_features(demonstrations.state, demonstrations.control, *episodes[1:], around, out)
@@ -41,13 +72,23 @@ def step_features(demonstrations: Demonstrations, episodes: Episodes, around: Su
 
 
 def derivatives(demonstrations: Demonstrations, episodes: Episodes, around: Surroundings) -> tuple[Floats, Floats]:
-    """Return the derivatives of every feature's sum by the controls.
+    """Return the derivatives of every feature's sum.
+
+    Parameters
+    ----------
+    demonstrations : Demonstrations
+        Paths and controls.
+    episodes : Episodes
+        The same windows.
+    around : Surroundings
+        Traffic.
 
     Returns
     -------
     gradient : float64, shape (windows, features, 2 * steps)
-        By acceleration and steering of the first step, then of the second, ...
+        By acceleration and steering of the first step, then of the second, and so on.
     hessian : float64, shape (windows, features, 2 * steps, 2 * steps)
+        Second derivatives.
     """
     n, steps = demonstrations.control.shape[:2]
     gradient = np.zeros((n, features.COUNT, 2 * steps))
@@ -92,7 +133,10 @@ def _derivatives(state, control, length, width, cell, stride, lanes, own, around
 
 @njit(cache=True)
 def _along(state, control, axles):  # type: ignore[no-untyped-def]
-    """Return Jacobians of the steps, (steps, 4, 6), and of the states by all controls, (steps, 4, 2 * steps)."""
+    """Return the Jacobians of the steps and of the states.
+
+    Shapes are (steps, 4, 6) and, by all controls, (steps, 4, 2 * steps).
+    """
     steps = control.shape[0]
     jacobian, sensitivity = np.empty((steps, 4, 6)), np.zeros((steps, 4, 2 * steps))
     for t in range(steps):
@@ -142,7 +186,10 @@ def _one_feature(state, control, axles, jacobian, sensitivity, first, second, gr
 
 @njit(cache=True)
 def _write_controls(t, jacobian, sensitivity, costate, both, gradient, hessian):  # type: ignore[no-untyped-def]
-    """Write the derivatives by the controls of step ``t``, and by them and all earlier ones."""
+    """Write the derivatives by the controls of step ``t``.
+
+    Those by them and all earlier controls are included.
+    """
     for u in range(2):
         row = 2 * t + u
         total = 0.0

@@ -136,5 +136,5 @@ def test_what_is_no_policy_is_refused_in_one_line(tmp_path) -> None:  # type: ig
     from idm_sumo.runtime.errors import InputError
 
     (tmp_path / "policy.npz").write_text("no")
-    with pytest.raises(InputError, match="is no policy"):
+    with pytest.raises(InputError, match="not a policy"):
         Policy.load(tmp_path / "policy.npz")

@@ -29,7 +29,7 @@ NAN = float("nan")
 
 
 class Stimuli(NamedTuple):
-    """What a driver reacts to beside its own motion and gap.
+    """What a driver reacts to beside motion and gap.
 
     Unknown fields are NaN, and the effect that needs them then has no influence.
 
