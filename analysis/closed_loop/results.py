@@ -52,7 +52,7 @@ def write_results(
     tables.mkdir()
     figures.mkdir()
     ranks = words.ranking(table)
-    fields = pd.concat({key: p.fields for key, p in comparison.portraits.items()}, names=[RECORDING]).reset_index(
+    fields = pd.concat({key: p.fields for key, p in comparison.measures.items()}, names=[RECORDING]).reset_index(
         level=0
     )
     late = pd.concat({case.name: m.outcome.late for case, m in measured}, names=[POPULATION]).reset_index(level=0)

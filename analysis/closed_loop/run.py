@@ -14,7 +14,7 @@ import pandas as pd
 from joblib import Parallel, cpu_count, delayed
 
 from idm_sumo.calibration import driver_table as d
-from idm_sumo.evaluation.comparison import compare_portraits, portray
+from idm_sumo.evaluation.comparison import compare_measures, measure_traffic
 from idm_sumo.models.effects import ExtendedModel
 from idm_sumo.recordings import columns as c
 from idm_sumo.recordings.recording import Recording
@@ -81,8 +81,8 @@ def interactive(settings: Settings, out: Path, *, command: list[str], progress: 
             else pd.DataFrame()
         )
         progress("writing", 0, 1)
-        comparison = compare_portraits(
-            {RECORDED: portray(recorded)} | {case.name: m.portrait for case, m in measured}, seed=settings.seed
+        comparison = compare_measures(
+            {RECORDED: measure_traffic(recorded)} | {case.name: m.measured for case, m in measured}, seed=settings.seed
         )
         table = closed_loop_table(comparison, measured)
         write_results(part, table, comparison, measured, bias, recorded, demand, settings)

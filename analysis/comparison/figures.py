@@ -12,7 +12,7 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
 from idm_sumo.evaluation import macroscopic as m
-from idm_sumo.evaluation.comparison import Comparison, Portrait, matched_periods
+from idm_sumo.evaluation.comparison import Comparison, TrafficMeasures, matched_periods
 from idm_sumo.recordings import columns as c
 from idm_sumo.recordings.recording import Recording
 from idm_sumo.roads import road
@@ -36,13 +36,13 @@ def overview(comparison: Comparison) -> Figure:
     The distributions are of the period in which the reference holds most vehicles: recordings that mix periods
     in unequal shares would differ by that alone.
     """
-    portraits = comparison.portraits
-    reference = portraits[comparison.reference]
+    measures = comparison.measures
+    reference = measures[comparison.reference]
     periods = reference.periods[:3]
     figure, axes = new_figure(11, 6.2, columns=3, rows=2)
-    paint = colours(list(portraits))
+    paint = colours(list(measures))
     for ax, period in zip(axes, periods, strict=False):
-        _speed_by_position(ax, portraits, period, paint)
+        _speed_by_position(ax, measures, period, paint)
     for ax in axes[len(periods) : 3]:
         ax.axis("off")
     fullest = str(reference.counts.idxmax())
@@ -52,18 +52,18 @@ def overview(comparison: Comparison) -> Figure:
         ("following", "time_headway_s", np.linspace(0, 6, 61), "time headway (s)"),
         ("travel_times", "travel_time_s", np.linspace(20, 140, 41), span),
     ), strict=True):  # fmt: skip
-        _distribution(ax, portraits, paint, table, column, edges, fullest)
+        _distribution(ax, measures, paint, table, column, edges, fullest)
         ax.set(xlabel=label)
     handles, labels = axes[3].get_legend_handles_labels()
     figure.legend(handles, labels, loc="outside upper center", ncols=min(len(labels), 4), fontsize=9, frameon=False)
     return figure
 
 
-def _speed_by_position(ax: Axes, portraits: Mapping[str, Portrait], period: str, paint: dict[str, str]) -> None:
-    reference = next(iter(portraits.values()))
-    for name, portrait in portraits.items():
-        theirs = dict(matched_periods(reference.periods, portrait.periods)).get(period)
-        table = portrait.positions[portrait.positions[c.PERIOD] == theirs]
+def _speed_by_position(ax: Axes, measures: Mapping[str, TrafficMeasures], period: str, paint: dict[str, str]) -> None:
+    reference = next(iter(measures.values()))
+    for name, measured in measures.items():
+        theirs = dict(matched_periods(reference.periods, measured.periods)).get(period)
+        table = measured.positions[measured.positions[c.PERIOD] == theirs]
         if table.empty:
             continue
         mean, se = table[m.MEAN_SPEED], table["speed_se_m_s"].fillna(0.0)
@@ -77,13 +77,13 @@ def _speed_by_position(ax: Axes, portraits: Mapping[str, Portrait], period: str,
 
 
 def _distribution(
-    ax: Axes, portraits: Mapping[str, Portrait], paint: dict[str, str], table: str, column: str,
+    ax: Axes, measures: Mapping[str, TrafficMeasures], paint: dict[str, str], table: str, column: str,
     edges: npt.NDArray[np.float64], period: str,
 ) -> None:  # fmt: skip
-    reference = next(iter(portraits.values()))
-    for name, portrait in portraits.items():
-        theirs = dict(matched_periods(reference.periods, portrait.periods)).get(period)
-        rows = getattr(portrait, table)
+    reference = next(iter(measures.values()))
+    for name, measured in measures.items():
+        theirs = dict(matched_periods(reference.periods, measured.periods)).get(period)
+        rows = getattr(measured, table)
         values = rows.loc[rows[c.PERIOD] == theirs, column].dropna().to_numpy()
         if len(values):
             density = np.histogram(values, edges)[0] / len(values) / np.diff(edges)

@@ -106,7 +106,7 @@ def write_comparison(
     progress("drawing", 0, 2)
     comparison.summary.to_csv(tables / "comparison.csv", index=False, float_format="%.6g")
     for name in ("fields", "positions", "waves"):
-        whole = pd.concat({key: getattr(p, name) for key, p in comparison.portraits.items()}, names=[RECORDING])
+        whole = pd.concat({key: getattr(p, name) for key, p in comparison.measures.items()}, names=[RECORDING])
         whole.reset_index(level=0).to_csv(tables / f"{name}.csv", index=False, float_format="%.6g")
     save(overview(comparison), figures / "comparison.png")
     progress("drawing", 1, 2)
@@ -159,7 +159,7 @@ def _with_interval(row: pd.Series, name: str) -> str:
 def findings(comparison: Comparison) -> str:
     """Say how far each other recording is from the reference, every number computed."""
     parts = []
-    for name in list(comparison.portraits)[1:]:
+    for name in list(comparison.measures)[1:]:
         own, theirs = (last_row(comparison, key) for key in (comparison.reference, name))
         parts.append(
             f"{name}: mean speed {theirs['mean_speed_m_s']:.1f} against {own['mean_speed_m_s']:.1f} m/s, median gap {theirs['gap_m']:.1f} "

@@ -1,1 +1,1 @@
-"""How far a simulation is from a recording."""
+"""Measures of how far a simulation is from a recording."""

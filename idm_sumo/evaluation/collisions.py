@@ -1,32 +1,31 @@
-r"""Contacts of modelled cars with recorded traffic, and whose fault they are.
+"""Contacts of modelled vehicles with recorded traffic, and their fault.
 
-Recorded vehicles cannot react to a modelled car that behaves otherwise than its recorded
-twin, so some contacts say nothing against the model. The rule, written down:
+Recorded vehicles cannot react to a modelled vehicle that deviates from its recorded path, so
+some contacts are not the model's fault. This is the rule:
 
-**What is a contact.** The modelled car and a recorded vehicle, as rectangles of their
-length and width turned by their heading, overlap. The recorded twin is not there. A pair
-that overlaps when the simulation starts (measured positions and assumed sizes have errors)
-counts only after it has once been apart. The *first* contact of a simulation decides: what
-comes after would not have happened. If several happen at the same step, one that is our
-fault is taken.
+**What is a contact.** The modelled vehicle and a recorded vehicle, as rectangles of their length
+and width turned by their heading, overlap. The recorded vehicle that the model replaces is taken
+out of the traffic. A pair that overlaps when the simulation starts (measured positions and assumed
+sizes have errors) counts only after it has been apart. The *first* contact of a simulation decides,
+since what comes after would not have happened. Of several at the same step, one at the model's fault is taken.
 
-**Which edge.** Seen along and across the modelled car, the two came to overlap along one
-direction last; both are linear between two steps, the other at its recorded velocity. If
-that was lengthwise, our ``front`` or our ``rear`` was hit, according to where the other's
-middle is; otherwise our ``side``.
+**Which edge.** Seen along and across the modelled vehicle, the pair came to overlap along one
+direction last. Both motions are linear between two steps, the other vehicle moves at its recorded
+velocity. If that direction was lengthwise, the modelled vehicle's ``front`` or ``rear`` was hit,
+depending on where the other's middle is; otherwise its ``side``.
 
 **Whose fault.**
 
-* ``front``: ours, we drove into it - except when it cut in: if ``REACTION_TIME`` before it
-  was not yet in the way of where we drive now.
-* ``rear``: not ours, struck from behind by a replayed car - except when we cut in, by the
-  same measure.
-* ``side``: not ours if the other moved sideways towards us faster than we towards it, as a
-  recorded car does that changes into our lane while we keep it. Otherwise ours.
+* ``front``: the model's, since it drove into the other vehicle. Except where the other cut in: if,
+  ``REACTION_TIME`` before, it was not in the way of the modelled vehicle's present lateral position.
+* ``rear``: not the model's, since a replayed vehicle struck it from behind. Except where the modelled
+  vehicle cut in, by the same measure.
+* ``side``: not the model's if the other vehicle moved sideways towards it faster than the reverse, as
+  a recorded vehicle does that changes into the lane. Otherwise the model's.
 
-The paper reports "the collisions where the model vehicle is at fault" and gives no rule.
-In scenes with ``leader_source == "twin"`` the only other vehicle is the twin's leader, at
-the twin's lateral position and with an assumed size: counts from them are a lower bound.
+The paper reports "the collisions where the model vehicle is at fault" and gives no rule. In scenes
+with ``leader_source == "twin"`` the only other vehicle is the recorded vehicle's leader, at its
+follower's lateral position and with an assumed size. Counts from them are a lower bound.
 """
 
 from __future__ import annotations
@@ -43,7 +42,7 @@ from idm_sumo.roads import road
 from idm_sumo.scenes.windows import LEADER_FROM_LANE, Scenes
 from idm_sumo.simulation.rollout import Trajectories
 
-REACTION_TIME = 1.0  # s, what a follower needs to answer a car that cuts in
+REACTION_TIME = 1.0  # s, time that a follower needs to react to a cut-in
 REACTION_STEPS = round(REACTION_TIME / road.FRAME_STEP)
 
 NONE, FRONT, REAR, SIDE = range(4)
@@ -51,21 +50,21 @@ EDGES = ("", "front", "rear", "side")
 
 
 def first_contacts(scenes: Scenes, trajectories: Trajectories) -> pd.DataFrame:
-    """Return the first contact of every modelled car and whether it is at fault.
+    """Return each modelled vehicle's first contact and its fault.
 
     Parameters
     ----------
     scenes : Scenes
+        Windows of the drivers.
     trajectories : Trajectories
         One row a driver of ``scenes``, from the start of the simulation.
 
     Returns
     -------
     pandas.DataFrame
-        One row a driver: ``collision``, ``at_fault`` (bool), ``contact_time_s`` (s after the
-        start, NaN without contact), ``contact_with`` (vehicle number, 0 without contact and
-        for a leader that is known by its headway only) and ``contact_edge`` (``front``,
-        ``rear``, ``side`` or empty).
+        One row a driver: ``collision``, ``at_fault`` (bool), ``contact_time_s`` (s after the start, NaN
+        without contact), ``contact_with`` (vehicle number, 0 without contact and for a leader known by its
+        headway only) and ``contact_edge`` (``front``, ``rear``, ``side`` or empty).
     """
     n, t = len(scenes), scenes.traffic
     step, row, edge, fault = (np.zeros(n, dtype=np.int64) for _ in range(4))
@@ -91,17 +90,17 @@ def first_contacts(scenes: Scenes, trajectories: Trajectories) -> pd.DataFrame:
 def _numbers_of(
     vehicle: npt.NDArray[np.int64], row: npt.NDArray[np.int64], hit: npt.NDArray[np.bool_]
 ) -> npt.NDArray[np.int64]:
-    """Return the vehicle numbers of ``row`` where there is a hit, else 0."""
+    """Return the vehicle numbers of rows, 0 without contact."""
     numbers = np.zeros(len(row), dtype=np.int64)
     numbers[hit] = vehicle[row[hit]]
     return numbers
 
 
 def _first_cells(scenes: Scenes) -> tuple[npt.NDArray[np.int64], int]:
-    """Return the leftmost lane's cell at the start of each simulation, and how many lanes to look at.
+    """Return each simulation's first cell and the number of lanes.
 
-    All lanes of the road, not the neighbouring ones only: a slanting truck reaches far, and
-    a car without perception drifts anywhere.
+    The first cell is that of the leftmost lane at the start. All lanes are searched, not only adjacent
+    ones: a slanting truck reaches far, and a car without perception may drift anywhere.
     """
     if scenes.leader_source == LEADER_FROM_LANE:
         return scenes.traffic.cell(1, scenes.first_frame + scenes.start), road.MAIN_LANES
@@ -110,14 +109,44 @@ def _first_cells(scenes: Scenes) -> tuple[npt.NDArray[np.int64], int]:
 
 @njit(cache=True)
 def rectangle(front_x: float, front_y: float, heading: float, length: float, width: float):  # type: ignore[no-untyped-def]
-    """Return middle (m), direction and half sizes (m) of a car: ``x, y, cos, sin, half_length, half_width``."""
+    """Return the rectangle of a vehicle.
+
+    Parameters
+    ----------
+    front_x, front_y : float
+        Centre of the front bumper (m).
+    heading, length, width : float
+        Heading (rad) and size (m).
+
+    Returns
+    -------
+    x, y : float
+        Middle (m).
+    cos, sin : float
+        Direction.
+    half_length, half_width : float
+        Half sizes (m).
+    """
     x, y = center_of_front(front_x, front_y, heading, length)
     return x, y, cos(heading), sin(heading), 0.5 * length, 0.5 * width
 
 
 @njit(cache=True)
 def separation(one, other, axis_x, axis_y):  # type: ignore[no-untyped-def]
-    """Return the distance (m) of two rectangles' shadows on a unit axis, negative where they overlap."""
+    """Return the distance of two rectangles along an axis.
+
+    Parameters
+    ----------
+    one, other : tuple of float
+        Rectangles of :func:`rectangle`.
+    axis_x, axis_y : float
+        Unit vector of the axis.
+
+    Returns
+    -------
+    float
+        Distance of their projections (m), negative where these overlap.
+    """
     between = abs((other[0] - one[0]) * axis_x + (other[1] - one[1]) * axis_y)
     return between - _half_shadow(one, axis_x, axis_y) - _half_shadow(other, axis_x, axis_y)
 
@@ -131,7 +160,20 @@ def _half_shadow(rect, axis_x, axis_y):  # type: ignore[no-untyped-def]
 
 @njit(cache=True)
 def overlap(one, other) -> bool:  # type: ignore[no-untyped-def]
-    """Return whether two rectangles share area: no edge of either separates them (separating axis theorem)."""
+    """Return whether two rectangles share area.
+
+    They do if no edge of either separates them (separating axis theorem).
+
+    Parameters
+    ----------
+    one, other : tuple of float
+        Rectangles of :func:`rectangle`.
+
+    Returns
+    -------
+    bool
+        False also where they only touch.
+    """
     for rect in (one, other):
         along, across = separation(one, other, rect[2], rect[3]), separation(one, other, -rect[3], rect[2])
         if along >= 0.0 or across >= 0.0:
@@ -141,11 +183,22 @@ def overlap(one, other) -> bool:  # type: ignore[no-untyped-def]
 
 @njit(cache=True)
 def touched_edge(before, now, other_before, other_now) -> int:  # type: ignore[no-untyped-def]
-    """Return the edge of the modelled car that was hit: ``FRONT``, ``REAR`` or ``SIDE``.
+    """Return which edge of the modelled vehicle was hit.
 
-    ``before`` and ``now`` are the rectangles a step before and at the contact. The direction
-    along which they came to overlap last is the direction of the blow; of a pair that was
-    not apart along either, the one along which they overlap less.
+    The direction along which the rectangles came to overlap last decides. If they were not apart along
+    either, the one along which they overlap less does.
+
+    Parameters
+    ----------
+    before, now : tuple of float
+        Rectangles of the modelled vehicle one step before and at the contact.
+    other_before, other_now : tuple of float
+        Those of the other vehicle.
+
+    Returns
+    -------
+    int
+        ``FRONT``, ``REAR`` or ``SIDE``.
     """
     along = separation(now, other_now, now[2], now[3])
     across = separation(now, other_now, -now[3], now[2])
@@ -159,7 +212,10 @@ def touched_edge(before, now, other_before, other_now) -> int:  # type: ignore[n
 
 @njit(cache=True)
 def _closing_time(before: float, now: float) -> float:
-    """Return when between two steps (0 to 1) a distance became negative; 0 if it was before."""
+    """Return when between two steps a distance became negative.
+
+    From 0 to 1; 0 if it was negative before.
+    """
     return before / (before - now) if before > 0.0 else 0.0
 
 
@@ -172,17 +228,25 @@ def is_at_fault(
     was_in_the_way: bool,
     other_was_in_the_way: bool,
 ) -> bool:
-    """Apply the rule of this module.
+    """Return whether the modelled vehicle is at fault.
+
+    The rule is that of this module.
 
     Parameters
     ----------
     edge : int
+        Edge of the modelled vehicle that was hit.
     sideways, other_sideways : float
-        Velocities (m/s) across the road, positive to the left.
+        Velocities across the road (m/s, positive to the left).
     to_the_left : bool
-        Whether the other's middle lies to the left of ours.
+        Whether the other's middle lies to the left.
     was_in_the_way, other_was_in_the_way : bool
-        Whether we were in the other's path, and it in ours, ``REACTION_TIME`` before.
+        Whether the modelled vehicle was in the other's path, and the reverse, ``REACTION_TIME`` before.
+
+    Returns
+    -------
+    bool
+        Whether the modelled vehicle is at fault.
     """
     if edge == REAR:
         return not was_in_the_way
@@ -194,7 +258,10 @@ def is_at_fault(
 
 @njit(cache=True)
 def _judge(x, y, heading, k, length, width, other, other_velocity, other_was_in_the_way):  # type: ignore[no-untyped-def]
-    """Return edge and fault of a contact at step ``k`` with a rectangle that moves at ``other_velocity``."""
+    """Return edge and fault of a contact at step ``k``.
+
+    ``other`` is a rectangle that moves at ``other_velocity``.
+    """
     dt = road.FRAME_STEP
     now = rectangle(x[k], y[k], heading[k], length, width)
     before = rectangle(x[k - 1], y[k - 1], heading[k - 1], length, width)
@@ -215,7 +282,10 @@ def _was_in_the_way(  # type: ignore[no-untyped-def]
     ego, code, first_cell, lanes, frames, then,
     offsets, other_x, other_y, other_heading, other_length, other_width, other_code,
 ):  # fmt: skip
-    """Return whether a vehicle was, at step ``then``, laterally where the modelled car is now."""
+    """Return whether a vehicle was in the way before.
+
+    That is, whether it was laterally where the modelled vehicle is now.
+    """
     for lane in range(lanes):
         cell = first_cell + lane * frames + then
         for j in range(offsets[cell], offsets[cell + 1]):
@@ -227,7 +297,7 @@ def _was_in_the_way(  # type: ignore[no-untyped-def]
 
 @njit(cache=True)
 def first_row_from(x, low, high, least):  # type: ignore[no-untyped-def]
-    """Return the first sorted row that is not behind a position.
+    """Return the first sorted row not behind a position.
 
     Parameters
     ----------
@@ -259,7 +329,7 @@ def _first_contacts(  # type: ignore[no-untyped-def]
     step, row, edge, fault,
 ):  # fmt: skip
     for i in range(x.shape[0]):
-        since_start = np.full(others, -1)  # last step of an overlap that was there at the start, step 0
+        since_start = np.full(others, -1)  # last step of an overlap that has lasted since the start, step 0
         mine = hypot(length[i], 0.5 * width[i]) + reach
         for k in range(x.shape[1]):
             ego = rectangle(x[i, k], y[i, k], heading[i, k], length[i], width[i])

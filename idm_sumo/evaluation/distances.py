@@ -1,7 +1,7 @@
-r"""How far apart two distributions are, with an interval that respects what is independent: vehicles.
+"""Distances of two distributions, with bootstrap intervals over vehicles.
 
-Rows of one vehicle resemble each other, so whole vehicles are resampled (a cluster
-bootstrap). The values are counted on a fine grid first; both distances are those of the
+The rows of one vehicle are not independent, so whole vehicles are resampled (a cluster
+bootstrap). The values are counted on a fine grid first, and both distances are those of the
 gridded values.
 """
 
@@ -26,8 +26,9 @@ class Sample(NamedTuple):
     Attributes
     ----------
     values : float64, shape (n,)
+        Values.
     vehicle : int64, shape (n,)
-        Number of the vehicle each belongs to; any numbers, equal for one vehicle.
+        Label of the vehicle that each belongs to.
     """
 
     values: Floats
@@ -35,12 +36,17 @@ class Sample(NamedTuple):
 
 
 class Distance(NamedTuple):
-    """Two distances of two samples, each with the ends of its 95 % bootstrap interval.
+    """Two distances of two samples, with 95 % bootstrap intervals.
 
-    ``wasserstein`` is the mean distance values must be moved by, in their unit; ``ks`` the
-    largest difference of the distribution functions (Kolmogorov-Smirnov). The interval is
-    the percentile interval. Resampling adds scatter, so it cannot reach down to zero and lies above
-    the estimate where the samples hardly differ.
+    The intervals are percentile intervals. Resampling adds scatter, so an interval does not reach zero
+    and lies above the estimate where the samples hardly differ.
+
+    Attributes
+    ----------
+    wasserstein, wasserstein_low, wasserstein_high : float
+        Mean distance by which values must be moved, in their unit.
+    ks, ks_low, ks_high : float
+        Largest difference of the distribution functions (Kolmogorov-Smirnov).
     """
 
     wasserstein: float
@@ -62,10 +68,13 @@ def distance(
     Parameters
     ----------
     one, other : Sample
+        Samples in the same unit.
     upper : float
-        Values below 0 and above this count as 0 and as this.
+        Values below 0 count as 0, and above this as this.
     rng : numpy.random.Generator
+        Source of the bootstrap's draws.
     resamples : int
+        Bootstrap draws.
 
     Returns
     -------
@@ -86,7 +95,7 @@ def distance(
 
 
 def _counts(sample: Sample, edges: Floats) -> Floats:
-    """Return how often each vehicle's values fall in each cell, shape ``(vehicles, cells)``."""
+    """Return the histogram of each vehicle, shape ``(vehicles, cells)``."""
     vehicles, row = np.unique(sample.vehicle, return_inverse=True)
     cells = len(edges) - 1
     cell = np.clip(np.searchsorted(edges, sample.values, side="right") - 1, 0, cells - 1)
@@ -94,13 +103,16 @@ def _counts(sample: Sample, edges: Floats) -> Floats:
 
 
 def _resampled(counts: Floats, rng: np.random.Generator, resamples: int) -> Floats:
-    """Return the counts of vehicles drawn with replacement, shape ``(resamples, cells)``."""
+    """Return histograms of vehicles drawn with replacement.
+
+    The shape is ``(resamples, cells)``.
+    """
     n = len(counts)
     return np.asarray(rng.multinomial(n, np.full(n, 1.0 / n), size=resamples) @ counts)
 
 
 def _distances(middle: Floats, one: Floats, other: Floats) -> tuple[float, float]:
-    """Return Wasserstein's and Kolmogorov and Smirnov's distance of two histograms."""
+    """Return the Wasserstein and Kolmogorov-Smirnov distances of two histograms."""
     w = float(wasserstein_distance(middle, middle, one, other))
     difference = np.cumsum(one) / one.sum() - np.cumsum(other) / other.sum()
     return w, float(np.abs(difference).max())

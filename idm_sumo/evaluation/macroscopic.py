@@ -1,18 +1,18 @@
-r"""Flow, density and speed of recorded or simulated traffic, and what else a comparison counts.
+r"""Flow, density, speed, travel times and lane changes of traffic.
 
 Edie's generalised definitions hold for any region of space and time, here a stretch of one
-lane of length :math:`L` over a time :math:`\Delta t`: the vehicles' distances :math:`x_i` and times
-:math:`t_i` spent in it give
+lane of length :math:`L` over a time :math:`\Delta t`. With the vehicles' distances :math:`x_i` and
+times :math:`t_i` spent in it
 
 .. math:: q = \frac{\sum x_i}{L\,\Delta t},\qquad k = \frac{\sum t_i}{L\,\Delta t},\qquad
     v = \frac{\sum x_i}{\sum t_i} = \frac qk.
 
 Source: Edie (1963), Discussion of traffic stream measurements and definitions; Treiber and
-Kesting (2013), Traffic Flow Dynamics, section 3.3. A row of a recording is 0.1 s of presence, over which
-the vehicle travels its speed times 0.1 s.
+Kesting (2013), Traffic Flow Dynamics, section 3.3. A row of a recording is a presence of 0.1 s,
+in which the vehicle travels its speed times 0.1 s.
 
-A *thin* recording (``has_leader_rows`` is false) holds a few of the vehicles only. Its
-speeds are means over those; flows, densities and counts cannot be had from it and are NaN.
+A recording without its leaders' rows (``has_leader_rows`` is false) holds only some of the
+vehicles. Its speeds are means over those; its flows, densities and counts are unknown (NaN).
 """
 
 from __future__ import annotations
@@ -28,10 +28,10 @@ from idm_sumo.roads import road
 
 Floats = npt.NDArray[np.float64]
 
-SEGMENTS = 8  # of the section
+SEGMENTS = 8  # parts of the section
 MEASURED_LANES = road.AUXILIARY_LANE  # lanes 1 to 6; the ramps lie mostly outside the section
 STATIONS = (25.0, 600.0)  # m, between which travel times are taken: real vehicles are first seen at 12 m, last at 631 m
-HELD = 10  # frames a vehicle must stay in a lane for its change to count: positions near a marking flicker
+HELD = 10  # frames that a vehicle must stay in a lane for its change to count
 PER_HOUR, PER_KM = 3600.0, 1000.0
 
 MINUTE, SEGMENT, FLOW, DENSITY = "minute", "segment", "flow_veh_h", "density_veh_km"
@@ -39,13 +39,16 @@ MEAN_SPEED, SAMPLES = "speed_m_s", "vehicle_seconds"
 
 
 def edie(recording: Recording, *, segments: int = SEGMENTS, minutes: float = 1.0) -> pd.DataFrame:
-    """Return flow, density and speed by period, minute, lane and segment.
+    """Return flow, density and speed of regions.
+
+    Regions are by period, minute, lane and segment.
 
     Parameters
     ----------
     recording : Recording
+        Recorded or simulated traffic.
     segments : int
-        Equal parts of the section, 0 upstream.
+        Number of equal parts of the section; 0 is upstream.
     minutes : float
         Length of the time intervals, counted from each period's first frame.
 
@@ -53,8 +56,8 @@ def edie(recording: Recording, *, segments: int = SEGMENTS, minutes: float = 1.0
     -------
     pandas.DataFrame
         ``period, minute`` (number of the interval), ``lane`` (1 to 6), ``segment``, ``x_m`` (its middle),
-        ``flow_veh_h``, ``density_veh_km``, ``speed_m_s``, ``vehicle_seconds``; regions that no vehicle was seen
-        in are not there. Flow and density of a thin recording are NaN.
+        ``flow_veh_h``, ``density_veh_km``, ``speed_m_s``, ``vehicle_seconds``. Regions without vehicles are
+        missing. Flow and density are NaN if the recording holds only some of the vehicles.
     """
     table, edges = _in_section(recording.table), np.linspace(0.0, road.SECTION_LENGTH, segments + 1)
     table = table.assign(**{
@@ -74,20 +77,20 @@ def edie(recording: Recording, *, segments: int = SEGMENTS, minutes: float = 1.0
 
 
 def _in_section(table: pd.DataFrame) -> pd.DataFrame:
-    """Return the rows inside the section on lanes 1 to 6."""
+    """Return the rows inside the section, lanes 1-6."""
     inside = table[c.X].between(0.0, road.SECTION_LENGTH) & (table[c.LANE] <= MEASURED_LANES)
     inside &= (table[c.LANE] < road.AUXILIARY_LANE) | table[c.X].between(road.ON_RAMP_X, road.OFF_RAMP_X)
     return table[inside]
 
 
 def _seconds(table: pd.DataFrame) -> Floats:
-    """Return the time (s) of each row since its period's first frame."""
+    """Return each row's time (s) since its period's start."""
     first = table.groupby(c.PERIOD, observed=True)[c.FRAME].transform("min")
     return np.asarray((table[c.FRAME] - first) * road.FRAME_STEP, dtype=np.float64)
 
 
 def _lengths(edges: Floats) -> Floats:
-    """Return how much (m) of each lane lies in each segment, shape ``(6, segments)``."""
+    """Return lane lengths (m) by segment, shape ``(6, segments)``."""
     whole = np.tile(np.diff(edges), (MEASURED_LANES, 1))
     inside = np.clip(edges, road.ON_RAMP_X, road.OFF_RAMP_X)
     whole[road.AUXILIARY_LANE - 1] = np.diff(inside)
@@ -95,7 +98,10 @@ def _lengths(edges: Floats) -> Floats:
 
 
 def _durations(recording: Recording, sums: pd.DataFrame, minutes: float) -> Floats:
-    """Return how long (s) each region's interval was recorded; the last of a period may be short."""
+    """Return how long (s) each region's interval was recorded.
+
+    The last interval of a period may be shorter than the others.
+    """
     frames = recording.table.groupby(c.PERIOD, observed=True)[c.FRAME].agg(["min", "max"])
     whole = ((frames["max"] - frames["min"] + 1) * road.FRAME_STEP).reindex(sums[c.PERIOD].astype(str)).to_numpy()
     begin = sums[MINUTE].to_numpy() * 60.0 * minutes
@@ -103,13 +109,20 @@ def _durations(recording: Recording, sums: pd.DataFrame, minutes: float) -> Floa
 
 
 def speed_by_position(recording: Recording, *, bins: int = SEGMENTS) -> pd.DataFrame:
-    """Return Edie's mean speed on the main lanes by period and position.
+    """Return Edie's mean speed by period and position.
+
+    Parameters
+    ----------
+    recording : Recording
+        Recorded or simulated traffic.
+    bins : int
+        Number of equal parts of the section.
 
     Returns
     -------
     pandas.DataFrame
-        ``period, segment, x_m, speed_m_s, speed_se_m_s`` and ``vehicles``. The standard error is over the
-        vehicles' own mean speeds there, whose frames are not independent.
+        ``period, segment, x_m, speed_m_s, speed_se_m_s`` and ``vehicles``, of the main lanes. The standard
+        error is over the vehicles' own mean speeds there, since frames are not independent.
     """
     table = _in_section(recording.table)
     table = table[table[c.LANE] <= road.MAIN_LANES]
@@ -125,13 +138,20 @@ def speed_by_position(recording: Recording, *, bins: int = SEGMENTS) -> pd.DataF
 
 
 def travel_times(recording: Recording, *, stations: tuple[float, float] = STATIONS) -> pd.DataFrame:
-    """Return how long each vehicle took from one station to the other.
+    """Return each vehicle's travel time between two stations.
+
+    Parameters
+    ----------
+    recording : Recording
+        Recorded or simulated traffic.
+    stations : (float, float)
+        Positions of the stations (m).
 
     Returns
     -------
     pandas.DataFrame
-        ``period, vehicle, entered_s`` (since the period's first frame), ``travel_time_s``; vehicles that were not seen
-        passing both stations are not there. The moments are interpolated between frames.
+        ``period, vehicle, entered_s`` (since the period's first frame), ``travel_time_s``. Vehicles that did not
+        pass both stations are missing. The moments are interpolated between frames.
     """
     passed = [_passing(recording.table, station) for station in stations]
     both = passed[0].merge(passed[1], on=[c.PERIOD, c.VEHICLE], suffixes=("", "_end"))
@@ -141,7 +161,7 @@ def travel_times(recording: Recording, *, stations: tuple[float, float] = STATIO
 
 
 def _passing(table: pd.DataFrame, station: float) -> pd.DataFrame:
-    """Return when (s) each vehicle's front first passed a station (m)."""
+    """Return when (s) each vehicle first passed a station (m)."""
     starts, _ = runs(table)
     x, seconds = table[c.X].to_numpy(), _seconds(table)
     crossing = np.zeros(len(table), dtype=bool)
@@ -150,15 +170,23 @@ def _passing(table: pd.DataFrame, station: float) -> pd.DataFrame:
     rows = np.flatnonzero(crossing)
     share = (station - x[rows - 1]) / (x[rows] - x[rows - 1])
     moment = seconds[rows - 1] + share * (seconds[rows] - seconds[rows - 1])
-    found = pd.DataFrame({c.PERIOD: table[c.PERIOD].iloc[rows].astype(str).to_numpy(), c.VEHICLE: table[c.VEHICLE].to_numpy()[rows], "seconds": moment})  # fmt: skip
+    period, vehicle = table[c.PERIOD].iloc[rows].astype(str).to_numpy(), table[c.VEHICLE].to_numpy()[rows]
+    found = pd.DataFrame({c.PERIOD: period, c.VEHICLE: vehicle, "seconds": moment})
     return found.drop_duplicates([c.PERIOD, c.VEHICLE])
 
 
 def lane_changes(recording: Recording, *, held: int = HELD) -> pd.DataFrame:
-    """Return every vehicle's distance and its lane changes.
+    """Return every vehicle's distance and lane changes.
 
-    A change counts if the vehicle stayed at least ``held`` frames in the lane it left and in the
-    one it came to: measured positions near a marking flicker.
+    A change counts if the vehicle stayed long enough in the lanes before and after, since measured
+    positions near a marking flicker.
+
+    Parameters
+    ----------
+    recording : Recording
+        Recorded or simulated traffic.
+    held : int
+        Frames that a vehicle must stay in a lane.
 
     Returns
     -------
@@ -178,7 +206,8 @@ def lane_changes(recording: Recording, *, held: int = HELD) -> pd.DataFrame:
     changed = (stretch[first[1:]] == stretch[first[:-1]]) & (before != after)
     main = road.MAIN_LANES
     kinds = {"changes": (before <= main) & (after <= main), "merges": before > main, "exits": after > main}
-    counts = pd.DataFrame({c.PERIOD: table[c.PERIOD], c.VEHICLE: table[c.VEHICLE], "km": table[c.SPEED] * road.FRAME_STEP / PER_KM})  # fmt: skip
+    driven = table[c.SPEED] * road.FRAME_STEP / PER_KM
+    counts = pd.DataFrame({c.PERIOD: table[c.PERIOD], c.VEHICLE: table[c.VEHICLE], "km": driven})
     for name, kind in kinds.items():
         counts[name] = 0
         counts.loc[first[1:][changed & kind], name] = 1
@@ -186,6 +215,17 @@ def lane_changes(recording: Recording, *, held: int = HELD) -> pd.DataFrame:
 
 
 def vehicle_counts(recording: Recording) -> pd.Series:
-    """Return the number of vehicles by period, for any recording; of a thin one it says nothing of the traffic."""
+    """Return the number of vehicles by period.
+
+    Parameters
+    ----------
+    recording : Recording
+        Any recording; one of only some vehicles does not count the traffic.
+
+    Returns
+    -------
+    pandas.Series
+        Number of vehicles, indexed by period.
+    """
     table = recording.table.drop_duplicates([c.PERIOD, c.VEHICLE])
     return table.groupby(c.PERIOD, observed=True).size().reindex(recording.periods)

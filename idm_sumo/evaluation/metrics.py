@@ -1,10 +1,9 @@
-r"""How far a modelled car is from its recorded twin, and how plausibly it drives.
+r"""Deviation from the recorded vehicle, and plausibility of the driving.
 
-All over the steps :math:`t = 1 \dots T` after the start, where the error is zero by
-construction: the paper's sum begins at :math:`t = 0` and divides by :math:`T`, which is the
-same number. Positions are those of the front bumpers. Averages and standard errors are over
-*vehicles*, never over frames, whose errors are not independent; several windows of a vehicle
-are averaged within it first.
+All metrics are over the steps :math:`t = 1 \dots T` after the start, where the error is zero by
+construction. The paper's sum begins at :math:`t = 0` and divides by :math:`T`, which gives the same
+number. Positions are those of the front bumpers. Averages and standard errors are over *vehicles*,
+never over frames, whose errors are not independent. Several windows of a vehicle are averaged first.
 """
 
 from __future__ import annotations
@@ -23,26 +22,40 @@ from idm_sumo.simulation.rollout import Trajectories
 Floats = npt.NDArray[np.float64]
 
 CRITICAL_TIME_TO_COLLISION = 1.5  # s
-HARD_ACCELERATION = 3.0  # m/s^2, beyond what drivers are comfortable with
+HARD_ACCELERATION = 3.0  # m/s^2, above what is comfortable
 
-# Always there; a NaN among them is a broken trajectory and is not averaged away.
+# Defined for every vehicle. A NaN among them means a broken trajectory and makes the mean NaN.
 ERRORS = ("ade_m", "fde_m", "speed_rmse_m_s")
 CONDUCT = ("critical_ttc_share", "hard_acceleration_share", "jerk_rms_m_s3", "lane_departure_share")
 OF_GAPS = ("min_gap_m", "gap_rmse_m")  # NaN for a vehicle that never has a leader
 
 
 def displacement(scenes: Scenes, trajectories: Trajectories) -> Floats:
-    """Return the distance (m) of modelled and recorded front bumper, shape ``(vehicles, T)``, from step 1."""
-    x, y = _twin(scenes, scenes.x), _twin(scenes, scenes.y)
-    return np.asarray(np.hypot(trajectories.x - x, trajectories.y - y)[:, 1:])
-
-
-def score(scenes: Scenes, trajectories: Trajectories) -> pd.DataFrame:
-    """Return one row a driver and window.
+    """Return the distance between modelled and recorded front bumper.
 
     Parameters
     ----------
     scenes : Scenes
+        Windows of the drivers.
+    trajectories : Trajectories
+        One row a driver of ``scenes``.
+
+    Returns
+    -------
+    float64, shape (vehicles, T)
+        Distance (m), from step 1 on.
+    """
+    x, y = _recorded(scenes, scenes.x), _recorded(scenes, scenes.y)
+    return np.asarray(np.hypot(trajectories.x - x, trajectories.y - y)[:, 1:])
+
+
+def score(scenes: Scenes, trajectories: Trajectories) -> pd.DataFrame:
+    """Return the metrics of each driver and window.
+
+    Parameters
+    ----------
+    scenes : Scenes
+        Windows of the drivers.
     trajectories : Trajectories
         One row a driver of ``scenes``.
 
@@ -52,29 +65,27 @@ def score(scenes: Scenes, trajectories: Trajectories) -> pd.DataFrame:
         ``period``, ``vehicle``, ``first_frame`` and
 
         ``ade_m``, ``fde_m``
-            mean and final displacement error.
+            average and final displacement error.
         ``speed_rmse_m_s``
-            of the speed against the twin's.
+            root mean square difference of modelled and recorded speed.
         ``collision``, ``at_fault``, ``contact_time_s``, ``contact_with``, ``contact_edge``
             see :mod:`idm_sumo.evaluation.collisions`.
         ``min_gap_m``
-            smallest gap to whoever is ahead in the lane the front is in, negative where it
-            stands inside another vehicle; NaN if nobody ever is. Where the scenes know the
-            twin's leader only, to that one.
+            smallest gap to the vehicle ahead in the front's lane, negative inside another vehicle; NaN
+            without any. Where the scenes hold only the recorded vehicle's leader, the gap to that one.
         ``critical_ttc_share``
-            share of steps in which gap by approach rate is below 1.5 s (or the gap below 0).
+            share of steps in which gap over approach rate is below 1.5 s, or the gap below 0.
         ``hard_acceleration_share``, ``jerk_rms_m_s3``
-            of the acceleration that took place, the differences of speed: a car at
-            standstill may be told to brake and does not.
+            of the differences of speed, which are zero at standstill even if the model demands braking.
         ``lane_departure_share``
             share of steps in which the front's middle is outside the lane of the start.
         ``gap_rmse_m``
-            own gap (as above) against the gap the twin had, in its own lane, to its own
-            leader: another vehicle once either has changed lanes. Over the steps in which
-            both have a leader, NaN if there are none.
+            root mean square difference between modelled gap (as above) and recorded gap. The latter is to
+            the recorded vehicle's own leader in its own lane, another vehicle once either has changed lanes.
+            Over the steps in which both have a leader; NaN without any.
     """
     error = displacement(scenes, trajectories)
-    speed_error = (trajectories.speed - _twin(scenes, scenes.speed))[:, 1:]
+    speed_error = (trajectories.speed - _recorded(scenes, scenes.speed))[:, 1:]
     keys = {c.PERIOD: scenes.period, c.VEHICLE: scenes.vehicle, "first_frame": scenes.first_frame}
     errors = {"ade_m": error.mean(axis=1), "fde_m": error[:, -1], "speed_rmse_m_s": _root_mean_square(speed_error)}
     conduct = _gap_metrics(scenes, trajectories) | _motion_metrics(scenes, trajectories)
@@ -82,7 +93,7 @@ def score(scenes: Scenes, trajectories: Trajectories) -> pd.DataFrame:
 
 
 def summary(scores: pd.DataFrame) -> dict[str, float]:
-    """Return the figures of one row of a table of methods.
+    """Return the metrics of one method over all vehicles.
 
     Parameters
     ----------
@@ -91,12 +102,11 @@ def summary(scores: pd.DataFrame) -> dict[str, float]:
 
     Returns
     -------
-    dict
-        Mean and standard error over vehicles of every metric (``ade_m``, ``ade_se_m``, ...;
-        the word ``se`` stands before the unit), ``collisions`` and ``contacts`` (vehicles
-        with a collision that is their fault; with any), ``critical_ttc_vehicles`` (with a
-        critical time to collision at any step), ``vehicles`` and ``vehicles_with_leader``.
-        A standard error of fewer than two vehicles is NaN.
+    dict of str to float
+        Mean and standard error over vehicles of every metric (``ade_m``, ``ade_se_m``, ...; see
+        :func:`standard_error_name`), ``collisions`` and ``contacts`` (vehicles with a collision at their
+        fault; with any), ``critical_ttc_vehicles`` (with a critical time to collision at any step),
+        ``vehicles`` and ``vehicles_with_leader``. A standard error of fewer than two vehicles is NaN.
     """
     metrics = [*ERRORS, *CONDUCT, *OF_GAPS]
     by_vehicle = scores.groupby([c.PERIOD, c.VEHICLE], observed=True, sort=False)
@@ -115,7 +125,18 @@ def summary(scores: pd.DataFrame) -> dict[str, float]:
 
 
 def standard_error_name(metric: str) -> str:
-    """Return the column of a metric's standard error: ``ade_m`` gives ``ade_se_m``, a share ``..._share_se``."""
+    """Return the column of a metric's standard error.
+
+    Parameters
+    ----------
+    metric : str
+        Column of the metric.
+
+    Returns
+    -------
+    str
+        ``ade_m`` gives ``ade_se_m``, and a share ``..._share_se``.
+    """
     for unit in ("_m_s3", "_m_s", "_m"):
         if metric.endswith(unit):
             return f"{metric.removesuffix(unit)}_se{unit}"
@@ -129,8 +150,8 @@ def _mean_and_error(values: Floats) -> tuple[float, float]:
     return float(values.mean()), error
 
 
-def _twin(scenes: Scenes, values: Floats) -> Floats:
-    """Return the recorded twin's values from the start of the simulation over the horizon."""
+def _recorded(scenes: Scenes, values: Floats) -> Floats:
+    """Return recorded values from the start over the horizon."""
     return values[:, scenes.start : scenes.start + scenes.window.horizon + 1]
 
 
@@ -140,12 +161,12 @@ def _root_mean_square(values: Floats) -> Floats:
 
 def _gap_metrics(scenes: Scenes, trajectories: Trajectories) -> dict[str, Floats]:
     own = leaders_along(scenes, trajectories.x, trajectories.y, scenes.start)
-    twin = leaders_along(scenes, _twin(scenes, scenes.x), _twin(scenes, scenes.y), scenes.start)
-    gap, twin_gap = own.gap[:, 1:], twin.gap[:, 1:]
+    recorded = leaders_along(scenes, _recorded(scenes, scenes.x), _recorded(scenes, scenes.y), scenes.start)
+    gap, recorded_gap = own.gap[:, 1:], recorded.gap[:, 1:]
     critical = is_critical(gap, trajectories.speed[:, 1:] - own.speed[:, 1:])
     smallest = gap.min(axis=1)
-    both = np.isfinite(gap) & np.isfinite(twin_gap)
-    squared = np.where(both, np.subtract(gap, twin_gap, where=both, out=np.zeros_like(gap)) ** 2, 0.0).sum(axis=1)
+    both = np.isfinite(gap) & np.isfinite(recorded_gap)
+    squared = np.where(both, np.subtract(gap, recorded_gap, where=both, out=np.zeros_like(gap)) ** 2, 0.0).sum(axis=1)
     count = both.sum(axis=1)
     mean_square = np.divide(squared, count, out=np.full(len(count), np.nan), where=count > 0)
     return {
@@ -156,7 +177,20 @@ def _gap_metrics(scenes: Scenes, trajectories: Trajectories) -> dict[str, Floats
 
 
 def is_critical(gap: Floats, approach_rate: Floats) -> npt.NDArray[np.bool_]:
-    """Return where the time to collision (gap by approach rate) is below 1.5 s, or the gap is used up."""
+    """Return where the time to collision is critical.
+
+    Parameters
+    ----------
+    gap : float64 array
+        Gap (m).
+    approach_rate : float64 array, shape of ``gap``
+        Own speed minus the leader's (m/s).
+
+    Returns
+    -------
+    bool array, shape of ``gap``
+        Where gap over approach rate is below 1.5 s, or the gap is not positive.
+    """
     return (gap <= 0.0) | (gap < CRITICAL_TIME_TO_COLLISION * approach_rate)
 
 

@@ -1,12 +1,12 @@
-"""Modelled vehicles whose followers react, to see what replayed followers cost.
+"""Modelled vehicles with followers that react.
 
-A replayed vehicle cannot answer a modelled car that behaves otherwise than its recorded twin. Here
-the first recorded vehicles that come to be behind the modelled car in its lane are
-modelled too, from then on: they keep the lane and follow by IDM whoever is next ahead of them, the
-modelled car or another. All others are replayed.
+A replayed vehicle cannot react to a modelled vehicle that deviates from its recorded path. Here the
+first recorded vehicles that come to be behind the modelled vehicle in its lane are modelled from
+then on, too: they keep the lane and follow the next vehicle ahead by the IDM. All others are
+replayed. The difference to a plain replay shows the effect of followers that do not react.
 
-The modelled car looks ahead only, so its path is the same in both cases - save where a replayed follower
-drives through it and is then, absurdly, its leader.
+The modelled vehicle looks ahead only, so its path is the same in both cases, except where a
+replayed follower drives through it and then becomes its leader.
 """
 
 from __future__ import annotations
@@ -38,21 +38,21 @@ def score_with_reacting(
     scenes: Scenes, parameters: npt.ArrayLike, followers: pd.DataFrame | npt.ArrayLike, *, reacting: int = 3,
     desired_speed: float = road.SPEED_LIMIT,
 ) -> pd.DataFrame:  # fmt: skip
-    """Drive every vehicle by IDM, its followers too, and score it as a replay is scored.
+    """Score every vehicle with followers that react.
 
     Parameters
     ----------
     scenes : Scenes
-        With the vehicles around (``leader_source == "lane"``).
+        With all vehicles of the surroundings (``leader_source == "lane"``).
     parameters : array_like, shape (vehicles, 5) or (5,)
         ``a, b, T, d0, d1`` of the modelled vehicles.
     followers : pandas.DataFrame or array_like, shape (5,)
-        Parameters of the vehicles behind: a table with ``vehicle, a, b, T, d0, d1``, one row each and, for
-        everybody not in it, a row with vehicle 0; or one set for all.
+        Parameters of the followers: a table with ``vehicle, a, b, T, d0, d1``, one row each and, for all
+        others, a row with vehicle 0; or one set for all.
     reacting : int
-        How many of the vehicles behind react, the first ones; windows begin at entry, so many of them come later.
+        Largest number of followers that react, the first ones.
     desired_speed : float
-        m/s, of all.
+        Desired speed of all vehicles (m/s).
 
     Returns
     -------
@@ -62,7 +62,7 @@ def score_with_reacting(
     Raises
     ------
     InputError
-        If the recording does not hold the vehicles around.
+        If the recording does not hold the surroundings.
     """
     if scenes.leader_source != LEADER_FROM_LANE:
         raise InputError(
@@ -80,24 +80,37 @@ def score_with_reacting(
     return pd.concat(rows, ignore_index=True)
 
 
-class Behind(NamedTuple):
-    """Vehicles behind a driver: the row of the traffic in which each begins to react, and the step of the simulation."""
+class ReactingVehicles(NamedTuple):
+    """Vehicles behind a driver, and when they begin to react.
+
+    Attributes
+    ----------
+    row : int64, shape (followers,)
+        Row of the traffic in which each begins to react.
+    step : int64, shape (followers,)
+        Step of the simulation at that moment.
+    """
 
     row: Integers
     step: Integers
 
 
-def vehicles_behind(scenes: Scenes, x: Floats, most: int) -> Behind:
-    """Return the first vehicles that come to be behind one driver in its lane.
+def vehicles_behind(scenes: Scenes, x: Floats, most: int) -> ReactingVehicles:
+    """Return the first vehicles that come behind a driver.
 
     Parameters
     ----------
     scenes : Scenes
-        Of one driver.
-    x : array, shape (steps + 1,)
-        Its simulated path, m.
+        Window of one driver.
+    x : float64, shape (steps + 1,)
+        Its simulated path (m).
     most : int
-        How many, at most.
+        Largest number of vehicles.
+
+    Returns
+    -------
+    ReactingVehicles
+        In the order in which they come.
     """
     t, found = scenes.traffic, dict[int, tuple[int, int]]()
     for step in range(len(x) - 1):
@@ -110,19 +123,37 @@ def vehicles_behind(scenes: Scenes, x: Floats, most: int) -> Behind:
         if len(found) >= most:
             break
     rows = np.array(list(found.values()), dtype=np.int64).reshape(-1, 2)
-    return Behind(rows[:, 0], rows[:, 1])
+    return ReactingVehicles(rows[:, 0], rows[:, 1])
 
 
 def parameters_of_followers(followers: pd.DataFrame | npt.ArrayLike, number: Integers) -> Floats:
-    """Return the parameters of the vehicles with these numbers, shape ``(followers, 5)``."""
+    """Return the parameters of vehicles by number.
+
+    Parameters
+    ----------
+    followers : pandas.DataFrame or array_like, shape (5,)
+        As in :func:`score_with_reacting`.
+    number : int64, shape (followers,)
+        Vehicle numbers.
+
+    Returns
+    -------
+    float64, shape (followers, 5)
+        ``a, b, T, d0, d1``.
+    """
     if not isinstance(followers, pd.DataFrame):
         return np.array(np.broadcast_to(np.asarray(followers, dtype=np.float64), (len(number), 5)))
     by_vehicle = followers.set_index(c.VEHICLE)[["a", "b", "T", "d0", "d1"]]
     return np.asarray(by_vehicle.loc[np.where(np.isin(number, by_vehicle.index), number, 0)], dtype=np.float64)
 
 
-def _drive_chain(scenes: Scenes, behind: Behind, theta: Floats, desired_speed: float) -> tuple[Trajectories, Traffic]:
-    """Drive one vehicle and those behind it; return the former's path and the traffic around it with the latter's."""
+def _drive_chain(
+    scenes: Scenes, behind: ReactingVehicles, theta: Floats, desired_speed: float
+) -> tuple[Trajectories, Traffic]:
+    """Drive one vehicle and those behind it.
+
+    Returns its path and the traffic around it, with the reacting vehicles.
+    """
     t, lane = scenes.traffic, int(scenes.lane[0])
     own = [getattr(scenes, name)[0, scenes.start] for name in STATE]
     start = np.array([own, *np.column_stack([getattr(t, name)[behind.row] for name in STATE])])
@@ -141,7 +172,10 @@ def _drive_chain(scenes: Scenes, behind: Behind, theta: Floats, desired_speed: f
 
 
 def _rows_of_window(scenes: Scenes) -> tuple[Integers, Integers]:
-    """Return the rows of the traffic in a window, and their cells counted from the window's first frame."""
+    """Return a window's rows of the traffic and their cells.
+
+    Cells are counted from the window's first frame.
+    """
     t, first, frames = scenes.traffic, int(scenes.first_frame[0]), scenes.window.frames
     rows, cells = [], []
     for lane in range(1, road.MAIN_LANES + 1):
@@ -152,8 +186,11 @@ def _rows_of_window(scenes: Scenes) -> tuple[Integers, Integers]:
     return np.concatenate(rows), np.concatenate(cells)
 
 
-def _others(scenes: Scenes, behind: Behind) -> Traffic:
-    """Return a window's traffic without the recorded twin, and without those that react from when they do."""
+def _others(scenes: Scenes, behind: ReactingVehicles) -> Traffic:
+    """Return a window's traffic that is replayed.
+
+    It is without the recorded vehicle that is modelled, and without reacting vehicles once they react.
+    """
     rows, cells = _rows_of_window(scenes)
     number, step = scenes.traffic.vehicle[rows], cells % scenes.window.frames - scenes.start
     kept = number != scenes.vehicle[0]
@@ -170,7 +207,7 @@ def _sorted(scenes: Scenes, cells: Integers, columns: dict[str, npt.NDArray[np.g
     return sort_into_cells(cells, road.MAIN_LANES * frames, numbers, vehicle, int(scenes.first_frame[0]), frames)
 
 
-def _with_reacting(scenes: Scenes, others: Traffic, out: Trajectories, behind: Behind) -> Traffic:
+def _with_reacting(scenes: Scenes, others: Traffic, out: Trajectories, behind: ReactingVehicles) -> Traffic:
     """Return the others and the reacting vehicles as one traffic."""
     steps = out.x.shape[1]
     there = np.arange(steps) >= behind.step[:, None]
@@ -192,7 +229,10 @@ def _chain(  # type: ignore[no-untyped-def]
     offsets, traffic_x, traffic_speed, traffic_length, traffic_vehicle,
     x, y, heading, speed, acceleration, steering, gap,
 ):  # fmt: skip
-    """Fill the paths of a vehicle (row 0) and of those behind it, each from step ``begin``; all look before any moves."""
+    """Fill the paths of a vehicle and its followers.
+
+    Each begins at step ``begin``. At every step all vehicles decide before any of them moves.
+    """
     n, steps = acceleration.shape
     center = np.empty((n, 2))
     for k in range(steps + 1):
@@ -205,7 +245,7 @@ def _chain(  # type: ignore[no-untyped-def]
                 continue
             row, d = perceive(first_cell + k, x[j, k], NOBODY, offsets, traffic_x, traffic_length, traffic_vehicle)
             leader_speed = traffic_speed[row] if row != NOBODY else speed[j, k]
-            for other in range(n):  # of the chain, whoever is ahead and nearer than the recorded one
+            for other in range(n):  # a vehicle of the chain that is ahead and nearer than the recorded one
                 if k < begin[other] or x[other, k] <= x[j, k]:
                     continue
                 rear = x[other, k] - length[other] - x[j, k]

@@ -1,11 +1,11 @@
-r"""The speed of stop-and-go waves, which travel upstream through dense traffic.
+r"""The speed of stop-and-go waves, which travel upstream.
 
-A disturbance at :math:`x` reaches :math:`x - \Delta x` after :math:`\tau = \Delta x / w`. So the speeds at two
-positions are most alike when the upstream one is read :math:`\tau` later. For a row of distances
-the lag of the largest cross-correlation is found, and the wave speed is the robust (Theil-Sen)
-slope of distance over lag. Sources: Zielke, Bertini and Treiber (2008), Empirical measurement of
-freeway oscillation characteristics, Transportation Research Record 2088 (cross-correlation);
-Treiber and Kesting (2013), chapter 18: about -15 to -20 km/h everywhere, -4 to -5.5 m/s.
+A disturbance at :math:`x` reaches :math:`x - \Delta x` after :math:`\tau = \Delta x / w`. So the speeds at
+two positions are most alike when the upstream one is read :math:`\tau` later. The lag of the largest
+cross-correlation is found for several distances, and the wave speed is the robust (Theil-Sen) slope of
+distance over lag. Sources: Zielke, Bertini and Treiber (2008), Empirical measurement of freeway
+oscillation characteristics, Transportation Research Record 2088 (cross-correlation); Treiber and Kesting
+(2013), chapter 18: about -15 to -20 km/h everywhere, -4 to -5.5 m/s.
 """
 
 from __future__ import annotations
@@ -24,22 +24,28 @@ Floats = npt.NDArray[np.float64]
 
 CELL_LENGTH = 20.0  # m
 CELL_TIME = 1.0  # s
-NEARLY_ALL = 0.8  # of the cells of a lane must have been driven through, else there is no field
-LONGEST_GAP = 15.0  # s, over which an empty cell is filled in between its neighbours in time
-SLOW = 180.0  # s: slower variation is the demand, not a wave
-DISTANCES = tuple(range(3, 16))  # cells, 60 to 300 m: nearer, one car is seen at both places
+NEARLY_ALL = 0.8  # least share of a lane's times with known speeds everywhere
+LONGEST_GAP = 15.0  # s, longest time over which empty cells are interpolated
+SLOW = 180.0  # s; slower variations come from the demand, not from waves
+DISTANCES = tuple(range(3, 16))  # cells, 60 to 300 m; at shorter distances one car is seen at both positions
 SLOWEST_WAVE, FASTEST_WAVE = 2.0, 12.0  # m/s, the range that is searched
-LEAST_CORRELATION = 0.15  # of the speeds at two places, below which there is no common wave
+LEAST_CORRELATION = 0.15  # least correlation of the speeds at two positions with a common wave
 
 
 def wave_speeds(recording: Recording) -> pd.DataFrame:
-    """Return the speed of backward-moving waves by period and main lane.
+    """Return the speed of backward-moving waves by lane.
+
+    Parameters
+    ----------
+    recording : Recording
+        Recorded or simulated traffic.
 
     Returns
     -------
     pandas.DataFrame
-        ``period, lane, wave_speed_m_s`` (negative: upstream) and ``correlation`` (the mean over the distances,
-        at their best lags). NaN where too few vehicles were recorded for a field of speeds, or no wave is found.
+        ``period, lane, wave_speed_m_s`` (negative: upstream) and ``correlation`` (mean over the distances at
+        their best lags), by period and main lane. NaN where too few vehicles were recorded for a field of
+        speeds, or no wave is found.
     """
     rows = []
     for period in recording.periods:
@@ -52,7 +58,18 @@ def wave_speeds(recording: Recording) -> pd.DataFrame:
 
 
 def speed_field(table: pd.DataFrame) -> Floats | None:
-    """Return mean speeds (m/s) of one lane in cells of 20 m and 1 s, shape ``(positions, times)``; None if too thin."""
+    """Return one lane's mean speeds in space and time.
+
+    Parameters
+    ----------
+    table : pandas.DataFrame
+        Rows of one lane and period.
+
+    Returns
+    -------
+    float64, shape (positions, times), or None
+        Mean speed (m/s) in cells of 20 m and 1 s; None if there are too few vehicles.
+    """
     positions = int(road.SECTION_LENGTH // CELL_LENGTH)
     inside = table[table[c.X].between(0.0, positions * CELL_LENGTH, inclusive="left")]
     if inside.empty:
@@ -65,7 +82,7 @@ def speed_field(table: pd.DataFrame) -> Floats | None:
     total = np.bincount(cell, weights=inside[c.SPEED].to_numpy(), minlength=count.size).reshape(shape)
     field = pd.DataFrame(np.divide(total, count, out=np.full(shape, np.nan), where=count > 0))
     filled = field.interpolate(axis=1, limit=round(LONGEST_GAP / CELL_TIME), limit_direction="both").to_numpy()
-    known = np.isfinite(filled).all(axis=0)  # the ends of a recording, when the section fills and empties, go
+    known = np.isfinite(filled).all(axis=0)  # without the ends of a recording, when the section fills and empties
     if known.mean() < NEARLY_ALL or known.sum() < 2 * SLOW / CELL_TIME:
         return None
     first, last = np.flatnonzero(known)[[0, -1]]
@@ -74,7 +91,20 @@ def speed_field(table: pd.DataFrame) -> Floats | None:
 
 
 def wave_of(field: Floats) -> tuple[float, float]:
-    """Return wave speed (m/s, negative) and mean correlation of a field of speeds; NaN where there is no wave."""
+    """Return the wave speed of a field of speeds.
+
+    Parameters
+    ----------
+    field : float64, shape (positions, times)
+        As :func:`speed_field` returns it.
+
+    Returns
+    -------
+    speed : float
+        Wave speed (m/s, negative); NaN where there is no wave.
+    correlation : float
+        Mean correlation; NaN where there is no wave.
+    """
     deviation = field - uniform_filter1d(field, round(SLOW / CELL_TIME), axis=1, mode="nearest")
     lags, distances, heights = [], [], []
     for cells in DISTANCES:
@@ -88,7 +118,7 @@ def wave_of(field: Floats) -> tuple[float, float]:
             heights.append(curve[best])
     if len(lags) < len(DISTANCES) // 2:
         return np.nan, np.nan
-    # Lag over distance, since the distances are exact and the lags measured; then turned round.
+    # The fit is lag over distance, since distances are exact and lags are measured; then it is inverted.
     slope = float(theilslopes(lags, distances).slope)
     if not 1.0 / FASTEST_WAVE <= slope <= 1.0 / SLOWEST_WAVE:
         return np.nan, np.nan
@@ -96,7 +126,10 @@ def wave_of(field: Floats) -> tuple[float, float]:
 
 
 def _correlation(deviation: Floats, cells: int, lag: int) -> float:
-    """Return the correlation of speeds with those ``cells`` upstream and ``lag`` later, over all positions."""
+    """Return the correlation of speeds at a lag.
+
+    The upstream position is ``cells`` away and read ``lag`` later; all positions are used.
+    """
     times = deviation.shape[1] - lag
     downstream, upstream = deviation[cells:, :times], deviation[:-cells, lag:]
     scale = np.sqrt((downstream**2).sum() * (upstream**2).sum())
@@ -104,6 +137,9 @@ def _correlation(deviation: Floats, cells: int, lag: int) -> float:
 
 
 def _vertex(three: Floats) -> float:
-    """Return where, from the middle one, the parabola through three equidistant values is highest."""
+    """Return the maximum of a parabola through three equidistant values.
+
+    Counted from the middle value.
+    """
     bend = three[0] - 2.0 * three[1] + three[2]
     return float(0.5 * (three[0] - three[2]) / bend) if bend < 0 else 0.0

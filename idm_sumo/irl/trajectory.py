@@ -28,26 +28,6 @@ from idm_sumo.models.bicycle import wheelbase
 Floats = npt.NDArray[np.float64]
 
 
-def feature_sums(demonstrations: Demonstrations, episodes: Episodes, around: Surroundings) -> Floats:
-    """Return every feature summed over each demonstration's steps.
-
-    Parameters
-    ----------
-    demonstrations : Demonstrations
-        Paths and controls.
-    episodes : Episodes
-        The same windows.
-    around : Surroundings
-        Traffic.
-
-    Returns
-    -------
-    float64, shape (windows, features)
-        Sums.
-    """
-    return np.asarray(step_features(demonstrations, episodes, around).sum(axis=1))
-
-
 def step_features(demonstrations: Demonstrations, episodes: Episodes, around: Surroundings) -> Floats:
     """Return every feature after each step.
 

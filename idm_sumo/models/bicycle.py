@@ -7,32 +7,12 @@ front bumper; :func:`center_of_front` and :func:`front_of_center` convert betwee
 
 from __future__ import annotations
 
-from math import asin, atan, cos, hypot, sin, tan
-from typing import NamedTuple
+from math import atan, cos, sin, tan
 
 from numba import njit
 
 WHEELBASE_SHARE = 0.6  # of the vehicle's length; 2.8 m for a car of 4.7 m
 REAR_SHARE = 0.5  # l_r / (l_f + l_r): the centre of mass lies halfway between the axles, at the middle of the car
-
-
-class State(NamedTuple):
-    """Position and motion of the centre of mass.
-
-    Attributes
-    ----------
-    x, y : float
-        Position (m).
-    heading : float
-        Direction of motion without slip (rad).
-    speed : float
-        Speed (m/s).
-    """
-
-    x: float
-    y: float
-    heading: float
-    speed: float
 
 
 @njit(cache=True)
@@ -140,31 +120,3 @@ def step(
         heading + speed / (REAR_SHARE * axles) * sin(slip) * dt,
         max(0.0, speed + acceleration * dt),
     )
-
-
-def controls_between(before: State, after: State, axles: float, dt: float) -> tuple[float, float]:
-    """Return the controls that lead from state to state.
-
-    The inverse of :func:`step`. At standstill every steering angle leads to the same state, and 0 is returned.
-
-    Parameters
-    ----------
-    before, after : State
-        States one time step apart.
-    axles : float
-        Wheelbase (m).
-    dt : float
-        Time step (s).
-
-    Returns
-    -------
-    acceleration : float
-        Acceleration (m/s²).
-    steering : float
-        Steering angle (rad).
-    """
-    acceleration = (after.speed - before.speed) / dt
-    if hypot(after.x - before.x, after.y - before.y) == 0.0 or before.speed == 0.0:
-        return acceleration, 0.0
-    slip = asin((after.heading - before.heading) * REAR_SHARE * axles / (before.speed * dt))
-    return acceleration, atan(tan(slip) / REAR_SHARE)

@@ -1,1 +1,1 @@
-"""What any program needs: errors, progress, files, threads, memory."""
+"""Errors, progress, files, threads and memory: needed everywhere."""

@@ -1,4 +1,4 @@
-"""Where results that are made once are kept for later runs."""
+"""The folder of results that later runs reuse."""
 
 from __future__ import annotations
 
@@ -9,6 +9,12 @@ from platformdirs import user_cache_path
 
 
 def cache_folder() -> Path:
-    """Return the folder named by ``IDM_SUMO_CACHE``, else the user's cache folder."""
+    """Return the folder of reusable results.
+
+    Returns
+    -------
+    Path
+        The one named by the environment variable ``IDM_SUMO_CACHE``, else the user's cache folder.
+    """
     folder = os.environ.get("IDM_SUMO_CACHE")
     return Path(folder) if folder else user_cache_path("idm-sumo")

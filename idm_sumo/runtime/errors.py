@@ -1,5 +1,8 @@
-"""What a user can put right: one line that names the place and the remedy."""
+"""The error that a user can correct."""
 
 
 class InputError(ValueError):
-    """Bad input. The message is one line: file, row or key, and what to do about it."""
+    """Bad input.
+
+    The message is one line that names file, row or key and what to do about it.
+    """

@@ -1,19 +1,25 @@
-"""Memory of arrays that come and go: kept by the process, for whatever is given back the kernel must zero anew."""
+"""Reuse of freed memory, which saves time."""
 
 from __future__ import annotations
 
 import ctypes
 import sys
 
-# Of glibc's `mallopt`: never trim, no memory of its own for large arrays, one heap for all threads.
+# Options of glibc's `mallopt`: never trim, no separate mapping of large arrays, one heap for all threads.
 KEEP = {-1: -1, -4: 0, -8: 1}
 
 
 def keep_freed_memory() -> bool:
-    """Let the C library reuse what arrays leave in place of giving it back to the system, if it can; return whether it does.
+    """Let the C library keep freed memory for reuse.
 
-    Null twins of two thousand drivers are as many copies of a third of a gigabyte: with this a diagnosis of them takes an eighth less
-    time. It is for whole programs, before they start threads; elsewhere than with glibc nothing happens.
+    Large arrays that come and go are otherwise returned to the system, which must clear every new page. A
+    diagnosis of two thousand drivers runs about an eighth faster this way. Call it in whole programs,
+    before they start threads.
+
+    Returns
+    -------
+    bool
+        Whether it worked; only glibc supports it.
     """
     mallopt = getattr(ctypes.CDLL(None), "mallopt", None) if sys.platform == "linux" else None
     return mallopt is not None and all(mallopt(option, value) == 1 for option, value in KEEP.items())

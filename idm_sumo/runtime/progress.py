@@ -1,4 +1,7 @@
-"""How long work tells how far it is: a plain callable, so that only the command line prints."""
+"""Progress reports as a plain callable.
+
+Only the command line prints, so long work gets a callable to report to.
+"""
 
 from __future__ import annotations
 
@@ -6,11 +9,27 @@ from typing import Protocol
 
 
 class Progress(Protocol):
-    """Called with what is being done, how much of it is done, and how much there is."""
+    """A callable that is told how far long work is."""
 
     def __call__(self, stage: str, done: float, total: float) -> None:
-        """Report."""
+        """Report progress.
+
+        Parameters
+        ----------
+        stage : str
+            What is being done.
+        done, total : float
+            How much of it is done, and how much there is.
+        """
 
 
 def silent(stage: str, done: float, total: float) -> None:
-    """Report nothing."""
+    """Ignore a report of progress.
+
+    Parameters
+    ----------
+    stage : str
+        What is being done.
+    done, total : float
+        How much of it is done, and how much there is.
+    """

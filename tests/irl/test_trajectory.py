@@ -9,7 +9,7 @@ import pytest
 from idm_sumo.irl import features
 from idm_sumo.irl.demonstrations import Demonstrations, demonstrations_of, rollout
 from idm_sumo.irl.episodes import Episodes, Surroundings, episodes_of
-from idm_sumo.irl.trajectory import derivatives, feature_sums
+from idm_sumo.irl.trajectory import derivatives, step_features
 from tests.helpers.irl_traffic import busy
 
 Floats = npt.NDArray[np.float64]
@@ -36,7 +36,9 @@ def test_gradient_is_that_of_the_sums(swerving: tuple[Floats, Episodes, Surround
         for u, size in enumerate((1e-4, 1e-6)):
             shift = np.zeros_like(control)
             shift[:, t, u] = size
-            up, down = (feature_sums(_driven(control + s, episodes), episodes, around) for s in (shift, -shift))
+            up, down = (
+                step_features(_driven(control + s, episodes), episodes, around).sum(axis=1) for s in (shift, -shift)
+            )
             scale = np.abs(gradient).max(axis=2)
             error = np.abs((up - down) / (2 * size) - gradient[:, :, 2 * t + u]) / np.maximum(scale, 1e-9)
             assert error.max() < 1e-6

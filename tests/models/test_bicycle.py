@@ -1,4 +1,5 @@
-from math import pi, tan
+from math import asin, atan, hypot, pi, tan
+from typing import NamedTuple
 
 import numpy as np
 import pytest
@@ -7,7 +8,26 @@ from hypothesis import strategies as st
 from scipy.integrate import solve_ivp
 
 from idm_sumo.models import bicycle
-from idm_sumo.models.bicycle import State, center_of_front, controls_between, front_of_center, step
+from idm_sumo.models.bicycle import REAR_SHARE, center_of_front, front_of_center, step
+
+
+class State(NamedTuple):
+    """Centre of mass ``x, y`` (m), heading (rad) and speed (m/s)."""
+
+    x: float
+    y: float
+    heading: float
+    speed: float
+
+
+def controls_between(before: State, after: State, axles: float, dt: float) -> tuple[float, float]:
+    """Return acceleration (m/s²) and steering (rad) that lead from one state to the next: the inverse of the step."""
+    acceleration = (after.speed - before.speed) / dt
+    if hypot(after.x - before.x, after.y - before.y) == 0.0 or before.speed == 0.0:
+        return acceleration, 0.0
+    slip = asin((after.heading - before.heading) * REAR_SHARE * axles / (before.speed * dt))
+    return acceleration, atan(tan(slip) / REAR_SHARE)
+
 
 states = st.builds(
     State, x=st.floats(0.0, 700.0), y=st.floats(-20.0, 0.0), heading=st.floats(-0.5, 0.5), speed=st.floats(0.5, 35.0)

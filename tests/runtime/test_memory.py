@@ -10,7 +10,7 @@ import pytest
 MEBIBYTES, ARRAYS = 64, 20
 PROGRAM = f"""
 import resource, numpy as np
-from idm_sumo.memory import keep_freed_memory
+from idm_sumo.runtime.memory import keep_freed_memory
 if {{keep}} and not keep_freed_memory():
     raise SystemExit(3)
 def fill():

@@ -13,7 +13,7 @@ import numpy as np
 import pandas as pd
 
 from idm_sumo.calibration import driver_table as d
-from idm_sumo.evaluation.comparison import Portrait, portray
+from idm_sumo.evaluation.comparison import TrafficMeasures, measure_traffic
 from idm_sumo.recordings import columns as c
 from idm_sumo.recordings.reading import read_recording
 from idm_sumo.recordings.recording import Recording
@@ -269,13 +269,13 @@ class Measured:
     Attributes
     ----------
     outcome : Outcome
-    portrait : Portrait
+    measured : TrafficMeasures
     glimpse : Recording
         Every fifth frame, for pictures.
     """
 
     outcome: Outcome
-    portrait: Portrait
+    measured: TrafficMeasures
     glimpse: Recording
 
 
@@ -286,7 +286,7 @@ def run_and_measure(
     """Run a population and measure it; for a process of its own, since libsumo holds one simulation."""
     outcome = run(files, fcd, seed=seed, ego=ego, ours=ours, gui=gui, progress=progress)
     recording = as_recording(outcome, recorded, files.demand, name)
-    return Measured(outcome, portray(recording), glimpse_of(recording))
+    return Measured(outcome, measure_traffic(recording), glimpse_of(recording))
 
 
 def glimpse_of(recording: Recording) -> Recording:
