@@ -1,11 +1,14 @@
-"""Run the commands of the README's ``sh`` blocks, as printed: ``readme_commands.py [start|rest]``.
+"""Run the commands of the documents' ``sh`` blocks, as printed: ``readme_commands.py [start|rest]``.
 
-``start`` runs the section Start (the main job and the tests), ``rest`` everything after it; without either, all are run.
-``RECORDING`` stands for a file of the reader's; here it is a short surrogate.
+``start`` runs the README's section Start (the main job and the tests), ``rest`` the README's other commands and those of
+the pages in ``docs``; without either, all are run. A command that several pages show is run once. ``RECORDING`` stands
+for a file of the reader's; here it is a short surrogate. Blocks of another language (``console``) are not run: they need
+a network, an extra or hours.
 """
 
 from __future__ import annotations
 
+import os
 import re
 import subprocess
 import sys
@@ -14,6 +17,7 @@ import time
 from pathlib import Path
 
 ROOT = Path(__file__).parents[1]
+FIRST = "commands.md"  # its commands build on each other; other pages show some of them
 
 
 def commands(text: str) -> list[str]:
@@ -23,28 +27,38 @@ def commands(text: str) -> list[str]:
     return [line.strip() for line in lines if line.strip() and not line.startswith("#")]
 
 
-def part(text: str, which: str) -> str:
-    """Return the README up to the end of its section Start, or from there on, or all of it."""
-    end = text.index("\n## ", text.index("\n## Start") + 1)
-    return {"start": text[:end], "rest": text[end:], "all": text}[which]
+def texts(which: str) -> list[str]:
+    """Return the documents whose commands are to be run."""
+    readme = (ROOT / "README.md").read_text(encoding="utf-8")
+    end = readme.index("\n## ", readme.index("\n## Start") + 1)
+    pages = [page for page in (ROOT / "docs").rglob("*.md") if "_build" not in page.parts]
+    pages.sort(key=lambda page: (page.name != FIRST, page))
+    docs = [page.read_text(encoding="utf-8") for page in pages]
+    return {"start": [readme[:end]], "rest": [readme[end:], *docs], "all": [readme, *docs]}[which]
+
+
+def run(command: str, recording: Path) -> None:
+    """Run one command in the environment that the README makes; exit if it fails."""
+    tools = ROOT / ".venv/bin"
+    if "RECORDING" in command and not recording.exists():
+        subprocess.run([tools / "idm-sumo", "surrogate", "-o", recording, "--minutes", "2"], check=True, cwd=ROOT)
+    begin = time.monotonic()
+    print(f"$ {command}", flush=True)
+    environment = os.environ | {"PATH": f"{tools}{os.pathsep}{os.environ['PATH']}"}
+    line = command.replace("RECORDING", str(recording))
+    done = subprocess.run(line, shell=True, cwd=ROOT, env=environment, check=False)
+    print(f"  ({time.monotonic() - begin:.0f} s)", flush=True)
+    if done.returncode:
+        sys.exit(f"documented command failed with {done.returncode}: {command}")
 
 
 def main() -> None:
     """Run them in order; stop at the first that fails."""
-    readme = (ROOT / "README.md").read_text(encoding="utf-8")
+    which = sys.argv[1] if len(sys.argv) > 1 else "all"
+    found = dict.fromkeys(command for text in texts(which) for command in commands(text))
     with tempfile.TemporaryDirectory() as folder:
-        recording = Path(folder) / "recording.parquet"
-        for command in commands(part(readme, sys.argv[1] if len(sys.argv) > 1 else "all")):
-            if "RECORDING" in command and not recording.exists():
-                maker = [ROOT / ".venv/bin/idm-sumo", "surrogate", "-o", recording, "--minutes", "2"]
-                subprocess.run(maker, check=True, cwd=ROOT)
-            line = command.replace("RECORDING", str(recording))
-            begin = time.monotonic()
-            print(f"$ {command}", flush=True)
-            done = subprocess.run(line, shell=True, cwd=ROOT, check=False)
-            print(f"  ({time.monotonic() - begin:.0f} s)", flush=True)
-            if done.returncode:
-                sys.exit(f"README command failed with {done.returncode}: {command}")
+        for command in found:
+            run(command, Path(folder) / "recording.parquet")
 
 
 if __name__ == "__main__":

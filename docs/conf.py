@@ -46,4 +46,6 @@ html_theme_options = {"navigation_with_keys": False, "show_toc_level": 2, "secon
 def setup(app):
     """Leave out what scikit-learn adds to every estimator: it refers to pages of scikit-learn's own."""
     added = re.compile(r"set_\w+_request|get_metadata_routing")
-    app.connect("autodoc-skip-member", lambda app, what, name, member, skip, options: skip or bool(added.fullmatch(name)))
+    app.connect(
+        "autodoc-skip-member", lambda app, what, name, member, skip, options: skip or bool(added.fullmatch(name))
+    )

@@ -2,18 +2,18 @@ r"""Compiled simulation of many vehicles, each in its recorded traffic.
 
 Controls are given. Observation (float32, ``OBSERVATIONS`` numbers, all of size about 1):
 
-====  =======================================================  =====================
-no.   what                                                     unit
-====  =======================================================  =====================
-0     own speed                                                speed limit (24.6 m/s)
-1     offset from the middle of the lane, positive to the left  lane width (3.66 m)
-2     heading, positive to the left                            0.1 rad
-3     distance of the road's left edge                         road width (18.3 m)
-4-5   leader in the own lane: gap, its speed less the own      see below, 10 m/s
-6-7   follower in the own lane                                 the same
-8-11  leader and follower in the lane to the left              the same
-12-15 leader and follower in the lane to the right             the same
-====  =======================================================  =====================
+=====  ========================================================  ======================
+no.    what                                                      unit
+=====  ========================================================  ======================
+0      own speed                                                 speed limit (24.6 m/s)
+1      offset from the middle of the lane, positive to the left  lane width (3.66 m)
+2      heading, positive to the left                             0.1 rad
+3      distance of the road's left edge                          road width (18.3 m)
+4-5    leader in the own lane: gap, its speed less the own       see below, 10 m/s
+6-7    follower in the own lane                                  the same
+8-11   leader and follower in the lane to the left               the same
+12-15  leader and follower in the lane to the right              the same
+=====  ========================================================  ======================
 
 A gap :math:`d` (m, bumper to bumper, negative beside) enters as :math:`d/(|d| + 20)`, so that
 short gaps are resolved better than long ones; 1 and speed difference 0 stand for no vehicle, and for
