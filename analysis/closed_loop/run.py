@@ -180,9 +180,8 @@ def _run_all(
                 "seed": case.seed or settings.seed, "ego": _ego(settings, demand, drivers), "ours": case.ours, "gui": settings.gui})
         for case in cases
     ]  # fmt: skip
-    clock = Recording(
-        recorded.table.iloc[[0]], recorded.source
-    )  # all that a worker needs of it: period and first frame
+    # All that a worker needs of it: road, period and first frame.
+    clock = Recording(recorded.table.iloc[[0]], recorded.road, recorded.source)
     if jobs == 1:
         return [(case, run_and_measure(case.files, recorded=clock, progress=progress, **more)) for case, more in work]
     progress("simulating", 0, len(cases))

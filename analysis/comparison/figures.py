@@ -14,6 +14,7 @@ from matplotlib.figure import Figure
 from idm_sumo.evaluation import macroscopic as m
 from idm_sumo.evaluation.comparison import Comparison, TrafficMeasures, matched_periods
 from idm_sumo.recordings import columns as c
+from idm_sumo.recordings.columns import FRAME_STEP
 from idm_sumo.recordings.recording import Recording
 from idm_sumo.roads import road
 
@@ -110,7 +111,7 @@ def time_space(recordings: Mapping[str, Recording], *, lanes: Sequence[int] = ra
 
 def _minutes(table: pd.DataFrame) -> pd.Series:
     """Return minutes since the first frame."""
-    return (table[c.FRAME] - table[c.FRAME].min()) * road.FRAME_STEP / 60.0
+    return (table[c.FRAME] - table[c.FRAME].min()) * FRAME_STEP / 60.0
 
 
 def _lane_image(ax: Axes, table: pd.DataFrame, longest: float) -> Any:

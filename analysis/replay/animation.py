@@ -12,6 +12,7 @@ from matplotlib.patches import Rectangle
 from matplotlib.transforms import Affine2D
 
 from idm_sumo.recordings import columns as c
+from idm_sumo.recordings.columns import FRAME_STEP
 from idm_sumo.recordings.recording import Recording
 from idm_sumo.roads import road
 from idm_sumo.runtime.progress import Progress, silent
@@ -34,7 +35,7 @@ def animate(
     steps = trajectories.x.shape[1]
     around = table[table[c.FRAME].between(first, first + steps - 1) & (table[c.VEHICLE] != scenes.vehicle[0])]
     by_frame = {int(frame): rows for frame, rows in around.groupby(c.FRAME)}
-    writer = PillowWriter(fps=round(1 / (EVERY * road.FRAME_STEP)))
+    writer = PillowWriter(fps=round(1 / (EVERY * FRAME_STEP)))
     with writer.saving(figure, str(path), dpi=90):
         for k in range(0, steps, EVERY):
             progress("drawing", k, steps)
@@ -66,7 +67,7 @@ def _draw(ax: Axes, scenes: Scenes, trajectories: Trajectories, k: int, around: 
          METHOD_COLOURS["idm_prediction"], label="modelled", alpha=0.85)  # fmt: skip
     error = np.hypot(trajectories.x[0, k] - middle, trajectories.y[0, k] - scenes.y[0, frame])
     ax.set_title(
-        f"vehicle {scenes.vehicle[0]}, {scenes.period}: {k * road.FRAME_STEP:.1f} s, {error:.1f} m apart", fontsize=9
+        f"vehicle {scenes.vehicle[0]}, {scenes.period}: {k * FRAME_STEP:.1f} s, {error:.1f} m apart", fontsize=9
     )
     ax.legend(loc="lower left", bbox_to_anchor=(0.0, 1.02), fontsize=7, ncols=2, borderaxespad=0.0)
 

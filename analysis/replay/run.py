@@ -19,8 +19,8 @@ from idm_sumo.evaluation.metrics import score
 from idm_sumo.models.effects import ExtendedModel
 from idm_sumo.models.idm import LOWER, UPPER
 from idm_sumo.recordings import columns as c
+from idm_sumo.recordings.columns import FRAME_STEP
 from idm_sumo.recordings.recording import Recording
-from idm_sumo.roads import road
 from idm_sumo.runtime.errors import InputError
 from idm_sumo.runtime.files import MANIFEST, new_folder
 from idm_sumo.runtime.progress import Progress, silent
@@ -222,7 +222,7 @@ def trajectory_table(scenes: Scenes, trajectories: Trajectories) -> pd.DataFrame
     values: dict[str, Any] = {
         c.PERIOD: scenes.period, c.VEHICLE: scenes.vehicle[0],
         c.FRAME: scenes.first_frame[0] + scenes.start + np.arange(steps),
-        "time_s": np.arange(steps) * road.FRAME_STEP,
+        "time_s": np.arange(steps) * FRAME_STEP,
     }  # fmt: skip
     for name in (c.X, c.Y, c.HEADING, c.SPEED):
         values[name] = getattr(trajectories, name)[0]

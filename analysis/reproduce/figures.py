@@ -11,7 +11,7 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
 from idm_sumo.models.idm import LOWER, UPPER
-from idm_sumo.roads import road
+from idm_sumo.recordings.columns import FRAME_STEP
 from idm_sumo.scenes.windows import LEADER_FROM_LANE, Scenes
 from idm_sumo.simulation.rollout import Trajectories
 
@@ -84,7 +84,7 @@ def error_growth(study: Study, driven: dict[str, list[Trajectories]]) -> Figure:
     figure, (ax,) = new_figure()
     for name, trajectories in driven.items():
         error = np.concatenate([_errors(s, t) for s, t in zip(study.test.scenes, trajectories, strict=True)])
-        seconds = np.arange(error.shape[1]) * road.FRAME_STEP
+        seconds = np.arange(error.shape[1]) * FRAME_STEP
         mean, se = error.mean(axis=0), error.std(axis=0, ddof=1) / np.sqrt(len(error))
         ax.plot(seconds, mean, color=METHOD_COLOURS[name], label=METHOD_NAMES[name])
         ax.fill_between(seconds, mean - se, mean + se, color=METHOD_COLOURS[name], alpha=0.2, linewidth=0)
@@ -108,7 +108,7 @@ def time_space(scenes: Scenes, which: int, driven: dict[str, Trajectories]) -> F
     """Draw one replay: the recorded car, the modelled ones, and the traffic of its lane."""
     figure, (ax,) = new_figure(7.5, 4.6)
     steps = scenes.window.horizon + 1
-    seconds = np.arange(steps) * road.FRAME_STEP
+    seconds = np.arange(steps) * FRAME_STEP
     recorded = scenes.x[which, scenes.start : scenes.start + steps]
     low, high = recorded[0] - 25, recorded[-1] + 60
     _draw_lane(ax, scenes, which, seconds, (low, high))

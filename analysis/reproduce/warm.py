@@ -12,12 +12,14 @@ from idm_sumo.calibration import calibrate, pooled
 from idm_sumo.evaluation.metrics import score
 from idm_sumo.prediction.driving_code import driving_code
 from idm_sumo.recordings import columns as c
+from idm_sumo.recordings.columns import FRAME_STEP
 from idm_sumo.recordings.recording import Recording
-from idm_sumo.roads import road
+from idm_sumo.roads import Road
 from idm_sumo.scenes.windows import Window, build_scenes
 from idm_sumo.simulation.rollout import drive_idm
 
 CARS, FRAMES, HEADWAY = 4, 40, 25.0
+ROAD = Road("warm-up", widths=(3.5, 3.5, 3.5), length=1000.0, speed_limit=30.0)
 
 
 def compile_beside() -> Future[None]:
@@ -43,9 +45,9 @@ def _platoon() -> Recording:
     car = np.repeat(np.arange(CARS), FRAMES)
     speed = 12.0 - car
     table = pd.DataFrame({
-        c.PERIOD: "warm", c.VEHICLE: car + 1, c.FRAME: frame, c.TIME: frame * road.FRAME_STEP,
-        c.X: speed * frame * road.FRAME_STEP - HEADWAY * car, c.Y: float(road.lane_center(3)), c.SPEED: speed,
-        c.ACCELERATION: 0.0, c.HEADING: 0.0, c.LENGTH: road.CAR_LENGTH, c.WIDTH: road.CAR_WIDTH, c.CLASS: 2,
+        c.PERIOD: "warm", c.VEHICLE: car + 1, c.FRAME: frame, c.TIME: frame * FRAME_STEP,
+        c.X: speed * frame * FRAME_STEP - HEADWAY * car, c.Y: float(ROAD.lane_center(3)), c.SPEED: speed,
+        c.ACCELERATION: 0.0, c.HEADING: 0.0, c.LENGTH: ROAD.car_length, c.WIDTH: ROAD.car_width, c.CLASS: 2,
         c.LANE: 3, c.LEADER: car, c.HEADWAY: np.nan,
     })  # fmt: skip
-    return Recording.from_table(table, source="warm-up")
+    return Recording.from_table(table, road=ROAD, source="warm-up")

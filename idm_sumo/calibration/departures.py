@@ -8,6 +8,7 @@ import pandas as pd
 
 from idm_sumo.calibration import driver_table as d
 from idm_sumo.recordings import columns as c
+from idm_sumo.recordings.columns import FRAME_STEP
 from idm_sumo.recordings.recording import Recording
 from idm_sumo.roads import road
 from idm_sumo.scenes.windows import Scenes
@@ -41,7 +42,7 @@ def _of_scenes(scenes: Scenes) -> pd.DataFrame:
     first = scenes.start
     table = pd.DataFrame({
         c.PERIOD: scenes.period, c.VEHICLE: scenes.vehicle, d.FIRST_FRAME: scenes.first_frame,
-        d.DEPART: (scenes.first_frame + first) * road.FRAME_STEP, d.LANE: scenes.lane,
+        d.DEPART: (scenes.first_frame + first) * FRAME_STEP, d.LANE: scenes.lane,
         d.X: scenes.x[:, first], d.Y: scenes.y[:, first], d.SPEED: scenes.speed[:, first],
         d.LENGTH: scenes.length, d.WIDTH: scenes.width, d.CLASS: scenes.vehicle_class,
     })  # fmt: skip
@@ -57,7 +58,7 @@ def _of_recording(recording: Recording) -> pd.DataFrame:
     )
     return pd.DataFrame({
         c.PERIOD: first[c.PERIOD].astype(str), c.VEHICLE: first[c.VEHICLE], d.FIRST_FRAME: first[c.FRAME],
-        d.DEPART: first[c.FRAME] * road.FRAME_STEP, d.LANE: first[c.LANE].astype("int64"),
+        d.DEPART: first[c.FRAME] * FRAME_STEP, d.LANE: first[c.LANE].astype("int64"),
         d.X: first[c.X], d.Y: first[c.Y], d.SPEED: first[c.SPEED],
         d.LENGTH: first[c.LENGTH].fillna(road.CAR_LENGTH), d.WIDTH: first[c.WIDTH].fillna(road.CAR_WIDTH),
         d.CLASS: first[c.CLASS].astype("int64"), DESTINATION: left.map({True: LEAVING, False: THROUGH}),

@@ -14,7 +14,7 @@ from numba import njit
 from idm_sumo.calibration.kernel import look_ahead
 from idm_sumo.calibration.problem import Problem
 from idm_sumo.models import idm
-from idm_sumo.roads import road
+from idm_sumo.recordings.columns import FRAME_STEP
 from idm_sumo.runtime.errors import InputError
 from idm_sumo.runtime.threads import in_threads
 
@@ -23,7 +23,7 @@ Floats = npt.NDArray[np.float64]
 PAPER, EULER, BALLISTIC = 0, 1, 2
 CODES = {"paper": PAPER, "euler": EULER, "ballistic": BALLISTIC}
 IN_SUMO = ("euler", "ballistic")
-DT = road.FRAME_STEP
+DT = FRAME_STEP
 
 
 @njit(cache=True)

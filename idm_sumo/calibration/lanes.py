@@ -14,11 +14,11 @@ from numba import njit
 from idm_sumo.calibration import objective as o
 from idm_sumo.calibration.coordinates import D_UNIT, PARAMETERS, T_UNIT, parameters_at
 from idm_sumo.models import idm
-from idm_sumo.roads import road
+from idm_sumo.recordings.columns import FRAME_STEP
 from idm_sumo.scenes.traffic import NOBODY
 from idm_sumo.simulation.rollout import perceive
 
-DT = road.FRAME_STEP
+DT = FRAME_STEP
 LANES = L = 8  # parameter sets side by side: two vectors of four
 START = np.int64(0)  # a literal 0 would be one more type to numba
 PAIRS = PARAMETERS * (PARAMETERS + 1) // 2  # of a symmetric matrix, row by row of its lower triangle

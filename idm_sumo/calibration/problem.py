@@ -12,6 +12,7 @@ from idm_sumo.calibration.objective import ADE, CODES, GAP, LOG_GAP, LOSSES, SPE
 from idm_sumo.models import bicycle
 from idm_sumo.models.idm import SMALLEST_GAP
 from idm_sumo.models.steering import lookahead_distance, pure_pursuit
+from idm_sumo.recordings.columns import FRAME_STEP
 from idm_sumo.roads import road
 from idm_sumo.runtime.errors import InputError
 from idm_sumo.runtime.threads import in_threads
@@ -203,11 +204,11 @@ def _drive_laterally(first, last, start, y, speed, length, lane_y, forward, late
             hx, hy = np.cos(psi), np.sin(psi)
             goal_y = lane_y[i] - (cy - bicycle.REAR_SHARE * axles * hy)
             steering = pure_pursuit(hx, hy, lookahead_distance(v), goal_y, axles)
-            cx, cy, psi, _ = bicycle.step(cx, cy, psi, v, 0.0, steering, axles, road.FRAME_STEP)
+            cx, cy, psi, _ = bicycle.step(cx, cy, psi, v, 0.0, steering, axles, FRAME_STEP)
             new_x, front_y = bicycle.front_of_center(cx, cy, psi, length[i])
             lateral[i, k] = front_y - y[i, k + 1]
             if v > 0.0:
-                forward[i, k] = (new_x - front_x) / (v * road.FRAME_STEP)
+                forward[i, k] = (new_x - front_x) / (v * FRAME_STEP)
             front_x = new_x
             if speed[i, k + 1] >= 0.0:
                 v = speed[i, k + 1]

@@ -8,7 +8,7 @@ import numpy as np
 import numpy.typing as npt
 from scipy.signal import lfilter, oaconvolve, savgol_coeffs
 
-from idm_sumo.roads.road import FRAME_STEP
+from idm_sumo.recordings.columns import FRAME_STEP
 
 FARTHEST = 4.0  # widths of a bell, as far as it is drawn
 

@@ -20,7 +20,7 @@ from idm_sumo.diagnosis.rollout import PARAMETERS, positions, positions_beside
 from idm_sumo.diagnosis.windows import EVERY, Windows
 from idm_sumo.models import laws
 from idm_sumo.models.effects import slots
-from idm_sumo.roads.road import FRAME_STEP
+from idm_sumo.recordings.columns import FRAME_STEP
 
 Floats = npt.NDArray[np.float64]
 Integers = npt.NDArray[np.int64]

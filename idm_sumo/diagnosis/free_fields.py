@@ -12,8 +12,7 @@ from idm_sumo.diagnosis import rollout as ro
 from idm_sumo.diagnosis import windows as w
 from idm_sumo.diagnosis.atoms import Grid
 from idm_sumo.diagnosis.bins import numbered
-from idm_sumo.recordings.columns import TRUCK
-from idm_sumo.roads.road import FRAME_STEP
+from idm_sumo.recordings.columns import FRAME_STEP, TRUCK
 
 Floats = npt.NDArray[np.float64]
 Integers = npt.NDArray[np.int64]

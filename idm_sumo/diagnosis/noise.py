@@ -16,9 +16,9 @@ from scipy.optimize import nnls
 
 from idm_sumo.diagnosis.coloured import Once, Shape, Twice, average, bell, cubic
 from idm_sumo.recordings import columns as c
+from idm_sumo.recordings.columns import FRAME_STEP
 from idm_sumo.recordings.recording import Recording
 from idm_sumo.recordings.smoothing import runs
-from idm_sumo.roads.road import FRAME_STEP
 
 Floats = npt.NDArray[np.float64]
 Booleans = npt.NDArray[np.bool_]

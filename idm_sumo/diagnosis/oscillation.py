@@ -18,7 +18,7 @@ from idm_sumo.diagnosis import gls
 from idm_sumo.diagnosis import windows as w
 from idm_sumo.diagnosis.pulses import Pulses
 from idm_sumo.diagnosis.rollout import BIN
-from idm_sumo.roads.road import FRAME_STEP
+from idm_sumo.recordings.columns import FRAME_STEP
 
 Floats = npt.NDArray[np.float64]
 

@@ -21,7 +21,7 @@ from idm_sumo.models.effects.reaction_delay import (
     moment_ago,
     own_delay,
 )
-from idm_sumo.roads.road import FRAME_STEP
+from idm_sumo.recordings.columns import FRAME_STEP
 from idm_sumo.runtime.threads import in_threads
 
 Floats = npt.NDArray[np.float64]

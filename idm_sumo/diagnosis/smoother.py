@@ -26,9 +26,9 @@ from scipy.signal import savgol_filter
 
 from idm_sumo.diagnosis.noise import Noise
 from idm_sumo.recordings import columns as c
+from idm_sumo.recordings.columns import FRAME_STEP
 from idm_sumo.recordings.recording import Recording
 from idm_sumo.recordings.smoothing import ORDER, WINDOW, Path, runs, with_ends
-from idm_sumo.roads.road import FRAME_STEP
 
 FARTHEST = 40  # frames to each side that a posterior mean looks at
 LEAST_ERROR = 1e-3  # m, of a measurement

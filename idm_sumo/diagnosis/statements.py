@@ -22,8 +22,8 @@ from idm_sumo.diagnosis.windows import HORIZON, SECOND, UNTIL_CUT_IN, Windows
 from idm_sumo.models import laws
 from idm_sumo.models.effects import BY_NAME, Cause, ExtendedModel, format_quantity, slots
 from idm_sumo.models.idm import IDMParameters
+from idm_sumo.recordings.columns import FRAME_STEP
 from idm_sumo.recordings.recording import Recording
-from idm_sumo.roads.road import FRAME_STEP
 
 NAMES = tuple(BY_NAME)
 SHARE = "share"  # of the drivers, who have a cause: given with its parameters where not all do

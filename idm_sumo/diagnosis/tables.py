@@ -13,7 +13,7 @@ from idm_sumo.calibration.driver_table import DESIRED_SPEED, HAS
 from idm_sumo.diagnosis import windows as w
 from idm_sumo.diagnosis.fit import Fit
 from idm_sumo.models import idm
-from idm_sumo.roads.road import FRAME_STEP
+from idm_sumo.recordings.columns import FRAME_STEP
 
 Floats = npt.NDArray[np.float64]
 

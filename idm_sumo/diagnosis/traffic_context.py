@@ -11,6 +11,7 @@ import pandas as pd
 from idm_sumo.models.effects.hysteresis import LATELY
 from idm_sumo.models.effects.lane_change_relaxation import LARGEST_JUMP, headway_after
 from idm_sumo.recordings import columns as c
+from idm_sumo.recordings.columns import FRAME_STEP
 from idm_sumo.recordings.leaders import row_ahead, row_of
 from idm_sumo.recordings.leaders_from_headway import JUMP, leader_lengths, recorded_leaders
 from idm_sumo.recordings.recording import Recording
@@ -82,9 +83,9 @@ def _without_rows(recording: Recording) -> Ahead:
     front, speed = np.full(len(table), np.nan), np.full(len(table), np.nan)
     for rows, x, v in parts:
         front[rows], speed[rows] = x, v
-    jump = np.abs(np.diff(front) - speed[1:] * road.FRAME_STEP)
+    jump = np.abs(np.diff(front) - speed[1:] * FRAME_STEP)
     same = same_run(table) & np.concatenate([[False], jump < JUMP])
-    acceleration = np.concatenate([[0.0], np.diff(speed) / road.FRAME_STEP])
+    acceleration = np.concatenate([[0.0], np.diff(speed) / FRAME_STEP])
     acceleration[~same] = 0.0
     count = len(table)
     seen = np.isfinite(front)
@@ -132,7 +133,7 @@ def since(event: Flags, same: Flags) -> tuple[Floats, Integers]:
     begin = np.maximum.accumulate(np.where(~same, row, 0))
     last = np.maximum.accumulate(np.where(event, row, -1))
     last = np.where(last >= begin, last, -1)
-    return np.where(last >= 0, (row - last) * road.FRAME_STEP, NEVER), last
+    return np.where(last >= 0, (row - last) * FRAME_STEP, NEVER), last
 
 
 def _until(event: Flags, same: Flags) -> Floats:
@@ -140,4 +141,4 @@ def _until(event: Flags, same: Flags) -> Floats:
     row, count = np.arange(len(event)), len(event)
     end = np.minimum.accumulate(np.where(np.append(~same[1:], True), row, count)[::-1])[::-1]
     following = np.minimum.accumulate(np.where(event, row, count)[::-1])[::-1]
-    return np.where(following <= end, (following - row) * road.FRAME_STEP, NEVER)
+    return np.where(following <= end, (following - row) * FRAME_STEP, NEVER)

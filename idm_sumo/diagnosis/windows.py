@@ -13,9 +13,10 @@ from idm_sumo.diagnosis.other_lanes import OtherLanes
 from idm_sumo.diagnosis.smoother import Smoother, smooth_along
 from idm_sumo.diagnosis.traffic_context import Ahead, leader_events, look_around, since
 from idm_sumo.recordings import columns as c
+from idm_sumo.recordings.columns import FRAME_STEP
 from idm_sumo.recordings.recording import Recording
 from idm_sumo.recordings.smoothing import running_mean, same_run
-from idm_sumo.roads.road import CAR_LENGTH, FRAME_STEP
+from idm_sumo.roads.road import CAR_LENGTH
 
 LEAD = 25  # frames before the start: the past that a delay reaches into, and a twin's run-up
 HORIZON = 120  # frames, 12 s

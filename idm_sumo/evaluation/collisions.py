@@ -38,12 +38,13 @@ import pandas as pd
 from numba import njit
 
 from idm_sumo.models.bicycle import center_of_front
+from idm_sumo.recordings.columns import FRAME_STEP
 from idm_sumo.roads import road
 from idm_sumo.scenes.windows import LEADER_FROM_LANE, Scenes
 from idm_sumo.simulation.rollout import Trajectories
 
 REACTION_TIME = 1.0  # s, time that a follower needs to react to a cut-in
-REACTION_STEPS = round(REACTION_TIME / road.FRAME_STEP)
+REACTION_STEPS = round(REACTION_TIME / FRAME_STEP)
 
 NONE, FRONT, REAR, SIDE = range(4)
 EDGES = ("", "front", "rear", "side")
@@ -81,7 +82,7 @@ def first_contacts(scenes: Scenes, trajectories: Trajectories) -> pd.DataFrame:
     return pd.DataFrame({
         "collision": hit,
         "at_fault": fault.astype(bool),
-        "contact_time_s": np.where(hit, step * road.FRAME_STEP, np.nan),
+        "contact_time_s": np.where(hit, step * FRAME_STEP, np.nan),
         "contact_with": _numbers_of(t.vehicle, row, hit),
         "contact_edge": np.array(EDGES)[edge],
     })  # fmt: skip
@@ -262,7 +263,7 @@ def _judge(x, y, heading, k, length, width, other, other_velocity, other_was_in_
 
     ``other`` is a rectangle that moves at ``other_velocity``.
     """
-    dt = road.FRAME_STEP
+    dt = FRAME_STEP
     now = rectangle(x[k], y[k], heading[k], length, width)
     before = rectangle(x[k - 1], y[k - 1], heading[k - 1], length, width)
     other_before = (

@@ -22,6 +22,7 @@ import numpy.typing as npt
 import pandas as pd
 
 from idm_sumo.recordings import columns as c
+from idm_sumo.recordings.columns import FRAME_STEP
 from idm_sumo.recordings.recording import Recording
 from idm_sumo.recordings.smoothing import runs
 from idm_sumo.roads import road
@@ -66,7 +67,7 @@ def edie(recording: Recording, *, segments: int = SEGMENTS, minutes: float = 1.0
     })  # fmt: skip
     regions = table.groupby([c.PERIOD, MINUTE, c.LANE, SEGMENT], observed=True)[c.SPEED]
     sums = regions.agg(["sum", "size"]).reset_index()
-    distance, time = sums["sum"].to_numpy() * road.FRAME_STEP, sums["size"].to_numpy() * road.FRAME_STEP
+    distance, time = sums["sum"].to_numpy() * FRAME_STEP, sums["size"].to_numpy() * FRAME_STEP
     area = _lengths(edges)[sums[c.LANE].to_numpy() - 1, sums[SEGMENT].to_numpy()] * _durations(recording, sums, minutes)
     if not recording.has_leader_rows:
         area = np.full(len(sums), np.nan)
@@ -86,7 +87,7 @@ def _in_section(table: pd.DataFrame) -> pd.DataFrame:
 def _seconds(table: pd.DataFrame) -> Floats:
     """Return each row's time (s) since its period's start."""
     first = table.groupby(c.PERIOD, observed=True)[c.FRAME].transform("min")
-    return np.asarray((table[c.FRAME] - first) * road.FRAME_STEP, dtype=np.float64)
+    return np.asarray((table[c.FRAME] - first) * FRAME_STEP, dtype=np.float64)
 
 
 def _lengths(edges: Floats) -> Floats:
@@ -103,7 +104,7 @@ def _durations(recording: Recording, sums: pd.DataFrame, minutes: float) -> Floa
     The last interval of a period may be shorter than the others.
     """
     frames = recording.table.groupby(c.PERIOD, observed=True)[c.FRAME].agg(["min", "max"])
-    whole = ((frames["max"] - frames["min"] + 1) * road.FRAME_STEP).reindex(sums[c.PERIOD].astype(str)).to_numpy()
+    whole = ((frames["max"] - frames["min"] + 1) * FRAME_STEP).reindex(sums[c.PERIOD].astype(str)).to_numpy()
     begin = sums[MINUTE].to_numpy() * 60.0 * minutes
     return np.asarray(np.minimum(60.0 * minutes, whole - begin))
 
@@ -206,7 +207,7 @@ def lane_changes(recording: Recording, *, held: int = HELD) -> pd.DataFrame:
     changed = (stretch[first[1:]] == stretch[first[:-1]]) & (before != after)
     main = road.MAIN_LANES
     kinds = {"changes": (before <= main) & (after <= main), "merges": before > main, "exits": after > main}
-    driven = table[c.SPEED] * road.FRAME_STEP / PER_KM
+    driven = table[c.SPEED] * FRAME_STEP / PER_KM
     counts = pd.DataFrame({c.PERIOD: table[c.PERIOD], c.VEHICLE: table[c.VEHICLE], "km": driven})
     for name, kind in kinds.items():
         counts[name] = 0

@@ -22,6 +22,7 @@ from numba import njit
 from idm_sumo.evaluation.metrics import score
 from idm_sumo.models import bicycle
 from idm_sumo.recordings import columns as c
+from idm_sumo.recordings.columns import FRAME_STEP
 from idm_sumo.roads import road
 from idm_sumo.runtime.errors import InputError
 from idm_sumo.scenes.traffic import NOBODY, Traffic, sort_into_cells
@@ -264,7 +265,7 @@ def _chain(  # type: ignore[no-untyped-def]
                 continue
             cx, cy, psi, v = bicycle.step(
                 center[j, 0], center[j, 1], heading[j, k], speed[j, k], acceleration[j, k], steering[j, k],
-                bicycle.wheelbase(length[j]), road.FRAME_STEP,
+                bicycle.wheelbase(length[j]), FRAME_STEP,
             )  # fmt: skip
             center[j, 0], center[j, 1] = cx, cy
             x[j, k + 1], y[j, k + 1] = bicycle.front_of_center(cx, cy, psi, length[j])

@@ -17,6 +17,7 @@ from scipy.ndimage import uniform_filter1d
 from scipy.stats import theilslopes
 
 from idm_sumo.recordings import columns as c
+from idm_sumo.recordings.columns import FRAME_STEP
 from idm_sumo.recordings.recording import Recording
 from idm_sumo.roads import road
 
@@ -75,7 +76,7 @@ def speed_field(table: pd.DataFrame) -> Floats | None:
     if inside.empty:
         return None
     place = (inside[c.X] // CELL_LENGTH).astype(np.int64).to_numpy()
-    per_cell = round(CELL_TIME / road.FRAME_STEP)
+    per_cell = round(CELL_TIME / FRAME_STEP)
     time = ((inside[c.FRAME] - inside[c.FRAME].min()) // per_cell).to_numpy()
     cell, shape = place * (time.max() + 1) + time, (positions, int(time.max()) + 1)
     count = np.bincount(cell, minlength=shape[0] * shape[1]).reshape(shape)

@@ -17,7 +17,7 @@ from numba import njit
 from idm_sumo.irl.dynamics import step_jacobian
 from idm_sumo.irl.episodes import Episodes
 from idm_sumo.models import bicycle
-from idm_sumo.roads import road
+from idm_sumo.recordings.columns import FRAME_STEP
 from idm_sumo.scenes.windows import Scenes
 
 Floats = npt.NDArray[np.float64]
@@ -159,7 +159,7 @@ def _suggested(target: Floats, axles: Floats) -> Floats:
 
     The shape is (windows, steps, 2).
     """
-    dt = road.FRAME_STEP
+    dt = FRAME_STEP
     speed = np.maximum(target[:, :-1, 3], CRAWLING)
     turn = np.diff(target[:, :, 2], axis=1) * bicycle.REAR_SHARE * axles[:, None] / (speed * dt)
     slip = np.arcsin(np.clip(turn, -SHARPEST, SHARPEST))
@@ -249,5 +249,5 @@ def _step_all(before, control, axles, state, k):  # type: ignore[no-untyped-def]
             control[i, 0],
             control[i, 1],
             axles[i],
-            road.FRAME_STEP,
+            FRAME_STEP,
         )

@@ -11,7 +11,7 @@ from math import atan, cos, sin, tan
 from numba import njit
 
 from idm_sumo.models.bicycle import REAR_SHARE
-from idm_sumo.roads import road
+from idm_sumo.recordings.columns import FRAME_STEP
 
 X, Y, PSI, V, ACC, STEER = range(6)
 
@@ -58,7 +58,7 @@ def step_jacobian(psi, v, acceleration, steering, axles, jacobian):  # type: ign
     -----
     Where the next speed is not positive it depends on nothing, since the vehicle stands.
     """
-    dt = road.FRAME_STEP
+    dt = FRAME_STEP
     slip, b, _ = slip_derivatives(steering)
     c, s = cos(psi + slip), sin(psi + slip)
     rear = REAR_SHARE * axles
@@ -86,7 +86,7 @@ def add_step_curvature(psi, v, steering, axles, costate, out):  # type: ignore[n
     out : float64, shape (6, 6)
         Changed in place: derivatives by state and controls.
     """
-    dt = road.FRAME_STEP
+    dt = FRAME_STEP
     slip, b, b2 = slip_derivatives(steering)
     c, s = cos(psi + slip), sin(psi + slip)
     rear = REAR_SHARE * axles

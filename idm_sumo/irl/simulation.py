@@ -34,6 +34,7 @@ from idm_sumo.irl import features
 from idm_sumo.irl.demonstrations import start_state
 from idm_sumo.irl.episodes import Episodes, Surroundings
 from idm_sumo.models import bicycle
+from idm_sumo.recordings.columns import FRAME_STEP
 from idm_sumo.roads import road
 
 Floats = npt.NDArray[np.float64]
@@ -269,7 +270,7 @@ def _advance(control, row, step, state, observation, out, status, overlapping, e
         lanes, own = episodes.lanes[r], episodes.own[r]
         x, y, psi, v = bicycle.step(
             state[i, 0], state[i, 1], state[i, 2], state[i, 3], control[i, 0], control[i, 1], bicycle.wheelbase(length),
-            road.FRAME_STEP,
+            FRAME_STEP,
         )  # fmt: skip
         state[i, 0], state[i, 1], state[i, 2], state[i, 3] = x, y, psi, v
         step[i] += 1

@@ -6,6 +6,7 @@ import numpy as np
 import numpy.typing as npt
 import pandas as pd
 
+from idm_sumo.recordings.columns import FRAME_STEP
 from idm_sumo.roads import road
 from idm_sumo.runtime.errors import InputError
 from idm_sumo.scenes.perception import leaders_along
@@ -72,7 +73,7 @@ def first_second(scenes: Scenes, frames: int | None = None) -> pd.DataFrame:
 
 def _same_leader(rear: Floats, speed: Floats) -> npt.NDArray[np.bool_]:
     """Return in which frames the leader is the one of the last frame."""
-    jump = np.abs(np.diff(rear, axis=1) - speed[:, :-1] * road.FRAME_STEP) > NEW_LEADER
+    jump = np.abs(np.diff(rear, axis=1) - speed[:, :-1] * FRAME_STEP) > NEW_LEADER
     changed_later = np.cumsum(jump[:, ::-1], axis=1)[:, ::-1] > 0
     return np.isfinite(rear) & np.pad(~changed_later, ((0, 0), (0, 1)), constant_values=True)
 
@@ -82,7 +83,7 @@ def _slope(values: Floats) -> Floats:
     known = np.isfinite(values)
     count = known.sum(axis=1)
     enough = count >= FEWEST_FRAMES
-    t = np.broadcast_to(road.FRAME_STEP * np.arange(values.shape[1]), values.shape)
+    t = np.broadcast_to(FRAME_STEP * np.arange(values.shape[1]), values.shape)
     share = np.maximum(count, 1)
     off = np.where(known, t - (np.where(known, t, 0.0).sum(axis=1) / share)[:, None], 0.0)
     spread = (off**2).sum(axis=1)

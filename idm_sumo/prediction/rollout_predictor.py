@@ -22,6 +22,7 @@ from idm_sumo.prediction.noise import ObservedScale, ResidualNoise
 from idm_sumo.prediction.observation import COLUMNS, first_second
 from idm_sumo.prediction.spread import remaining_covariance
 from idm_sumo.prediction.through_rollout import at, fit_weights
+from idm_sumo.recordings.columns import FRAME_STEP
 from idm_sumo.roads import road
 from idm_sumo.runtime.errors import InputError
 from idm_sumo.scenes.windows import Scenes
@@ -280,5 +281,5 @@ def _scale(problem: Problem, theta: Floats, covariance: Floats) -> Floats:
     _, slopes = sensitivities(problem, z)
     by_log = slopes * ((theta + SHIFT) / slopes_at(z))[:, :, None]
     spread = np.einsum("njh,njk,nkh->nh", by_log, np.broadcast_to(covariance, (len(z), *covariance.shape[-2:])), by_log)
-    time = road.FRAME_STEP * np.arange(1, problem.target.shape[1] + 1)
+    time = FRAME_STEP * np.arange(1, problem.target.shape[1] + 1)
     return np.asarray(np.sqrt(np.maximum(spread, 0.0) + NOISE**2 * time))

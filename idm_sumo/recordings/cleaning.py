@@ -10,9 +10,9 @@ import pandas as pd
 
 from idm_sumo.recordings import columns as c
 from idm_sumo.recordings.accounting import Accounting, Ledger
+from idm_sumo.recordings.columns import FRAME_STEP
 from idm_sumo.recordings.leaders import row_ahead, row_of
 from idm_sumo.recordings.recording import Recording
-from idm_sumo.roads.road import FRAME_STEP, MAIN_LANES
 from idm_sumo.runtime.errors import InputError
 
 LEADER_FRAMES = 10  # frames with a wrong leader from which a vehicle is not modelled
@@ -89,7 +89,7 @@ def clean(
     number, vehicles = _vehicles(table)
     irregular = np.bincount(number, weights=_irregular_rows(table, number)) > 0
     wrong = _wrong_leader_frames(recording, number, lane_change_margin, len(vehicles), ledger)
-    kept = ledger.drop(table, table[c.LANE] > MAIN_LANES, AUXILIARY)
+    kept = ledger.drop(table, table[c.LANE] > recording.road.main_lanes, AUXILIARY)
     kept = ledger.drop(kept, irregular[number[kept.index]], IRREGULAR)
     if kept.empty:
         raise InputError(f"{recording.source or 'recording'}: no rows left after cleaning ({ledger.dropped})")
@@ -137,7 +137,7 @@ def _wrong_leader_frames(
         return np.zeros(vehicles, dtype=np.int64)
     ahead, recorded = row_ahead(table), row_of(table, leader)
     settled = ~_near_lane_change(table, number, margin)
-    judged = settled & (table[c.LANE].to_numpy() <= MAIN_LANES)
+    judged = settled & (table[c.LANE].to_numpy() <= recording.road.main_lanes)
     judged &= np.where(ahead >= 0, settled[ahead], True) & np.where(recorded >= 0, settled[recorded], True)
     wrong = judged & ((ahead != recorded) | ((leader > 0) & (recorded < 0)))
     wrong &= ~((ahead < 0) & _has_left(table, leader))

@@ -8,7 +8,7 @@ the centre of its front bumper, as in NGSIM and in SUMO.
 
 PERIOD = "period"  # label of the recording period; vehicle numbers are unique within one
 VEHICLE = "vehicle"  # number of the vehicle
-FRAME = "frame"  # number of the frame, 0.1 s apart
+FRAME = "frame"  # number of the frame, FRAME_STEP apart
 TIME = "time"  # s, since 1970 (UTC) for NGSIM, since the start of the run for SUMO
 X = "x"  # m, downstream, front bumper
 Y = "y"  # m, to the left, front bumper's centre
@@ -18,9 +18,11 @@ HEADING = "heading"  # rad, 0 along the road, positive to the left
 LENGTH = "length"  # m, NaN where not recorded
 WIDTH = "width"  # m, NaN where not recorded
 CLASS = "vehicle_class"  # MOTORCYCLE, CAR or TRUCK, 0 not recorded
-LANE = "lane"  # 1 leftmost ... 5, 6 auxiliary, 7 on-ramp, 8 off-ramp
+LANE = "lane"  # 1 leftmost; side lanes by their numbers of the recording's road
 LEADER = "leader"  # number of the recorded leader, 0 for none or not recorded
 HEADWAY = "headway"  # m, own front to the leader's front, NaN for none or not recorded
+
+FRAME_STEP = 0.1  # s between frames
 
 MOTORCYCLE, CAR, TRUCK = 1, 2, 3  # vehicle classes, as in NGSIM
 

@@ -14,6 +14,7 @@ from pydantic import BaseModel, ConfigDict, ValidationError
 
 from idm_sumo.recordings.inspection import Inspection, inspect_recording
 from idm_sumo.recordings.portal import DEFAULT_URL, PAGE_ROWS, ChangedError, Portal, Stand, parse_page, schema
+from idm_sumo.roads import DEFAULT
 from idm_sumo.runtime.errors import InputError
 from idm_sumo.runtime.files import new_file
 from idm_sumo.runtime.progress import Progress, silent
@@ -106,7 +107,7 @@ def fetch(
     dest: str | Path,
     *,
     base_url: str = DEFAULT_URL,
-    location: str = "us-101",
+    location: str = DEFAULT.name,
     page_rows: int = PAGE_ROWS,
     progress: Progress = silent,
     retries: int = 5,

@@ -15,6 +15,7 @@ from idm_sumo.recordings.cleaning import CleanResult, clean
 from idm_sumo.recordings.leaders import row_ahead
 from idm_sumo.recordings.reading import ReadResult, read_recording
 from idm_sumo.recordings.recording import Recording
+from idm_sumo.roads import DEFAULT, Road
 
 CLASSES = {0: "not recorded", 1: "motorcycle", 2: "car", 3: "truck"}
 
@@ -102,15 +103,22 @@ class Inspection:
         return out + [f"note: {note}" for note in self.notes]
 
 
-def inspect_recording(path: str | os.PathLike[str], *, location: str = "us-101") -> Inspection:
+def inspect_recording(
+    path: str | os.PathLike[str], *, location: str = DEFAULT.name, road: Road | None = None
+) -> Inspection:
     """Read and clean a recording and say what became of every row.
+
+    Parameters
+    ----------
+    path, location, road
+        See :func:`idm_sumo.recordings.reading.read_recording`.
 
     Raises
     ------
     InputError
         As :func:`idm_sumo.recordings.reading.read_recording`.
     """
-    read = read_recording(path, location=location)
+    read = read_recording(path, location=location, road=road)
     return summarise(read, clean(read.recording), str(Path(path)))
 
 

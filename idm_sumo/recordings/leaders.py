@@ -7,7 +7,6 @@ import numpy.typing as npt
 import pandas as pd
 
 from idm_sumo.recordings import columns as c
-from idm_sumo.roads.road import LANE_WIDTH
 
 HEADWAY_TOLERANCE = 0.15  # m, between a front rebuilt from a headway and a recorded one
 
@@ -48,10 +47,15 @@ def row_of(table: pd.DataFrame, vehicle: Integers) -> Integers:
     return found
 
 
-def leader_from_headway(table: pd.DataFrame) -> Integers:
+def leader_from_headway(table: pd.DataFrame, *, across: float) -> Integers:
     """Return the number of the vehicle whose front is where the recorded headway puts the leader's, or 0.
 
-    A candidate must be within :data:`HEADWAY_TOLERANCE` along the road and one lane width across.
+    Parameters
+    ----------
+    table : pandas.DataFrame
+        A recording's table.
+    across : float, keyword-only
+        How far (m) a candidate may be to the side, beside :data:`HEADWAY_TOLERANCE` along the road.
     """
     code, x = frame_code(table), table[c.X].to_numpy()
     y, headway = table[c.Y].to_numpy(), table[c.HEADWAY].to_numpy()
@@ -66,7 +70,7 @@ def leader_from_headway(table: pd.DataFrame) -> Integers:
     for step in range(3):  # at most a few cars abreast fit the tolerance
         candidate = order[np.minimum(first + step, len(order) - 1)]
         near = np.abs(place[candidate] - target) <= HEADWAY_TOLERANCE
-        beside = np.abs(y[candidate] - y[rows]) <= LANE_WIDTH
+        beside = np.abs(y[candidate] - y[rows]) <= across
         hit = near & beside & (leader[rows] == 0) & (candidate != rows)
         leader[rows[hit]] = table[c.VEHICLE].to_numpy()[candidate[hit]]
     return leader

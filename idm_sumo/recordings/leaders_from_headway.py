@@ -12,9 +12,9 @@ import numpy as np
 import numpy.typing as npt
 
 from idm_sumo.recordings import columns as c
+from idm_sumo.recordings.columns import FRAME_STEP
 from idm_sumo.recordings.recording import Recording
 from idm_sumo.recordings.smoothing import SHORTEST, filter_runs
-from idm_sumo.roads import road
 
 JUMP = 2.5  # m a frame beyond the expected 0.1 s of travel: more than noise, less than a car
 
@@ -51,11 +51,13 @@ def leader_runs(recording: Recording) -> npt.NDArray[np.int64]:
 def leader_lengths(recording: Recording) -> npt.NDArray[np.float64]:
     """Return the length (m) of each row's leader, shape (rows,), assumed where the source does not tell it."""
     table, known = recording.table, recording.leader_lengths
-    lengths = np.full(len(table), road.CAR_LENGTH)
+    lengths = np.full(len(table), recording.road.car_length)
     for period in recording.periods if known else ():
         here = (table[c.PERIOD] == period).to_numpy()
         numbers, place = np.unique(table[c.LEADER].to_numpy()[here], return_inverse=True)
-        lengths[here] = np.array([known.get((period, int(number)), road.CAR_LENGTH) for number in numbers])[place]
+        lengths[here] = np.array([known.get((period, int(number)), recording.road.car_length) for number in numbers])[
+            place
+        ]
     return lengths
 
 
@@ -68,6 +70,6 @@ def _first_rows(
     """Return the first row of every stretch with one leader, or with none."""
     known = np.isfinite(leader_x)
     with np.errstate(invalid="ignore"):
-        jump = np.abs(np.diff(leader_x) - speed[1:] * road.FRAME_STEP) > JUMP
+        jump = np.abs(np.diff(leader_x) - speed[1:] * FRAME_STEP) > JUMP
     breaks = (np.diff(vehicle) != 0) | (np.diff(frame) != 1) | (np.diff(known.astype(np.int8)) != 0) | jump
     return np.concatenate([[0], np.flatnonzero(breaks) + 1])

@@ -17,6 +17,7 @@ from idm_sumo.recordings import columns as c
 from idm_sumo.recordings.accounting import Accounting, Ledger
 from idm_sumo.recordings.readers import delimited, fcd, ngsim, pairs
 from idm_sumo.recordings.recording import Recording
+from idm_sumo.roads import DEFAULT, Road, road_at
 from idm_sumo.runtime.errors import InputError
 
 PARQUET = b"PAR1"
@@ -32,7 +33,9 @@ class ReadResult:
     accounting: Accounting
 
 
-def read_recording(path: str | os.PathLike[str], *, location: str = "us-101") -> ReadResult:
+def read_recording(
+    path: str | os.PathLike[str], *, location: str = DEFAULT.name, road: Road | None = None
+) -> ReadResult:
     """Read trajectories in any layout the study knows, told by the content, not by the name.
 
     Official 18-column text, the data portal's CSV (both plain or gzip), Parquet with NGSIM's
@@ -44,7 +47,9 @@ def read_recording(path: str | os.PathLike[str], *, location: str = "us-101") ->
     path : path-like
         File or folder.
     location : str, keyword-only
-        Which location to keep of a file that mixes several.
+        Which location to keep of a file that mixes several; tells the road where it is built in.
+    road : Road, keyword-only, optional
+        What was recorded; by default the road kept in a Parquet of ours, else that of the location.
 
     Raises
     ------
@@ -54,13 +59,13 @@ def read_recording(path: str | os.PathLike[str], *, location: str = "us-101") ->
     path = Path(path)
     ledger = Ledger(0)
     if path.is_dir():
-        return _from_parquet(path, ledger, location)
+        return _from_parquet(path, ledger, location, road)
     start = _start_of(path)
     if start.startswith(PARQUET) or path.suffix == ".parquet":
-        return _from_parquet(path, ledger, location)
+        return _from_parquet(path, ledger, location, road)
     if start.lstrip().startswith(b"<"):
-        return ReadResult(*fcd.read_xml(path, ledger, source=path.name))
-    return _from_text(path, start, ledger, location)
+        return ReadResult(*fcd.read_xml(path, ledger, road=road or road_at(location), source=path.name))
+    return _from_text(path, start, ledger, location, road or road_at(location))
 
 
 def _start_of(path: Path) -> bytes:
@@ -81,18 +86,18 @@ def _start_of(path: Path) -> bytes:
     return start.removeprefix(b"\xef\xbb\xbf")
 
 
-def _from_text(path: Path, start: bytes, ledger: Ledger, location: str) -> ReadResult:
+def _from_text(path: Path, start: bytes, ledger: Ledger, location: str, road: Road) -> ReadResult:
     line = start.splitlines()[0].decode("utf-8", errors="replace")
     if b"\x00" in start:
         raise InputError(f"{path}: is not a text file; give NGSIM text, CSV, Parquet or SUMO FCD")
     if delimited.is_official(line):
         raw = delimited.read_official(path, ledger)
     elif pairs.is_pairs([name.strip() for name in line.split(",")]):
-        return ReadResult(*pairs.to_recording(_pairs_of_csv(path), ledger, source=path.name))
+        return ReadResult(*pairs.to_recording(_pairs_of_csv(path), ledger, road=road, source=path.name))
     else:
         _check_header(path, line)
         raw = delimited.read_portal(path, ledger, location=location)
-    return ReadResult(*ngsim.to_recording(raw, ledger, source=path.name))
+    return ReadResult(*ngsim.to_recording(raw, ledger, road=road, source=path.name))
 
 
 def _pairs_of_csv(path: Path) -> pd.DataFrame:
@@ -119,15 +124,16 @@ def _check_header(path: Path, line: str) -> None:
     ngsim.need([delimited.canonical(name) for name in delimited.header_of(path)], path.name)
 
 
-def _from_parquet(path: Path, ledger: Ledger, location: str) -> ReadResult:
+def _from_parquet(path: Path, ledger: Ledger, location: str, road: Road | None) -> ReadResult:
     table = _load_parquet(path)
     names = list(table.column_names)
     if {*c.KEYS, c.X, c.Y} <= set(names):
-        return _own(table, ledger, path)
+        return _own(table, ledger, path, location, road)
+    road = road or road_at(location)
     if fcd.is_fcd(names):
-        return ReadResult(*fcd.from_parquet(table.to_pandas(), ledger, source=path.name))
+        return ReadResult(*fcd.from_parquet(table.to_pandas(), ledger, road=road, source=path.name))
     if pairs.is_pairs(names):
-        return ReadResult(*pairs.to_recording(table.to_pandas(), ledger, source=path.name))
+        return ReadResult(*pairs.to_recording(table.to_pandas(), ledger, road=road, source=path.name))
     raw = table.rename_columns([delimited.canonical(name) for name in names])
     ngsim.need(raw.column_names, path.name)
     known = [name for name in raw.column_names if name in (*delimited.NUMBERS, *delimited.LABELS)]
@@ -136,7 +142,7 @@ def _from_parquet(path: Path, ledger: Ledger, location: str) -> ReadResult:
     if "Location" in frame:
         frame, seen = delimited.keep_location(frame, location, ledger)
         delimited.check_location(path, frame, seen, location)
-    return ReadResult(*ngsim.to_recording(frame, ledger, source=path.name))
+    return ReadResult(*ngsim.to_recording(frame, ledger, road=road, source=path.name))
 
 
 def _load_parquet(path: Path) -> pa.Table:
@@ -154,12 +160,15 @@ def _load_parquet(path: Path) -> pa.Table:
         raise InputError(f"{path}: is no whole Parquet file ({reason}); fetch or write it again") from None
 
 
-def _own(table: pa.Table, ledger: Ledger, path: Path) -> ReadResult:
+def _own(table: pa.Table, ledger: Ledger, path: Path, location: str, road: Road | None) -> ReadResult:
     kept = json.loads((table.schema.metadata or {}).get(METADATA, b"{}"))
     frame = table.to_pandas()
     ledger.total += len(frame)
+    if road is None:
+        road = Road.from_dict(kept["road"]) if "road" in kept else road_at(location)
     recording = Recording.from_table(
         frame,
+        road=road,
         source=kept.get("source") or path.name,
         notes=tuple(kept.get("notes", ())),
         has_leader_rows=bool(kept.get("has_leader_rows", True)),
@@ -182,7 +191,7 @@ def write_parquet(recording: Recording, path: str | os.PathLike[str]) -> None:
     path = Path(path)
     kept = {
         "source": recording.source, "notes": recording.notes, "has_leader_rows": recording.has_leader_rows,
-        "is_smooth": recording.is_smooth,
+        "is_smooth": recording.is_smooth, "road": recording.road.to_dict(),
         "leader_lengths": [[*leader, length] for leader, length in recording.leader_lengths.items()],
     }  # fmt: skip
     table = pa.Table.from_pandas(recording.table, preserve_index=False)

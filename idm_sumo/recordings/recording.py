@@ -11,6 +11,7 @@ import numpy as np
 import pandas as pd
 
 from idm_sumo.recordings import columns as c
+from idm_sumo.roads import Road
 from idm_sumo.runtime.errors import InputError
 
 if TYPE_CHECKING:
@@ -25,8 +26,8 @@ DTYPES = {
 
 
 @cache
-def schema() -> pa.DataFrameSchema:
-    """Return the table's schema; checked once, where a table enters the house."""
+def schema(last_lane: int) -> pa.DataFrameSchema:
+    """Return the schema of a table of a road with lanes 1 to ``last_lane``; checked once, where a table enters."""
     import pandera.pandas as pa
 
     finite = pa.Check(lambda s: np.isfinite(s), error="must be finite")
@@ -35,7 +36,7 @@ def schema() -> pa.DataFrameSchema:
     checks: dict[str, list[Any]] = {
         c.TIME: [finite], c.X: [finite], c.Y: [finite], c.SPEED: [plausible_speed],
         c.ACCELERATION: [finite], c.HEADING: [finite], c.LENGTH: [positive],
-        c.WIDTH: [positive], c.CLASS: [pa.Check.isin([0, 1, 2, 3])], c.LANE: [pa.Check.in_range(1, 8)],
+        c.WIDTH: [positive], c.CLASS: [pa.Check.isin([0, 1, 2, 3])], c.LANE: [pa.Check.in_range(1, last_lane)],
         c.HEADWAY: [positive],
     }  # fmt: skip
     nullable = {c.LENGTH, c.WIDTH, c.HEADWAY}
@@ -54,6 +55,8 @@ class Recording:
     ----------
     table : pandas.DataFrame
         Columns of :mod:`idm_sumo.recordings.columns`, sorted by period, vehicle and frame.
+    road : Road
+        What it was recorded on.
     source : str
         Where it came from, for titles and manifests.
     notes : tuple of str
@@ -68,6 +71,7 @@ class Recording:
     """
 
     table: pd.DataFrame
+    road: Road
     source: str = ""
     notes: tuple[str, ...] = field(default=())
     has_leader_rows: bool = True
@@ -76,9 +80,24 @@ class Recording:
 
     @classmethod
     def from_table(
-        cls, table: pd.DataFrame, *, source: str = "", notes: tuple[str, ...] = (), has_leader_rows: bool = True
+        cls,
+        table: pd.DataFrame,
+        *,
+        road: Road,
+        source: str = "",
+        notes: tuple[str, ...] = (),
+        has_leader_rows: bool = True,
     ) -> Recording:
         """Check a table against the schema, sort it and wrap it.
+
+        Parameters
+        ----------
+        table : pandas.DataFrame
+            Columns of :mod:`idm_sumo.recordings.columns`, in any order, in SI units.
+        road : Road
+            What it was recorded on; its lanes are those that the table may name.
+        source, notes, has_leader_rows
+            See :class:`Recording`.
 
         Raises
         ------
@@ -98,7 +117,7 @@ class Recording:
             )
         ordered = table[list(c.ALL)].astype(DTYPES).sort_values(list(c.KEYS), kind="stable", ignore_index=True)
         try:
-            schema().validate(ordered)
+            schema(road.last_lane).validate(ordered)
         except pandera.errors.SchemaError as error:
             raise InputError(_one_line(error, ordered, source)) from None
         if (duplicated := ordered.duplicated(list(c.KEYS))).any():
@@ -106,7 +125,7 @@ class Recording:
             raise InputError(
                 f"{source or 'recording'}: vehicle {row[c.VEHICLE]} has frame {row[c.FRAME]} twice in period {row[c.PERIOD]}"
             )
-        return cls(ordered, source, notes, has_leader_rows)
+        return cls(ordered, road, source, notes, has_leader_rows)
 
     @property
     def periods(self) -> list[str]:

@@ -10,8 +10,8 @@ import pandas as pd
 from scipy.signal import savgol_filter
 
 from idm_sumo.recordings import columns as c
+from idm_sumo.recordings.columns import FRAME_STEP
 from idm_sumo.recordings.recording import Recording
-from idm_sumo.roads.road import FRAME_STEP
 
 WINDOW = 21  # frames
 ORDER = 3  # of the local polynomial

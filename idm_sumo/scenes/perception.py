@@ -8,7 +8,6 @@ import numpy as np
 import numpy.typing as npt
 from numba import njit
 
-from idm_sumo.roads import road
 from idm_sumo.scenes.traffic import NOBODY, leader_row
 from idm_sumo.scenes.windows import LEADER_FROM_LANE, Scenes
 
@@ -57,7 +56,7 @@ def _cells_along(scenes: Scenes, y: Floats, first: int) -> npt.NDArray[np.int64]
     """Return the cell of the traffic that holds each point of the paths."""
     steps = first + np.arange(y.shape[1])
     if scenes.leader_source == LEADER_FROM_LANE:
-        return scenes.traffic.cell(road.lane_at(y), scenes.first_frame[:, None] + steps)
+        return scenes.traffic.cell(scenes.road.lane_at(y), scenes.first_frame[:, None] + steps)
     return scenes.cell[:, None] + steps
 
 

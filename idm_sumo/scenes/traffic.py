@@ -10,7 +10,6 @@ from numba import njit
 
 from idm_sumo.recordings import columns as c
 from idm_sumo.recordings.recording import Recording
-from idm_sumo.roads import road
 
 NOBODY = -1  # a row that does not exist: nobody ahead
 
@@ -27,7 +26,7 @@ class Traffic:
     ----------
     offsets : int64, shape (cells + 1,)
     x, y, heading, speed, length, width : float64, shape (rows,)
-        Front bumper (m), rad, m/s, m, m. Unknown sizes are assumed (:mod:`idm_sumo.roads.road`).
+        Front bumper (m), rad, m/s, m, m. Unknown sizes are those that the road assumes.
     vehicle : int64, shape (rows,)
         Vehicle numbers, 0 for a leader that is known by its headway only.
     first_frame : int
@@ -48,26 +47,26 @@ class Traffic:
     frames: int
 
     def cell(self, lane: npt.ArrayLike, frame: npt.ArrayLike) -> npt.NDArray[np.int64]:
-        """Return the cell of main lane ``lane`` (1 to 5) at ``frame``."""
+        """Return the cell of main lane ``lane`` at ``frame``."""
         lanes, frames = np.asarray(lane, dtype=np.int64), np.asarray(frame, dtype=np.int64)
         return (lanes - 1) * self.frames + frames - self.first_frame
 
 
 def build_traffic(recording: Recording) -> Traffic:
-    """Sort one period of a recording into cells of the five main lanes.
+    """Sort one period of a recording into cells of the main lanes.
 
     The lane of a vehicle is the one its front bumper's centre lies in: the definition that
     SUMO applies to a vehicle moved to ``x, y``, and one that needs no lane labels.
     """
-    table = recording.table
+    table, road = recording.table, recording.road
     frame = table[c.FRAME].to_numpy()
     first, frames = int(frame.min()), int(frame.max() - frame.min() + 1)
     cell = (road.lane_at(table[c.Y]) - 1) * frames + frame - first
     columns = {name: table[name].to_numpy(np.float64) for name in (c.X, c.Y, c.HEADING, c.SPEED)}
-    columns[c.LENGTH] = table[c.LENGTH].fillna(road.CAR_LENGTH).to_numpy()
-    columns[c.WIDTH] = table[c.WIDTH].fillna(road.CAR_WIDTH).to_numpy()
+    columns[c.LENGTH] = table[c.LENGTH].fillna(road.car_length).to_numpy()
+    columns[c.WIDTH] = table[c.WIDTH].fillna(road.car_width).to_numpy()
     vehicle = table[c.VEHICLE].to_numpy()
-    return sort_into_cells(cell, road.MAIN_LANES * frames, columns, vehicle, first, frames)
+    return sort_into_cells(cell, road.main_lanes * frames, columns, vehicle, first, frames)
 
 
 def sort_into_cells(

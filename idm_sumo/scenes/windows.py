@@ -12,7 +12,7 @@ import pandas as pd
 from idm_sumo.recordings import columns as c
 from idm_sumo.recordings.leaders_from_headway import leader_lengths, recorded_leaders
 from idm_sumo.recordings.recording import Recording
-from idm_sumo.roads import road
+from idm_sumo.roads import Road
 from idm_sumo.scenes.traffic import Traffic, build_traffic, sort_into_cells
 
 Floats = npt.NDArray[np.float64]
@@ -64,8 +64,10 @@ class Scenes:
     ----------
     period : str
     window : Window
+    road : Road
+        What the drivers and their traffic were recorded on.
     vehicle, first_frame, lane : int64, shape (vehicles,)
-        Number; the window's first frame; main lane (1 to 5) at the start of the simulation.
+        Number; the window's first frame; main lane at the start of the simulation.
     x, y, heading, speed : float64, shape (vehicles, frames)
         The recorded twin: front bumper (m), rad, m/s. No gaps: see :func:`build_scenes`.
     headway : float64, shape (vehicles, frames)
@@ -83,6 +85,7 @@ class Scenes:
 
     period: str
     window: Window
+    road: Road
     vehicle: Integers
     first_frame: Integers
     lane: Integers
@@ -173,7 +176,7 @@ def _cut(recording: Recording, period: str, window: Window, starts: Integers) ->
     table = recording.table
     rows = starts[:, None] + np.arange(window.frames)
     path = {name: table[name].to_numpy(np.float64)[rows] for name in (c.X, c.Y, c.HEADING, c.SPEED, c.HEADWAY)}
-    lane = road.lane_at(path[c.Y][:, window.start])
+    lane = recording.road.lane_at(path[c.Y][:, window.start])
     first_frame = table[c.FRAME].to_numpy()[starts]
     if recording.has_leader_rows:
         traffic = build_traffic(recording)
@@ -182,9 +185,10 @@ def _cut(recording: Recording, period: str, window: Window, starts: Integers) ->
         traffic, cell = _private_traffic(recording, rows)
     length, width = (table[name].to_numpy()[starts] for name in (c.LENGTH, c.WIDTH))
     return Scenes(
-        period=period, window=window, vehicle=table[c.VEHICLE].to_numpy()[starts], first_frame=first_frame, lane=lane,
-        length=np.where(np.isnan(length), road.CAR_LENGTH, length),
-        width=np.where(np.isnan(width), road.CAR_WIDTH, width),
+        period=period, window=window, road=recording.road, vehicle=table[c.VEHICLE].to_numpy()[starts],
+        first_frame=first_frame, lane=lane,
+        length=np.where(np.isnan(length), recording.road.car_length, length),
+        width=np.where(np.isnan(width), recording.road.car_width, width),
         vehicle_class=table[c.CLASS].to_numpy(np.int64)[starts], size_known=~np.isnan(length), cell=cell,
         traffic=traffic, leader_source=LEADER_FROM_LANE if recording.has_leader_rows else LEADER_OF_TWIN, **path,
     )  # fmt: skip
@@ -201,7 +205,7 @@ def _private_traffic(recording: Recording, rows: Integers) -> tuple[Traffic, Int
     y = recording.table[c.Y].to_numpy()[taken]
     columns = {
         c.X: leader.x[taken], c.Y: y, c.SPEED: leader.speed[taken], c.HEADING: np.zeros(len(taken)),
-        c.LENGTH: leader_lengths(recording)[taken], c.WIDTH: np.full(len(taken), road.CAR_WIDTH),
+        c.LENGTH: leader_lengths(recording)[taken], c.WIDTH: np.full(len(taken), recording.road.car_width),
     }  # fmt: skip
     traffic = sort_into_cells(cell, windows * frames, columns, np.zeros(len(taken), dtype=np.int64), 0, frames)
     return traffic, np.arange(windows) * frames

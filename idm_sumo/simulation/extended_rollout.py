@@ -12,6 +12,7 @@ from idm_sumo.models import bicycle
 from idm_sumo.models.effects import ExtendedModel, extended_acceleration
 from idm_sumo.models.effects.lane_change_relaxation import headway_after
 from idm_sumo.models.effects.reaction_delay import acted_on, follow_another, knows_new_leader
+from idm_sumo.recordings.columns import FRAME_STEP
 from idm_sumo.recordings.recording import Recording
 from idm_sumo.roads import road
 from idm_sumo.scenes.traffic import NOBODY
@@ -173,7 +174,7 @@ def meet(past, now, before, who, m):  # type: ignore[no-untyped-def]
     """Return whether the leader is another one; who knows where that was has it in the past."""
     another = before > 0 and who > 0 and who != before
     if another and knows_new_leader(m):
-        follow_another(past[:, 0], past[:, 1], past[:, 2], now, road.FRAME_STEP)
+        follow_another(past[:, 0], past[:, 1], past[:, 2], now, FRAME_STEP)
     return another
 
 
@@ -194,7 +195,7 @@ def decide(i, k, front, speed, row, gap, minds, ground, body):  # type: ignore[n
         Of :func:`set_out`.
     """
     m, theta, twin, now = minds.magnitudes[i], minds.theta[i], ground.twin, body.start + k
-    past, elapsed = minds.past[i], k * road.FRAME_STEP
+    past, elapsed = minds.past[i], k * FRAME_STEP
     leader_speed = ground.speed[row] if row != NOBODY else speed
     past[now] = (gap, speed, speed - leader_speed)
     who = ground.others.who[row] if row != NOBODY else 0
@@ -210,7 +211,7 @@ def decide(i, k, front, speed, row, gap, minds, ground, body):  # type: ignore[n
         twin.time[i] + elapsed, twin.own_class[i], minds.changed[i, 0], elapsed - minds.changed[i, 1], minds.changed[i, 2],
         twin.cut_in[i] - elapsed, twin.own_change[i] - elapsed, minds.driven[i, 0] / minds.driven[i, 1],
     )  # fmt: skip
-    then_gap, then_speed, then_rate = acted_on(past, now, m, road.FRAME_STEP)
+    then_gap, then_speed, then_rate = acted_on(past, now, m, FRAME_STEP)
     return extended_acceleration(
         then_speed, then_rate, then_gap, see, theta[0], theta[1], theta[2], theta[3], theta[4], minds.limit[i], m
     )
@@ -237,6 +238,6 @@ def _drive_all(  # type: ignore[no-untyped-def]
             acc = decide(i, k, x[i, k], v, row, d, minds, ground, body)
             delta = steer(cy, psi, v, body.length[i], body.lane_y[i])
             acceleration[i, k], steering[i, k] = acc, delta
-            cx, cy, psi, v = bicycle.step(cx, cy, psi, v, acc, delta, axles, road.FRAME_STEP)
+            cx, cy, psi, v = bicycle.step(cx, cy, psi, v, acc, delta, axles, FRAME_STEP)
             x[i, k + 1], y[i, k + 1] = bicycle.front_of_center(cx, cy, psi, body.length[i])
             heading[i, k + 1], speed[i, k + 1] = psi, v

@@ -11,6 +11,7 @@ from numba import njit
 
 from idm_sumo.models import bicycle, idm
 from idm_sumo.models.steering import lookahead_distance, pure_pursuit
+from idm_sumo.recordings.columns import FRAME_STEP
 from idm_sumo.roads import road
 from idm_sumo.runtime.threads import in_threads
 from idm_sumo.scenes.traffic import NOBODY, leader_row
@@ -106,7 +107,7 @@ def drive_constant_velocity(scenes: Scenes) -> Trajectories:
     n, steps = len(scenes), scenes.window.horizon
     first = scenes.start
     heading, speed = scenes.heading[:, first, None], scenes.speed[:, first, None]
-    travelled = speed * road.FRAME_STEP * np.arange(steps + 1)
+    travelled = speed * FRAME_STEP * np.arange(steps + 1)
     whole = np.ones((1, steps + 1))
     return Trajectories(
         x=scenes.x[:, first, None] + travelled * np.cos(heading),
@@ -165,6 +166,6 @@ def _drive_all(  # type: ignore[no-untyped-def]
             leader_speed = traffic_speed[row] if row != NOBODY else v
             acc, delta = control(cx, cy, psi, v, d, leader_speed, theta[i], limit[i], length[i], lane_y[i])
             acceleration[i, k], steering[i, k] = acc, delta
-            cx, cy, psi, v = bicycle.step(cx, cy, psi, v, acc, delta, axles, road.FRAME_STEP)
+            cx, cy, psi, v = bicycle.step(cx, cy, psi, v, acc, delta, axles, FRAME_STEP)
             x[i, k + 1], y[i, k + 1] = bicycle.front_of_center(cx, cy, psi, length[i])
             heading[i, k + 1], speed[i, k + 1] = psi, v

@@ -18,6 +18,7 @@ from idm_sumo.models.effects.adjacent_lane_friction import AHEAD, BESIDE
 from idm_sumo.models.effects.hysteresis import LATELY
 from idm_sumo.models.effects.lane_change_relaxation import headway_after
 from idm_sumo.recordings import columns as c
+from idm_sumo.recordings.columns import FRAME_STEP
 from idm_sumo.recordings.leaders_from_headway import leader_lengths, leader_runs, recorded_leaders
 from idm_sumo.recordings.recording import Recording
 from idm_sumo.recordings.smoothing import running_mean, same_run
@@ -119,7 +120,7 @@ def _leaders(recording: Recording, scenes: Scenes) -> _Known:
         return _Known(who, gap, table[c.ACCELERATION].to_numpy(), same_run(table), np.where(kind > 0, kind, np.nan))
     leader, run = recorded_leaders(recording), leader_runs(recording)
     known = np.isfinite(leader.x)
-    acceleration = np.gradient(leader.speed, road.FRAME_STEP)
+    acceleration = np.gradient(leader.speed, FRAME_STEP)
     edge = np.concatenate([[True], np.diff(run) != 0])
     acceleration[edge | np.append(edge[1:], True)] = 0.0  # a difference there would be of two vehicles
     gap = np.where(known, table[c.HEADWAY].to_numpy() - leader_lengths(recording), np.inf)
@@ -179,10 +180,10 @@ def _twin(table: pd.DataFrame, scenes: Scenes, who: Integers, gap: Floats) -> Tw
     sums = np.concatenate([[0.0], np.cumsum(speed)])
     first = np.searchsorted(vehicle, scenes.vehicle)
     return Twin(
-        time=(frame[start] - frame.min()) * road.FRAME_STEP,
+        time=(frame[start] - frame.min()) * FRAME_STEP,
         own_class=np.where(scenes.vehicle_class > 0, scenes.vehicle_class, np.nan).astype(np.float64),
         jump=np.where(none, np.nan, jump[last]),
-        since=np.where(none, np.nan, (frame[start] - frame[last]) * road.FRAME_STEP),
+        since=np.where(none, np.nan, (frame[start] - frame[last]) * FRAME_STEP),
         accepted=np.where(none, np.nan, headway_after(gap, speed)[last]),
         cut_in=_until(changed & (jump > 0) & ~lane_changed, vehicle, frame, start),
         own_change=_until(lane_changed, vehicle, frame, start),
@@ -205,7 +206,7 @@ def _until(event: npt.NDArray[np.bool_], vehicle: Integers, frame: Integers, sta
     place = np.searchsorted(rows, start, side="right")
     found = rows[np.minimum(place, len(rows) - 1)]
     there = (place < len(rows)) & (vehicle[found] == vehicle[start])
-    return np.where(there, (frame[found] - frame[start]) * road.FRAME_STEP, np.nan)
+    return np.where(there, (frame[found] - frame[start]) * FRAME_STEP, np.nan)
 
 
 @njit(cache=True)

@@ -11,7 +11,7 @@ from contextlib import contextmanager, suppress
 from pathlib import Path
 from typing import Any
 
-from idm_sumo.roads import road
+from idm_sumo.recordings.columns import FRAME_STEP
 from idm_sumo.runtime.errors import InputError
 from idm_sumo.sumo.session import ALWAYS
 
@@ -48,7 +48,7 @@ def gui_simulation(options: Sequence[str], *, net: Path) -> Iterator[Any]:
     binary = gui_binary()
     import traci
 
-    command = [binary, "--net-file", str(net), "--step-length", str(road.FRAME_STEP), *ALWAYS, *options,
+    command = [binary, "--net-file", str(net), "--step-length", str(FRAME_STEP), *ALWAYS, *options,
                "--start", "true", "--quit-on-end", "true", "--delay", DELAY]  # fmt: skip
     try:
         traci.start(command, numRetries=30, label="idm-sumo", stdout=None)

@@ -8,7 +8,7 @@ from pathlib import Path
 from typing import Any
 from xml.etree import ElementTree
 
-from idm_sumo.roads import road
+from idm_sumo.recordings.columns import FRAME_STEP
 from idm_sumo.runtime.errors import InputError
 from idm_sumo.sumo.network import net_file
 
@@ -54,7 +54,7 @@ def load_libsumo() -> Any:
 
 @contextmanager
 def simulation(
-    options: Sequence[str] = REPLAY, *, net: Path | None = None, step_length: float = road.FRAME_STEP
+    options: Sequence[str] = REPLAY, *, net: Path | None = None, step_length: float = FRAME_STEP
 ) -> Iterator[Any]:
     """Run SUMO on our network, in steps of a recorded frame by default; yields the module libsumo.
 

@@ -12,8 +12,9 @@ import pytest
 
 from idm_sumo.models import bicycle
 from idm_sumo.recordings import columns as c
+from idm_sumo.recordings.columns import FRAME_STEP
 from idm_sumo.recordings.recording import Recording
-from idm_sumo.roads import road
+from idm_sumo.roads import US101
 from idm_sumo.scenes.traffic import NOBODY
 from idm_sumo.scenes.windows import Scenes, Window, build_scenes
 from idm_sumo.simulation.rollout import Trajectories, drive_idm
@@ -23,31 +24,31 @@ from idm_sumo.sumo.replay.one_vehicle import advance, replay, start_of
 from idm_sumo.sumo.session import simulation
 
 DRIVER = np.array([1.4, 1.8, 1.1, 2.0, 1.0])
-LANES = np.arange(1, road.MAIN_LANES + 1)
+LANES = np.arange(1, US101.main_lanes + 1)
 SECONDS: dict[str, float] = {}  # of each design, over the same scenes
 
 
 def traffic(vehicles: int, frames: int, stay: int) -> Recording:
     """Return ``vehicles`` that take ``stay`` frames through the section, each in its lane."""
-    rng, pace = np.random.default_rng(0), road.SECTION_LENGTH / (stay * road.FRAME_STEP)
+    rng, pace = np.random.default_rng(0), US101.length / (stay * FRAME_STEP)
     enters = np.linspace(-stay, frames - stay // 3, vehicles).round().astype(int)
     parts = []
     for number, enter in enumerate(enters, start=1):
         frame = np.arange(max(enter, 0), min(enter + stay, frames))
-        seconds = (frame - enter) * road.FRAME_STEP
-        lane = number % road.MAIN_LANES + 1
+        seconds = (frame - enter) * FRAME_STEP
+        lane = number % US101.main_lanes + 1
         parts.append(
             pd.DataFrame(
                 {
                     c.PERIOD: "p", c.VEHICLE: number, c.FRAME: frame, c.TIME: seconds,
                     c.X: pace * seconds + 2 * np.sin(0.2 * seconds + number), c.SPEED: pace,
-                    c.Y: road.lane_center(lane) + rng.uniform(-1, 1), c.ACCELERATION: 0.0, c.HEADING: 0.0,
+                    c.Y: US101.lane_center(lane) + rng.uniform(-1, 1), c.ACCELERATION: 0.0, c.HEADING: 0.0,
                     c.LENGTH: rng.choice([3.9, 4.7, 5.3]), c.WIDTH: 1.9, c.CLASS: 2, c.LANE: lane, c.LEADER: 0,
                     c.HEADWAY: np.nan,
                 }
             )
         )  # fmt: skip
-    return Recording.from_table(pd.concat(parts))
+    return Recording.from_table(pd.concat(parts), road=US101)
 
 
 @cache
@@ -67,7 +68,7 @@ def naive(scenes: Scenes) -> Trajectories:
 
 
 def _naive_one(sumo, scenes, i, out, t) -> None:
-    length, lane_y, present = scenes.length[i], float(road.lane_center(scenes.lane[i])), set()
+    length, lane_y, present = scenes.length[i], float(US101.lane_center(scenes.lane[i])), set()
     x, y, heading, speed = start_of(scenes, i)
     cx, cy = bicycle.center_of_front(x, y, heading, length)
     for k in range(out.x.shape[1]):
@@ -93,7 +94,7 @@ def _naive_one(sumo, scenes, i, out, t) -> None:
         if k < out.acceleration.shape[1]:
             leader_speed = t.speed[row] if row != NOBODY else speed
             out.acceleration[i, k], out.steering[i, k], cx, cy, heading, speed, x, y = advance(
-                cx, cy, heading, speed, gap, leader_speed, DRIVER, road.SPEED_LIMIT, length, lane_y
+                cx, cy, heading, speed, gap, leader_speed, DRIVER, US101.speed_limit, length, lane_y
             )
 
 

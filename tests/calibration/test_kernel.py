@@ -9,14 +9,14 @@ from idm_sumo.calibration import kernel
 from idm_sumo.calibration.objective import CODES, LOSSES
 from idm_sumo.calibration.problem import prepare
 from idm_sumo.models import idm
-from idm_sumo.roads import road
+from idm_sumo.roads import US101
 from idm_sumo.runtime.errors import InputError
 from idm_sumo.scenes.windows import Window, build_scenes
 from idm_sumo.simulation.rollout import drive_idm
 from tests.helpers.builders import Car, recording
 from tests.helpers.known_drivers import known_drivers, scenes_of
 
-V0 = road.SPEED_LIMIT
+V0 = US101.speed_limit
 parameters = st.tuples(*(st.floats(low + 1e-3, high) for low, high in zip(idm.LOWER, idm.UPPER, strict=True)))
 
 

@@ -8,15 +8,16 @@ from hypothesis import strategies as st
 from idm_sumo.evaluation.collisions import first_contacts, overlap, rectangle, separation
 from idm_sumo.models.idm import TEXTBOOK
 from idm_sumo.recordings.cleaning import clean
+from idm_sumo.recordings.columns import FRAME_STEP
 from idm_sumo.recordings.reading import read_recording
 from idm_sumo.recordings.smoothing import smooth
-from idm_sumo.roads import road
+from idm_sumo.roads import US101
 from idm_sumo.scenes.windows import Window, build_scenes
 from idm_sumo.simulation.rollout import drive_constant_velocity, drive_idm
 from tests.helpers.builders import Car, scenes, trajectories
 
 STEPS = np.arange(21)
-MIDDLE = float(road.lane_center(3))
+MIDDLE = float(US101.lane_center(3))
 
 rectangles = st.tuples(
     st.floats(-12.0, 12.0), st.floats(-12.0, 12.0), st.floats(-3.2, 3.2), st.floats(0.5, 20.0), st.floats(0.5, 3.0)
@@ -129,7 +130,7 @@ def test_a_long_vehicle_is_struck_at_its_far_end():
 
 
 def test_being_struck_from_behind_right_after_cutting_in_is():
-    start, end = float(road.lane_center(2)), MIDDLE
+    start, end = float(US101.lane_center(2)), MIDDLE
     sideways = np.clip(np.linspace(start, end, 11)[np.minimum(STEPS, 10)], end, start)
     twin = Car(1, x=100.0, lane=2)
     struck = {**cruise(5.0), "y": sideways}
@@ -142,8 +143,8 @@ def test_being_struck_from_behind_right_after_cutting_in_is():
 
 def sidling(frames, from_lane, to_lane, seconds=1.5):
     """Return y and heading of a car at 10 m/s that changes lanes evenly."""
-    start, end = road.lane_center(from_lane), road.lane_center(to_lane)
-    share = np.clip(np.arange(frames) / (seconds / road.FRAME_STEP), 0.0, 1.0)
+    start, end = US101.lane_center(from_lane), US101.lane_center(to_lane)
+    share = np.clip(np.arange(frames) / (seconds / FRAME_STEP), 0.0, 1.0)
     y = start + (end - start) * share
     return y, np.where(share < 1, np.arcsin((end - start) / seconds / 10.0), 0.0)
 
@@ -235,7 +236,7 @@ def test_where_only_the_headway_is_known_the_twins_leader_can_be_hit():
     lone = scenes(Car(1, x=100.0, headway=np.full(40, 12.0)), has_leader_rows=False)
     hit = first_contacts(lone, trajectories(lone, **cruise(20.0))).iloc[0]
     assert (hit.at_fault, hit.contact_edge, hit.contact_with) == (True, "front", 0)
-    expected = (12.0 - road.CAR_LENGTH) / 10.0
+    expected = (12.0 - US101.car_length) / 10.0
     assert expected < hit.contact_time_s <= expected + 0.1
 
 
@@ -272,7 +273,7 @@ def test_agrees_with_looking_at_every_pair_of_vehicles(data):
         ego = (path.x[0, k], path.y[0, k], 0.05, 4.0, 2.0)
         hits = {
             car.vehicle for car in cars
-            if common_area(ego, (car.x + car.speed * 0.1 * (3 + k), float(road.lane_center(car.lane)), car.heading,
+            if common_area(ego, (car.x + car.speed * 0.1 * (3 + k), float(US101.lane_center(car.lane)), car.heading,
                                  car.length, car.width)) > 1e-12
         }  # fmt: skip
         if k and hits - since_start:

@@ -9,7 +9,7 @@ from scipy.stats import ks_2samp, wasserstein_distance
 from idm_sumo.evaluation.comparison import compare, following, matched_periods
 from idm_sumo.evaluation.distances import Sample, distance
 from idm_sumo.recordings import columns as c
-from idm_sumo.roads import road
+from idm_sumo.roads import US101
 from idm_sumo.runtime.errors import InputError
 from tests.helpers.builders import Car, recording
 
@@ -54,7 +54,7 @@ def test_gaps_are_bumper_to_bumper_and_headways_front_to_front() -> None:
 
 def test_a_thin_recording_takes_gaps_from_its_headways() -> None:
     rows = following(recording(Car(1, headway=20.0), has_leader_rows=False))
-    assert np.allclose(rows["gap_m"], 20.0 - road.CAR_LENGTH)
+    assert np.allclose(rows["gap_m"], 20.0 - US101.car_length)
 
 
 def platoon(spacing: float, speed: float = 10.0) -> list[Car]:

@@ -9,14 +9,16 @@ from hypothesis import strategies as st
 from idm_sumo.evaluation import macroscopic as m
 from idm_sumo.evaluation import waves
 from idm_sumo.recordings import columns as c
-from idm_sumo.roads import road
+from idm_sumo.recordings.columns import FRAME_STEP
+from idm_sumo.roads import US101
+from idm_sumo.roads.us101 import OFF_RAMP, ON_RAMP
 from tests.helpers.builders import Car, recording
 
 
 def platoon(speed: float, spacing: float, seconds: float, lane: int = 3) -> list[Car]:
     """An endless row of equal cars, enough to fill the section all the time."""
-    frames = round(seconds / road.FRAME_STEP)
-    ahead = np.arange(-seconds * speed - spacing, road.SECTION_LENGTH, spacing)
+    frames = round(seconds / FRAME_STEP)
+    ahead = np.arange(-seconds * speed - spacing, US101.length, spacing)
     return [Car(n + 1, float(x), lane, speed, frames=frames) for n, x in enumerate(ahead)]
 
 
@@ -40,16 +42,16 @@ def test_flow_is_density_times_speed_and_nothing_is_lost(
     some = recording(*(Car(n + 1, x, lane, v, frames=60) for n, (x, lane, v) in enumerate(cars)))
     fields = m.edie(some, segments=segments, minutes=minutes)
     assert np.allclose(fields["flow_veh_h"], 3.6 * fields["density_veh_km"] * fields["speed_m_s"])
-    inside = some.table[c.X].between(0, road.SECTION_LENGTH).sum()
+    inside = some.table[c.X].between(0, US101.length).sum()
     assert fields["vehicle_seconds"].sum() == pytest.approx(0.1 * inside)
 
 
 def test_the_auxiliary_lane_is_as_long_as_it_is() -> None:
-    x = np.full(50, road.ON_RAMP_X + 10)
-    car = Car(1, x, speed=0.0, y=np.full(50, float(road.lane_center(6))), frames=50)
+    x = np.full(50, ON_RAMP + 10)
+    car = Car(1, x, speed=0.0, y=np.full(50, float(US101.lane_center(6))), frames=50)
     table = recording(car).table.assign(**{c.LANE: np.int8(6)})
     whole = m.edie(recording(car).with_table(table), segments=1)
-    assert whole["density_veh_km"].iloc[0] == pytest.approx(1000.0 / (road.OFF_RAMP_X - road.ON_RAMP_X))
+    assert whole["density_veh_km"].iloc[0] == pytest.approx(1000.0 / (OFF_RAMP - ON_RAMP))
 
 
 def test_a_thin_recording_has_speeds_but_no_counts() -> None:
@@ -74,7 +76,7 @@ def test_travel_time_is_interpolated_and_needs_both_stations() -> None:
 
 
 def lanes_of(*stays: tuple[int, int]) -> pd.DataFrame:
-    y = np.concatenate([np.full(frames, float(road.lane_center(lane))) for lane, frames in stays])
+    y = np.concatenate([np.full(frames, float(US101.lane_center(lane))) for lane, frames in stays])
     return m.lane_changes(recording(Car(1, y=y, frames=len(y))))
 
 

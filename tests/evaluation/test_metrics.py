@@ -4,13 +4,13 @@ import pytest
 
 from idm_sumo.evaluation.metrics import displacement, is_critical, score, standard_error_name, summary
 from idm_sumo.models.idm import TEXTBOOK
-from idm_sumo.roads import road
+from idm_sumo.roads import US101
 from idm_sumo.scenes.windows import Window
 from idm_sumo.simulation.rollout import drive_constant_velocity, drive_idm
 from tests.helpers.builders import Car, scenes, trajectories
 
 STEPS = np.arange(21)
-MIDDLE = float(road.lane_center(3))
+MIDDLE = float(US101.lane_center(3))
 
 
 def scored(*cars, **path):
@@ -54,7 +54,7 @@ def test_speed_and_gap_errors():
 
 
 def test_the_gap_is_compared_with_the_twins_own_leader_after_its_lane_change():
-    y = np.where(np.arange(40) < 13, MIDDLE, road.lane_center(2))  # the twin changes at step 10
+    y = np.where(np.arange(40) < 13, MIDDLE, US101.lane_center(2))  # the twin changes at step 10
     row = scored(Car(1, y=y), Car(2, x=30.0), Car(3, x=50.0, lane=2), y=np.full(21, MIDDLE))
     assert row["gap_rmse_m"] == pytest.approx(np.sqrt(11 / 20 * 20.0**2))
 
@@ -84,7 +84,7 @@ def test_time_to_collision():
 
 
 def test_the_gap_that_counts_is_that_of_the_lane_the_front_is_in():
-    y = np.where(STEPS < 10, MIDDLE, road.lane_center(2))
+    y = np.where(STEPS < 10, MIDDLE, US101.lane_center(2))
     row = scored(Car(1), Car(2, x=50.0), Car(3, x=20.0, lane=2), y=y)
     assert row["min_gap_m"] == pytest.approx(16.0)
     assert row["lane_departure_share"] == pytest.approx(11 / 20)
@@ -111,7 +111,7 @@ def test_hard_acceleration_and_jerk_are_those_that_took_place():
 def test_from_the_headway_alone():
     some = scenes(Car(1, headway=np.full(40, 20.0)), has_leader_rows=False)
     row = score(some, trajectories(some, x=3.0 + 1.2 * STEPS)).iloc[0]
-    assert row["min_gap_m"] == pytest.approx(20.0 - road.CAR_LENGTH - 4.0)
+    assert row["min_gap_m"] == pytest.approx(20.0 - US101.car_length - 4.0)
     assert row["gap_rmse_m"] == pytest.approx(np.sqrt(np.mean((0.2 * STEPS[1:]) ** 2)))
 
 

@@ -9,8 +9,9 @@ import numpy.typing as npt
 import pandas as pd
 
 from idm_sumo.recordings import columns as c
+from idm_sumo.recordings.columns import FRAME_STEP
 from idm_sumo.recordings.recording import Recording
-from idm_sumo.roads import road
+from idm_sumo.roads import US101
 from idm_sumo.scenes.windows import Scenes, Window, build_scenes
 from idm_sumo.simulation.rollout import Trajectories
 
@@ -35,20 +36,20 @@ class Car(NamedTuple):
 def rows_of(car: Car, period: str = "p1") -> pd.DataFrame:
     steps = np.arange(car.frames)
     moves = np.ndim(car.x) == 0
-    y = float(road.lane_center(car.lane)) if car.y is None else car.y
+    y = float(US101.lane_center(car.lane)) if car.y is None else car.y
     return pd.DataFrame({
         c.PERIOD: period, c.VEHICLE: car.vehicle, c.FRAME: car.first_frame + steps,
-        c.TIME: (car.first_frame + steps) * road.FRAME_STEP,
-        c.X: car.x + car.speed * road.FRAME_STEP * steps if moves else car.x, c.Y: y, c.SPEED: car.speed,
+        c.TIME: (car.first_frame + steps) * FRAME_STEP,
+        c.X: car.x + car.speed * FRAME_STEP * steps if moves else car.x, c.Y: y, c.SPEED: car.speed,
         c.ACCELERATION: 0.0, c.HEADING: car.heading, c.LENGTH: car.length, c.WIDTH: car.width,
-        c.CLASS: car.vehicle_class, c.LANE: road.lane_at(np.broadcast_to(y, car.frames)), c.LEADER: 0,
+        c.CLASS: car.vehicle_class, c.LANE: US101.lane_at(np.broadcast_to(y, car.frames)), c.LEADER: 0,
         c.HEADWAY: car.headway,
     })  # fmt: skip
 
 
 def recording(*cars: Car, period: str = "p1", has_leader_rows: bool = True) -> Recording:
     table = pd.concat([rows_of(car, period) for car in cars], ignore_index=True)
-    return Recording.from_table(table, source="inline", has_leader_rows=has_leader_rows)
+    return Recording.from_table(table, road=US101, source="inline", has_leader_rows=has_leader_rows)
 
 
 def scenes(
@@ -74,6 +75,6 @@ def trajectories(
     for name, given in (("x", x), ("y", y), ("heading", heading), ("speed", speed)):
         twin = getattr(some, name)[:, some.start : some.start + steps + 1]
         getattr(out, name)[:] = twin if given is None else given
-    out.acceleration[:] = np.diff(out.speed, axis=1) / road.FRAME_STEP
+    out.acceleration[:] = np.diff(out.speed, axis=1) / FRAME_STEP
     out.steering[:], out.gap[:], out.leader[:] = 0.0, np.inf, -1
     return out

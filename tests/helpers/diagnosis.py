@@ -17,6 +17,7 @@ from idm_sumo.diagnosis.sizes import Tried
 from idm_sumo.diagnosis.smoother import local_cubic
 from idm_sumo.recordings import columns as c
 from idm_sumo.recordings.recording import Recording
+from idm_sumo.roads import US101
 
 DRIVERS, EACH = 30, 3
 
@@ -81,7 +82,7 @@ def recorded(x: np.ndarray, *, is_smooth: bool = False) -> Recording:
         c.TIME: np.tile(time, vehicles), c.X: x.ravel(), c.Y: -2.0, c.SPEED: 10.0, c.ACCELERATION: 0.0, c.HEADING: 0.0,
         c.LENGTH: 4.5, c.WIDTH: 2.0, c.CLASS: 2, c.LANE: 1, c.LEADER: 0, c.HEADWAY: np.nan,
     })  # fmt: skip
-    return Recording(Recording.from_table(table).table, is_smooth=is_smooth)
+    return Recording(Recording.from_table(table, road=US101).table, US101, is_smooth=is_smooth)
 
 
 MOTION = no.Noise(0.0, np.array([0.4]), np.array([5.0]))

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from idm_sumo.roads import road
+from idm_sumo.roads import US101
 from idm_sumo.scenes.windows import Scenes, Window
 from tests.helpers.builders import Car, scenes
 
@@ -17,9 +17,9 @@ def busy(cars: int = 6, *, horizon: int = 30, seed: int = 1, has_leader_rows: bo
     all_cars = []
     for i in range(cars):
         x0, speed = 40.0 + 90.0 * i, rng.uniform(10, 14)
-        lane = 1 + i % road.MAIN_LANES
-        left, right = (lane + 2 if lane == 1 else lane - 1), (lane - 2 if lane == road.MAIN_LANES else lane + 1)
-        middle = float(road.lane_center(lane))
+        lane = 1 + i % US101.main_lanes
+        left, right = (lane + 2 if lane == 1 else lane - 1), (lane - 2 if lane == US101.main_lanes else lane + 1)
+        middle = float(US101.lane_center(lane))
         y = middle + rng.uniform(-0.3, 0.3) * np.ones(FRAMES)
         all_cars.append(Car(i + 1, x0, speed=speed, y=y, frames=FRAMES, headway=rng.uniform(15, 25) + 4.0))
         for number, (dx, where) in enumerate(((18, lane), (-16, lane), (6, left), (-8, right), (28, right))):

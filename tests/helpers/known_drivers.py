@@ -8,7 +8,7 @@ from scipy.signal import savgol_filter
 
 from idm_sumo.models import idm
 from idm_sumo.recordings import columns as c
-from idm_sumo.roads import road
+from idm_sumo.roads import US101
 from idm_sumo.scenes.traffic import sort_into_cells
 from idm_sumo.scenes.windows import LEADER_OF_TWIN, Scenes, Window
 
@@ -41,9 +41,9 @@ def follow(drivers: Floats, leader_x: Floats, leader_speed: Floats, gap: Floats)
     a, b, T, d0, d1 = drivers.T
     for k in range(leader_x.shape[1] - 1):
         dynamic = v[:, k] * T + v[:, k] * (v[:, k] - leader_speed[:, k]) / (2 * np.sqrt(a * b))
-        wanted = d0 + d1 * np.sqrt(v[:, k] / road.SPEED_LIMIT) + np.maximum(dynamic, 0)
+        wanted = d0 + d1 * np.sqrt(v[:, k] / US101.speed_limit) + np.maximum(dynamic, 0)
         space = leader_x[:, k] - LENGTH - x[:, k]
-        acceleration = a * (1 - (v[:, k] / road.SPEED_LIMIT) ** 4 - (wanted / space) ** 2)
+        acceleration = a * (1 - (v[:, k] / US101.speed_limit) ** 4 - (wanted / space) ** 2)
         x[:, k + 1] = x[:, k] + 0.1 * v[:, k]
         v[:, k + 1] = np.maximum(v[:, k] + 0.1 * np.maximum(acceleration, -9.0), 0)
     return x, v
@@ -64,7 +64,7 @@ def scenes_of(
     """Put followers and their leaders (NaN for none) into scenes, each pair on a road of its own."""
     n, frames = x.shape
     known = np.isfinite(leader_x).ravel()
-    count, center = int(known.sum()), float(road.lane_center(LANE))
+    count, center = int(known.sum()), float(US101.lane_center(LANE))
     columns = {
         c.X: leader_x.ravel()[known], c.Y: np.full(count, center), c.SPEED: leader_speed.ravel()[known],
         c.HEADING: np.zeros(count), c.LENGTH: np.full(count, LENGTH), c.WIDTH: np.full(count, WIDTH),
@@ -72,7 +72,7 @@ def scenes_of(
     cells, nobody = np.arange(n * frames), np.zeros(count, dtype=np.int64)
     traffic = sort_into_cells(cells[known], n * frames, columns, nobody, 0, frames)
     return Scenes(
-        period="known", window=window, vehicle=np.arange(1, n + 1), first_frame=np.zeros(n, dtype=np.int64),
+        period="known", window=window, road=US101, vehicle=np.arange(1, n + 1), first_frame=np.zeros(n, dtype=np.int64),
         lane=np.full(n, LANE), x=x, y=np.full((n, frames), center) if y is None else y, heading=np.zeros((n, frames)),
         speed=v, headway=leader_x - x, length=np.full(n, LENGTH), width=np.full(n, WIDTH),
         vehicle_class=np.full(n, 2), size_known=np.ones(n, dtype=np.bool_), cell=np.arange(n) * frames,
@@ -92,7 +92,7 @@ def known_drivers(
     leader_x = 100.0 + 0.1 * np.concatenate([np.zeros((n, 1)), np.cumsum(leader_speed[:, :-1], axis=1)], axis=1)
     start = np.minimum(leader_speed[:, 0], 20.0)
     gap = np.array(
-        [idm.equilibrium_gap(s, idm.IDMParameters(*p), road.SPEED_LIMIT) for s, p in zip(start, theta, strict=True)]
+        [idm.equilibrium_gap(s, idm.IDMParameters(*p), US101.speed_limit) for s, p in zip(start, theta, strict=True)]
     )
     x, v = follow(theta, leader_x, leader_speed, gap)
     used = slice(WARM_UP, WARM_UP + window.frames)

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from idm_sumo.irl.approaches import closest_approaches
-from idm_sumo.roads import road
+from idm_sumo.roads import US101
 from idm_sumo.simulation.rollout import drive_constant_velocity
 from tests.helpers.builders import Car, scenes
 
@@ -22,7 +22,7 @@ def test_the_gap_to_a_leader() -> None:
 def test_passing_another_beside() -> None:
     chosen = scenes(Car(1, 0.0, speed=20.0, width=2.0), Car(2, 15.0, lane=2, speed=5.0, width=2.0), Car(3, 60.0))
     close = closest_approaches(chosen, drive_constant_velocity(chosen)).iloc[0]
-    assert close["clearance_m"] == pytest.approx(road.LANE_WIDTH - 2.0)
+    assert close["clearance_m"] == pytest.approx(US101.widths[0] - 2.0)
     assert close["lateral"]
     assert close["other"] == 2
 

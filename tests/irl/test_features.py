@@ -11,7 +11,8 @@ from hypothesis import strategies as st
 
 from idm_sumo.irl import features as f
 from idm_sumo.irl.episodes import episodes_of
-from idm_sumo.roads import road
+from idm_sumo.recordings.columns import FRAME_STEP
+from idm_sumo.roads import US101
 from tests.helpers.builders import Car, scenes
 
 STEP = 1e-5
@@ -41,9 +42,9 @@ def test_derivatives_of_forward_speed(v: float, psi: float) -> None:
 
 
 def test_a_lanes_middle_is_best_and_the_edge_worst() -> None:
-    middles = [f.lane_middle(float(road.lane_center(lane)))[0] for lane in range(1, 6)]
+    middles = [f.lane_middle(float(US101.lane_center(lane)))[0] for lane in range(1, 6)]
     assert middles == pytest.approx([1.0] * 5, abs=1e-3)
-    assert f.lane_middle(-road.LANE_WIDTH)[0] < 0.3
+    assert f.lane_middle(-US101.widths[0])[0] < 0.3
     assert f.boundaries(0.0)[0] == pytest.approx(f.boundaries(-f.ROAD_WIDTH)[0]) == pytest.approx(-1.0, abs=1e-6)
     assert f.boundaries(-0.5 * f.ROAD_WIDTH)[0] > -1e-3
     assert f.boundaries(1.0)[0] < -2.0
@@ -56,18 +57,18 @@ def _collision(x: float, y: float, psi: float, *cars: Car) -> tuple[float, ...]:
 
 
 def test_one_car_on_top_of_another_of_usual_size_counts_one() -> None:
-    start = 3 * 10.0 * road.FRAME_STEP  # where the windows of the builders start
-    usual = Car(2, 30.0, length=road.CAR_LENGTH, width=road.CAR_WIDTH)
+    start = 3 * 10.0 * FRAME_STEP  # where the windows of the builders start
+    usual = Car(2, 30.0, length=US101.car_length, width=US101.car_width)
     chosen = scenes(Car(1, 0.0), usual)
     episodes, around = episodes_of([chosen])
-    middle = 30.0 + start - 0.5 * road.CAR_LENGTH
-    found = f.collision(middle, float(road.lane_center(3)), 0.0, road.CAR_LENGTH, road.CAR_WIDTH,
+    middle = 30.0 + start - 0.5 * US101.car_length
+    found = f.collision(middle, float(US101.lane_center(3)), 0.0, US101.car_length, US101.car_width,
                         episodes.cell[0], episodes.stride[0], 5, 1, around)  # fmt: skip
     assert found[0] == pytest.approx(-1.0)
 
 
 def test_every_vehicle_but_the_twin_counts_in_every_lane() -> None:
-    y = float(road.lane_center(3))
+    y = float(US101.lane_center(3))
     alone = _collision(3.0, y, 0.0)
     assert alone[0] == 0.0
     ahead, beside = Car(2, 15.0), Car(3, 2.0, lane=2)

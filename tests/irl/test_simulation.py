@@ -10,7 +10,8 @@ from idm_sumo.irl.episodes import episodes_of
 from idm_sumo.irl.features import ROAD_WIDTH
 from idm_sumo.irl.policy import Policy, drive_controls, drive_policy
 from idm_sumo.irl.reward import ALIVE, PENALTY, WORST, Reward
-from idm_sumo.roads import road
+from idm_sumo.recordings.columns import FRAME_STEP
+from idm_sumo.roads import US101
 from idm_sumo.scenes.windows import Scenes
 from idm_sumo.simulation.rollout import drive_constant_velocity
 from idm_sumo.sumo.replay.actions import replay_controls
@@ -25,11 +26,11 @@ def _start(chosen: Scenes) -> sim.Simulation:
 def test_observation_of_a_scene_counted_by_hand() -> None:
     ahead, behind = Car(2, 24.0, speed=12.0, length=5.0), Car(3, -14.0, speed=9.0)
     left, right = Car(4, 34.0, lane=2), Car(5, -9.0, lane=4, speed=11.0)
-    y = float(road.lane_center(3)) + 0.5
+    y = float(US101.lane_center(3)) + 0.5
     seen = _start(scenes(Car(1, 0.0, y=np.full(40, y)), ahead, behind, left, right)).observation[0]
-    dt = 3 * road.FRAME_STEP  # the builders' windows start at their fourth frame
-    assert seen[0] == pytest.approx(10 / road.SPEED_LIMIT)
-    assert seen[1] == pytest.approx(0.5 / road.LANE_WIDTH, abs=1e-6)
+    dt = 3 * FRAME_STEP  # the builders' windows start at their fourth frame
+    assert seen[0] == pytest.approx(10 / US101.speed_limit)
+    assert seen[1] == pytest.approx(0.5 / US101.widths[0], abs=1e-6)
     assert seen[2] == 0.0
     assert seen[3] == pytest.approx(-y / ROAD_WIDTH)
     gaps = [24 + 2 * dt - 5, 10 + 1 * dt]  # to the leader's rear; from the own rear (4 m long) to the follower's front
@@ -75,7 +76,7 @@ def test_sumo_agrees_on_the_same_actions_within_a_millimetre(has_leader_rows: bo
     acceleration, steering = rng.normal(0, 1.5, (3, 30)), rng.normal(0, 0.02, (3, 30))
     steering[2] = 0.02  # leaves its lane
     ours, theirs = (drive(chosen, acceleration, steering) for drive in (drive_controls, replay_controls))
-    assert np.abs(ours.y[2] - ours.y[2, 0]).max() > road.LANE_WIDTH / 2
+    assert np.abs(ours.y[2] - ours.y[2, 0]).max() > US101.widths[0] / 2
     assert np.hypot(ours.x - theirs.x, ours.y - theirs.y).max() < 1e-3
     assert np.abs(ours.heading - theirs.heading).max() < 1e-6
 

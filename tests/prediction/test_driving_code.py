@@ -2,7 +2,7 @@ import numpy as np
 import pytest
 
 from idm_sumo.prediction.driving_code import SLOWEST, driving_code, features_of
-from idm_sumo.roads import road
+from idm_sumo.roads import US101
 from idm_sumo.runtime.errors import InputError
 from idm_sumo.scenes.perception import leaders_along
 from tests.helpers.builders import Car, scenes
@@ -15,7 +15,7 @@ def code_of(*cars, frames=None, **options):
 
 
 def test_constant_traffic_in_numbers():
-    y = np.full(40, road.lane_center(3) + 0.4)
+    y = np.full(40, US101.lane_center(3) + 0.4)
     code = code_of(Car(1, y=y, speed=8.0), Car(2, x=24.0, speed=8.0, length=4.0))
     assert list(code.index) == COLUMNS
     assert code.to_numpy() == pytest.approx([8.0, 0.0, 0.4, 20.0 / 8.0, 24])
@@ -54,7 +54,7 @@ def test_at_walking_pace_the_headway_stays_finite():
 
 
 def test_offset_and_leader_are_those_of_the_lane_at_each_frame():
-    y = np.where(np.arange(40) < 12, road.lane_center(3) + 0.2, road.lane_center(2) - 0.4)
+    y = np.where(np.arange(40) < 12, US101.lane_center(3) + 0.2, US101.lane_center(2) - 0.4)
     code = code_of(Car(1, y=y, speed=10.0), Car(2, x=14.0, speed=10.0), Car(3, x=34.0, lane=2, speed=12.0))
     assert code.offset_m == pytest.approx(-0.1)
     gaps_in_lane_2 = 30.0 + 0.2 * np.arange(12, 24)
@@ -62,21 +62,21 @@ def test_offset_and_leader_are_those_of_the_lane_at_each_frame():
 
 
 def test_left_and_right_offsets_are_opposite():
-    left, right = (code_of(Car(1, y=np.full(40, road.lane_center(2) + d))).offset_m for d in (0.7, -0.7))
+    left, right = (code_of(Car(1, y=np.full(40, US101.lane_center(2) + d))).offset_m for d in (0.7, -0.7))
     assert left == pytest.approx(0.7) == -right
 
 
 def test_from_the_headway_alone_with_the_median_length():
     headway = np.where(np.arange(40) < 20, 20.0, np.nan)
     code = code_of(Car(1, speed=10.0, headway=headway), has_leader_rows=False)
-    assert code.time_headway_s == pytest.approx((20.0 - road.CAR_LENGTH) / 10.0)
+    assert code.time_headway_s == pytest.approx((20.0 - US101.car_length) / 10.0)
     assert (code.leader_frames, code.approach_rate_m_s) == (20, pytest.approx(0.0, abs=1e-9))
 
 
 def test_leaders_along_a_path_of_ones_own():
     some = scenes(Car(1, x=10.0), Car(2, x=40.0, length=5.0), Car(3, x=60.0, lane=2, length=5.0))
     x = np.array([[20.0, 50.0, 21.0]])
-    y = road.lane_center([[3, 3, 2]])
+    y = US101.lane_center([[3, 3, 2]])
     leader = leaders_along(some, x, y, 5)  # all are 5, 6, 7 m further by then
     np.testing.assert_allclose(leader.gap, [[40 + 5 - 5 - 20, np.inf, 60 + 7 - 5 - 21]])
     np.testing.assert_allclose(leader.speed, [[10.0, np.nan, 10.0]])

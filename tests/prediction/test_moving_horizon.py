@@ -10,7 +10,7 @@ from idm_sumo.evaluation.metrics import displacement
 from idm_sumo.prediction import MovingHorizon, RolloutPredictor, first_second, recent
 from idm_sumo.prediction.driver_prediction import predict_through_rollout
 from idm_sumo.prediction.moving_horizon import past
-from idm_sumo.roads import road
+from idm_sumo.roads import US101
 from idm_sumo.runtime.errors import InputError
 from idm_sumo.scenes.windows import Window
 from idm_sumo.simulation.rollout import drive_idm
@@ -133,7 +133,7 @@ def test_the_past_is_driven_from_its_first_frame_to_the_start(training):
 def test_what_counts_of_the_past_ends_with_the_lane():
     window = Window(observed=30, horizon=20)
     lane = np.where(np.arange(window.frames) < 12, 2, 3)
-    car = Car(1, frames=window.frames, y=road.lane_center(lane))
+    car = Car(1, frames=window.frames, y=US101.lane_center(lane))
     one = build(car, Car(2, x=30.0, frames=window.frames, lane=2), window=window)
     _, problem = past(one, 30)
     assert problem.rear[0, 0] == 26.0

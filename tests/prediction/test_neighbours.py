@@ -12,7 +12,8 @@ from idm_sumo.models import idm
 from idm_sumo.models.idm import LOWER, TEXTBOOK, UPPER
 from idm_sumo.prediction import KNNPredictor, average_parameters, first_gap_parameters
 from idm_sumo.prediction.driving_code import FEATURES, driving_code
-from idm_sumo.roads import road
+from idm_sumo.roads import US101
+from idm_sumo.roads.units import FOOT
 from idm_sumo.runtime.errors import InputError
 from idm_sumo.simulation.rollout import drive_idm
 from tests.helpers.builders import Car, scenes
@@ -56,7 +57,7 @@ def test_all_neighbours_give_the_average(drivers):
 def test_the_unit_of_a_feature_does_not_matter(drivers):
     codes, theta = drivers
     expected = KNNPredictor().fit(codes[:40], theta[:40]).predict(codes[40:])
-    in_feet = codes * [1.0, 1.0, 1 / road.FOOT]
+    in_feet = codes * [1.0, 1.0, 1 / FOOT]
     np.testing.assert_allclose(KNNPredictor().fit(in_feet[:40], theta[:40]).predict(in_feet[40:]), expected)
 
 
@@ -124,7 +125,7 @@ def test_keeping_the_first_gap_means_starting_in_equilibrium(speed, gap):
     T = theta[0, 2]
     assert theta[0, [0, 1, 3, 4]].tolist() == [POOLED.a, POOLED.b, POOLED.d0, POOLED.d1]
     assert LOWER.T <= T <= UPPER.T
-    at_start = idm.acceleration(speed, 0.0, gap, *theta[0], road.SPEED_LIMIT)
+    at_start = idm.acceleration(speed, 0.0, gap, *theta[0], US101.speed_limit)
     if LOWER.T < T < UPPER.T:
         assert at_start == pytest.approx(0.0, abs=1e-9)
     else:

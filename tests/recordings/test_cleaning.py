@@ -5,6 +5,7 @@ import pytest
 from idm_sumo.recordings import columns as c
 from idm_sumo.recordings.cleaning import clean
 from idm_sumo.recordings.recording import Recording
+from idm_sumo.roads import US101
 from idm_sumo.runtime.errors import InputError
 from tests.helpers.builders import Car, recording
 
@@ -19,7 +20,7 @@ def labelled(*cars: Car) -> Recording:
         ahead = table[(table[c.FRAME] == me[c.FRAME]) & (table[c.LANE] == me[c.LANE]) & (table[c.X] > me[c.X])]
         return int(table[c.VEHICLE][ahead[c.X].idxmin()]) if len(ahead) else 0
 
-    return Recording.from_table(table.assign(**{c.LEADER: table.apply(leader, axis=1)}), source="inline")
+    return Recording.from_table(table.assign(**{c.LEADER: table.apply(leader, axis=1)}), road=US101, source="inline")
 
 
 def edit(rec: Recording, mask: pd.Series, **values: object) -> Recording:
@@ -114,7 +115,7 @@ def test_a_vehicle_that_never_joins_is_named() -> None:
 def test_vehicles_of_the_same_number_in_two_periods_are_two() -> None:
     first, second = recording(Car(1, frames=20)).table, recording(Car(1, frames=20), period="p2").table
     second = second.drop(index=10)
-    rec = Recording.from_table(pd.concat([first, second.astype({c.PERIOD: "str"})]), source="inline")
+    rec = Recording.from_table(pd.concat([first, second.astype({c.PERIOD: "str"})]), road=US101, source="inline")
     vehicles = clean(rec).vehicles
     assert vehicles["reason"].tolist() == ["", "frame irregularity"]
 

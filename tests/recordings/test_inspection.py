@@ -5,7 +5,7 @@ import pandas as pd
 import pytest
 
 from idm_sumo.recordings.inspection import inspect_recording
-from idm_sumo.roads.road import FOOT
+from idm_sumo.roads.units import FOOT
 from tests.helpers import ngsim_files
 
 

@@ -4,6 +4,7 @@ from hypothesis import strategies as st
 
 from idm_sumo.recordings import columns as c
 from idm_sumo.recordings.leaders import leader_from_headway, row_ahead, row_of
+from idm_sumo.roads import US101
 from tests.helpers.builders import Car, recording
 
 POSITIONS = st.lists(
@@ -34,4 +35,4 @@ def test_leader_is_found_where_the_headway_ends() -> None:
         Car(2, x=30.0, lane=2, headway=50.0, frames=3),  # nobody there
         Car(3, x=30.0, lane=5, frames=3),  # abreast of 2, but three lanes off
     )
-    assert leader_from_headway(rec.table).tolist() == [2, 2, 2, 0, 0, 0, 0, 0, 0]
+    assert leader_from_headway(rec.table, across=US101.widths[0]).tolist() == [2, 2, 2, 0, 0, 0, 0, 0, 0]

@@ -7,7 +7,7 @@ import pytest
 
 from idm_sumo.recordings import columns as c
 from idm_sumo.recordings.reading import read_recording, write_parquet
-from idm_sumo.roads.road import FOOT
+from idm_sumo.roads.units import FOOT
 from idm_sumo.runtime.errors import InputError
 from tests.helpers import ngsim_files
 from tests.helpers.builders import Car, recording

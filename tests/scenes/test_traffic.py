@@ -3,7 +3,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from idm_sumo.roads import road
+from idm_sumo.roads import US101
 from idm_sumo.scenes.traffic import NOBODY, build_traffic, leader_row, sort_into_cells
 from tests.helpers.builders import Car, recording
 
@@ -51,17 +51,17 @@ def test_cells_are_lanes_and_frames():
     assert vehicles(5, 5) == [9]
     assert vehicles(5, 6) == vehicles(1, 5) == []
     assert traffic.offsets[-1] == 7
-    assert len(traffic.offsets) == road.MAIN_LANES * 4 + 1
+    assert len(traffic.offsets) == US101.main_lanes * 4 + 1
 
 
 def test_unknown_sizes_are_those_of_the_median_car():
     traffic = build_traffic(recording(Car(1, length=np.nan, width=np.nan)))
-    assert traffic.length == pytest.approx(road.CAR_LENGTH)
-    assert traffic.width == pytest.approx(road.CAR_WIDTH)
+    assert traffic.length == pytest.approx(US101.car_length)
+    assert traffic.width == pytest.approx(US101.car_width)
 
 
 def test_the_lane_is_the_one_the_front_lies_in_whatever_its_label():
-    y = road.lane_center(3) + np.linspace(0.0, road.LANE_WIDTH, 40)
+    y = US101.lane_center(3) + np.linspace(0.0, US101.widths[0], 40)
     traffic = build_traffic(recording(Car(1, y=y, lane=3)))
     lanes = np.repeat(np.arange(1, 6), traffic.frames)[np.diff(traffic.offsets) > 0]
     assert np.bincount(lanes, minlength=6).tolist() == [0, 0, 20, 20, 0, 0]

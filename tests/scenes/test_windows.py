@@ -1,7 +1,7 @@
 import numpy as np
 import pytest
 
-from idm_sumo.roads import road
+from idm_sumo.roads import US101
 from idm_sumo.scenes.windows import LEADER_FROM_LANE, LEADER_OF_TWIN, TOO_SHORT, Window, build_scenes
 from tests.helpers.builders import Car, recording
 
@@ -31,10 +31,10 @@ def test_each_vehicle_gives_its_first_whole_window():
     assert scenes.lane.tolist() == [2, 4]
     assert scenes.x.shape == (2, 24)
     np.testing.assert_allclose(scenes.x[0], 5.0 + np.arange(24))
-    np.testing.assert_allclose(scenes.y[1], road.lane_center(4))
+    np.testing.assert_allclose(scenes.y[1], US101.lane_center(4))
     assert scenes.size_known.tolist() == [True, False]
-    assert scenes.length.tolist() == [4.0, road.CAR_LENGTH]
-    assert scenes.width.tolist() == [2.0, road.CAR_WIDTH]
+    assert scenes.length.tolist() == [4.0, US101.car_length]
+    assert scenes.width.tolist() == [2.0, US101.car_width]
     assert (scenes.period, scenes.leader_source) == ("p1", LEADER_FROM_LANE)
     assert excluded.empty
 
@@ -73,7 +73,7 @@ def test_every_cuts_several_windows():
 
 
 def test_the_lane_is_that_of_the_start_not_of_entry():
-    y = np.concatenate([np.full(2, road.lane_center(2)), np.full(38, road.lane_center(3))])
+    y = np.concatenate([np.full(2, US101.lane_center(2)), np.full(38, US101.lane_center(3))])
     changer = Car(1, y=y)
     assert build_scenes(recording(changer), WINDOW)[0].lane.tolist() == [3]
     from_entry, _ = build_scenes(recording(changer), Window(observed=4, horizon=20, from_entry=True))
@@ -102,4 +102,4 @@ def test_without_rows_of_the_leaders_each_twin_brings_its_own():
     assert counts[scenes.cell[1] : scenes.cell[1] + 35].sum() == 0
     np.testing.assert_allclose(t.x[rows[:30]], 25.0 + 0.8 * np.arange(30), atol=1e-9)
     np.testing.assert_allclose(t.speed[rows[:30]], 8.0, atol=1e-9)
-    assert set(t.length) == {road.CAR_LENGTH}
+    assert set(t.length) == {US101.car_length}

@@ -6,8 +6,9 @@ import pytest
 
 from idm_sumo.models.effects import CATALOGUE, Cause, ExtendedModel
 from idm_sumo.models.idm import TEXTBOOK
+from idm_sumo.recordings.columns import FRAME_STEP
 from idm_sumo.recordings.recording import Recording
-from idm_sumo.roads import road
+from idm_sumo.roads import US101
 from idm_sumo.scenes.windows import Window, build_scenes
 from idm_sumo.simulation.extended_rollout import drive_extended
 from idm_sumo.simulation.rollout import drive_idm
@@ -32,8 +33,8 @@ def awkward():
     """Traffic that changes lanes and overlaps, with trucks and a past before the windows begin."""
     table = crowd(4, vehicles=40, frames=140)
     table.loc[table["vehicle"] % 3 == 0, "vehicle_class"] = 3
-    table["acceleration"] = table.groupby("vehicle")["speed"].transform(lambda v: np.gradient(v, road.FRAME_STEP))
-    recording = Recording.from_table(table)
+    table["acceleration"] = table.groupby("vehicle")["speed"].transform(lambda v: np.gradient(v, FRAME_STEP))
+    recording = Recording.from_table(table, road=US101)
     scenes, _ = build_scenes(recording, Window(observed=10, horizon=60, every=20), modelled=range(1, 26))
     return recording, scenes
 
@@ -66,9 +67,11 @@ def test_another_form_is_seen_alike_and_is_another(awkward, name) -> None:
 
 @pytest.mark.parametrize(("known", "new_known", "of_headway"), [(0.0, 0.0, 0.0), (1.0, 0.0, 0.0), (0.0, 1.0, 1.0)])
 def test_both_agree_behind_leaders_known_by_headway(known, new_known, of_headway) -> None:
-    time = np.arange(150) * road.FRAME_STEP
+    time = np.arange(150) * FRAME_STEP
     headway = np.where(time < 8.0, 32.0, 21.0) + np.sin(time)  # somebody cuts in
-    recording = Recording.from_table(vehicle(1, 40.0, -2.0, 9.0, frames=150, headway=headway), has_leader_rows=False)
+    recording = Recording.from_table(
+        vehicle(1, 40.0, -2.0, 9.0, frames=150, headway=headway), road=US101, has_leader_rows=False
+    )
     scenes, _ = build_scenes(recording, Window(observed=10, horizon=120))
     model = model_of(
         Cause("reaction_delay", {"tau": 0.45, "eta": known, "zeta": new_known, "xi": 0.5 * known}),
@@ -77,7 +80,7 @@ def test_both_agree_behind_leaders_known_by_headway(known, new_known, of_headway
     kernel = drive_extended(scenes, recording, model, DRIVER)
     assert_same(replay(scenes, DRIVER, extension=(recording, model)), kernel)
     without = drive_extended(scenes, recording, model_of(model.causes[0]), DRIVER)
-    cut_in = int(8.0 / road.FRAME_STEP) - scenes.start
+    cut_in = int(8.0 / FRAME_STEP) - scenes.start
     np.testing.assert_array_equal(kernel.x[0, : cut_in + 2], without.x[0, : cut_in + 2])
     assert kernel.x[0, -1] - without.x[0, -1] > 0.5  # the short gap is accepted
 
@@ -85,7 +88,7 @@ def test_both_agree_behind_leaders_known_by_headway(known, new_known, of_headway
 def test_a_delay_of_whole_frames_repeats_the_past() -> None:
     """With everything known recorded, the first acceleration is the plain model's of a second before."""
     recording = Recording.from_table(
-        pd.concat([vehicle(1, 40.0, -2.0, 9.0, frames=80), vehicle(2, 70.0, -2.0, 7.0, frames=80)])
+        pd.concat([vehicle(1, 40.0, -2.0, 9.0, frames=80), vehicle(2, 70.0, -2.0, 7.0, frames=80)]), road=US101
     )
     window = Window(observed=21, horizon=30)
     scenes, _ = build_scenes(recording, window, modelled=[1])
@@ -95,14 +98,16 @@ def test_a_delay_of_whole_frames_repeats_the_past() -> None:
 
 
 def test_who_knows_where_a_new_leader_was_brakes_at_once() -> None:
-    time = np.arange(150) * road.FRAME_STEP
+    time = np.arange(150) * FRAME_STEP
     recording = Recording.from_table(
-        vehicle(1, 40.0, -2.0, 9.0, frames=150, headway=np.where(time < 8.0, 32.0, 15.0)), has_leader_rows=False
+        vehicle(1, 40.0, -2.0, 9.0, frames=150, headway=np.where(time < 8.0, 32.0, 15.0)),
+        road=US101,
+        has_leader_rows=False,
     )
     scenes, _ = build_scenes(recording, Window(observed=10, horizon=120))
     causes = (Cause("reaction_delay", {"tau": 0.6, "zeta": known}) for known in (0.0, 1.0))
     late, known = (drive_extended(scenes, recording, model_of(cause), DRIVER).acceleration[0] for cause in causes)
-    cut_in = int(8.0 / road.FRAME_STEP) - scenes.start
+    cut_in = int(8.0 / FRAME_STEP) - scenes.start
     np.testing.assert_array_equal(late[:cut_in], known[:cut_in])
     assert (known[cut_in : cut_in + 5] < late[cut_in : cut_in + 5] - 0.3).all()
 

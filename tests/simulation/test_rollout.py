@@ -6,7 +6,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from idm_sumo.models.idm import LOWER, TEXTBOOK, UPPER, IDMParameters, equilibrium_gap
-from idm_sumo.roads import road
+from idm_sumo.roads import US101
 from idm_sumo.scenes.windows import Window
 from idm_sumo.simulation.rollout import drive_constant_velocity, drive_idm
 from tests.helpers.builders import Car, scenes
@@ -16,7 +16,7 @@ parameters = st.builds(
 )
 
 
-def drive_slowly(car, others, p, steps, start, v0=road.SPEED_LIMIT):
+def drive_slowly(car, others, p, steps, start, v0=US101.speed_limit):
     """Drive one car in plain Python from the equations of the paper; no function of the package."""
     x, y, psi, v = car["x"][start], car["y"][start], car["heading"], car["speed"]
     lane = int(-y // 3.6576) + 1
@@ -44,13 +44,13 @@ def drive_slowly(car, others, p, steps, start, v0=road.SPEED_LIMIT):
 
 def as_dict(car):
     steps = np.arange(car.frames)
-    y = np.full(car.frames, road.lane_center(car.lane)) if car.y is None else car.y
+    y = np.full(car.frames, US101.lane_center(car.lane)) if car.y is None else car.y
     return {"x": car.x + car.speed * 0.1 * steps, "y": y, "heading": car.heading, "speed": car.speed,
             "length": car.length}  # fmt: skip
 
 
 # A car that changes from lane 2 into lane 3, in front or behind, during the simulation.
-changer = road.lane_center(2) + np.linspace(0.0, -road.LANE_WIDTH, 40)
+changer = US101.lane_center(2) + np.linspace(0.0, -US101.widths[0], 40)
 
 
 @settings(max_examples=25)  # a recording each
@@ -60,7 +60,7 @@ changer = road.lane_center(2) + np.linspace(0.0, -road.LANE_WIDTH, 40)
     st.floats(-20.0, 60.0),
 )  # fmt: skip
 def test_is_the_plain_loop_written_from_the_paper(p, speed, offset, heading, length, others, changer_x):
-    y = np.full(40, road.lane_center(3) + offset)
+    y = np.full(40, US101.lane_center(3) + offset)
     ego = Car(1, x=100.0, y=y, speed=speed, heading=heading, length=length)
     cars = [Car(i, x=100.0 + x, lane=lane, speed=v) for i, (x, v, lane) in enumerate(others, start=3)]
     cars.append(Car(2, x=100.0 + changer_x, y=changer, speed=12.0))
@@ -75,7 +75,7 @@ def test_behind_a_constant_leader_the_gap_tends_to_the_equilibrium():
     window = Window(observed=4, horizon=1199)
     some = scenes(Car(1, speed=15.0, frames=frames), Car(2, x=60.0, speed=10.0, frames=frames), window=window)
     driven = drive_idm(some, TEXTBOOK)
-    assert driven.gap[0, -1] == pytest.approx(float(equilibrium_gap(10.0, TEXTBOOK, road.SPEED_LIMIT)), abs=0.02)
+    assert driven.gap[0, -1] == pytest.approx(float(equilibrium_gap(10.0, TEXTBOOK, US101.speed_limit)), abs=0.02)
     assert driven.speed[0, -1] == pytest.approx(10.0, abs=1e-3)
     assert driven.gap.min() > 0.0
 
@@ -92,13 +92,13 @@ def test_on_a_free_road_the_speed_tends_to_the_desired_one():
 def test_in_the_middle_of_a_lane_a_car_stays_there_exactly():
     some = scenes(Car(1), Car(2, x=30.0, speed=9.0))
     driven = drive_idm(some, TEXTBOOK)
-    assert np.all(driven.y == road.lane_center(3))
+    assert np.all(driven.y == US101.lane_center(3))
     assert np.all(driven.heading == 0.0)
 
 
 def test_the_leader_is_perceived_in_the_lane_of_the_start_at_the_simulated_position():
     # The twin overtakes vehicle 2 after a lane change; the model stays and keeps following 2.
-    y = np.where(np.arange(40) < 10, road.lane_center(3), road.lane_center(2))
+    y = np.where(np.arange(40) < 10, US101.lane_center(3), US101.lane_center(2))
     some = scenes(Car(1, y=y, speed=20.0), Car(2, x=15.0, speed=8.0), Car(3, x=40.0, lane=2, speed=20.0))
     driven = drive_idm(some, TEXTBOOK)
     assert set(some.traffic.vehicle[driven.leader[0]]) == {2}
@@ -138,7 +138,7 @@ def test_constant_velocity_is_a_straight_line_at_constant_speed(speed, heading):
 def test_the_twins_leader_is_followed_where_only_its_headway_is_known():
     headway = np.full(40, 20.0)
     lone = scenes(Car(1, speed=10.0, headway=headway), has_leader_rows=False)
-    length = road.CAR_LENGTH
+    length = US101.car_length
     seen = scenes(Car(1, speed=10.0), Car(2, x=20.0, speed=10.0, length=length))
     driven, expected = drive_idm(lone, TEXTBOOK), drive_idm(seen, TEXTBOOK)
     np.testing.assert_allclose(driven.x, expected.x, rtol=0, atol=1e-9)

@@ -11,12 +11,14 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from idm_sumo.roads import road
+from idm_sumo.roads import US101
+from idm_sumo.roads.units import FOOT
+from idm_sumo.roads.us101 import OFF_RAMP, ON_RAMP
 from idm_sumo.runtime.errors import InputError
 from idm_sumo.sumo import network
 
 NETWORK_FOLDER = Path(__file__).parents[2] / "network"
-END = road.SECTION_LENGTH
+END = US101.length
 
 # Observed lane centres of US-101 (ft right of the left edge) and where (m) they are tested:
 # main lanes along the whole section, the others where this network has them.
@@ -26,9 +28,9 @@ OBSERVED_CENTRES = [
     (3, 30.2, 0, END),
     (4, 40.6, 0, END),
     (5, 52.8, 0, END),
-    (6, 63.0, road.ON_RAMP_X, road.OFF_RAMP_X),
-    (7, 66.0, 152, road.ON_RAMP_X - 0.01),  # the ramps are recorded from 500 ft and to 1,424 ft
-    (8, 66.8, road.OFF_RAMP_X, 434),
+    (6, 63.0, ON_RAMP, OFF_RAMP),
+    (7, 66.0, 152, ON_RAMP - 0.01),  # the ramps are recorded from 500 ft and to 1,424 ft
+    (8, 66.8, OFF_RAMP, 434),
 ]
 
 
@@ -59,18 +61,18 @@ def test_recorded_lane_centres_fall_in_the_right_sumo_lane(sumo, lane, centre_ft
     origin = "on_ramp" if lane == 7 else "upstream"
     add(sumo, "car", origin, "off_ramp" if lane == 8 else "outflow")
     for x in np.linspace(begin, end - 0.01, 60):
-        put(sumo, "car", x, -centre_ft * road.FOOT)
+        put(sumo, "car", x, -centre_ft * FOOT)
         sumo.simulationStep()
         edge, index = sumo.vehicle.getRoadID("car"), sumo.vehicle.getLaneIndex("car")
         assert network.recorded_lane(edge, index) == lane, f"at x = {x:.1f} m"
-        assert abs(sumo.vehicle.getLateralLanePosition("car")) < road.LANE_WIDTH / 2
+        assert abs(sumo.vehicle.getLateralLanePosition("car")) < US101.widths[0] / 2
 
 
 def test_sumo_coordinates_are_the_recorded_ones(sumo):
     for lane, x in itertools.product(range(1, 9), np.linspace(100, 540, 23)):
         where = network.place(x, lane)
         at = sumo.simulation.convert2D(str(where.edge), float(where.position), int(where.lane_index))
-        expected = (x, road.lane_center(min(lane, road.AUXILIARY_LANE)))
+        expected = (x, US101.lane_center(min(lane, 6)))
         np.testing.assert_allclose(at, expected, atol=1e-6)
 
 
@@ -96,7 +98,7 @@ def gap_cases():
 def test_gaps_along_sumo_lanes_are_recorded_gaps(sumo):
     """``getLeader`` gives the gap to the leader's back less the own ``minGap``."""
     for origin, destination, lane, behind, ahead in gap_cases():
-        y = float(road.lane_center(lane))
+        y = float(US101.lane_center(lane))
         for name, x in (("follower", behind), ("leader", ahead)):
             add(sumo, name, origin, destination)
             put(sumo, name, x, y)
@@ -121,7 +123,7 @@ def test_distances_stay_exact_while_cars_cross_every_junction(sumo):
         x = start + np.array([0.0, 17.123, 55.456])
         for lane, *_ in lanes:
             for number in range(3):
-                put(sumo, f"{lane}.{number}", x[number], road.lane_center(lane) + rng.uniform(-0.8, 0.8))
+                put(sumo, f"{lane}.{number}", x[number], US101.lane_center(lane) + rng.uniform(-0.8, 0.8))
         sumo.simulationStep()
         for (lane, *_), number in itertools.product(lanes, range(2)):
             name = f"{lane}.{number}"
@@ -137,9 +139,9 @@ def test_place_and_coordinates_are_inverse(x, lane):
     back_x, back_y, back_lane = network.coordinates(where)
     assert back_x[0] == pytest.approx(x, abs=1e-6)
     if lane < 6:
-        assert (back_lane[0], back_y[0]) == (lane, pytest.approx(float(road.lane_center(lane))))
+        assert (back_lane[0], back_y[0]) == (lane, pytest.approx(float(US101.lane_center(lane))))
     else:
-        assert back_lane[0] == (7 if x < road.ON_RAMP_X else 6 if x < road.OFF_RAMP_X else 8)
+        assert back_lane[0] == (7 if x < ON_RAMP else 6 if x < OFF_RAMP else 8)
 
 
 def test_place_outside_the_network_is_named():
@@ -177,7 +179,7 @@ def test_speed_limit_is_an_option(tmp_path):
     assert build("--speed-limit-mph", 65, "-o", tmp_path / "fast.net.xml").returncode == 0
     fast, usual = readNet(str(tmp_path / "fast.net.xml")), network.load()
     np.testing.assert_allclose([edge.getSpeed() for edge in fast.getEdges()], 65 * 0.44704, atol=1e-3)
-    np.testing.assert_allclose([edge.getSpeed() for edge in usual.getEdges()], road.SPEED_LIMIT, atol=1e-4)
+    np.testing.assert_allclose([edge.getSpeed() for edge in usual.getEdges()], US101.speed_limit, atol=1e-4)
     assert [edge.getLength() for edge in fast.getEdges()] == [edge.getLength() for edge in usual.getEdges()]
 
 

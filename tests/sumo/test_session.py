@@ -4,7 +4,7 @@ import sys
 
 import pytest
 
-from idm_sumo.roads import road
+from idm_sumo.recordings.columns import FRAME_STEP
 from idm_sumo.runtime.errors import InputError
 from idm_sumo.sumo.network import MAINLINE
 from idm_sumo.sumo.session import load_libsumo, simulation
@@ -20,7 +20,7 @@ def test_a_simulation_runs_on_the_section_in_recorded_frames() -> None:
     with simulation() as sumo:
         assert set(MAINLINE) <= set(sumo.edge.getIDList())
         sumo.simulationStep()
-        assert sumo.simulation.getTime() == pytest.approx(road.FRAME_STEP)
+        assert sumo.simulation.getTime() == pytest.approx(FRAME_STEP)
     assert not load_libsumo().isLoaded()
 
 

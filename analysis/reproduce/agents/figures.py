@@ -12,6 +12,7 @@ from matplotlib.patches import Polygon
 from idm_sumo.irl import features
 from idm_sumo.irl.episodes import episodes_of
 from idm_sumo.models import bicycle
+from idm_sumo.recordings.columns import FRAME_STEP
 from idm_sumo.roads import road
 from idm_sumo.scenes.windows import LEADER_FROM_LANE, Scenes
 from idm_sumo.simulation.rollout import Trajectories
@@ -175,7 +176,7 @@ def _draw_brush(ax: Axes, test: Drivers, driven: list[Trajectories], score: pd.D
         ax.axhline(-lane * road.LANE_WIDTH, color="0.7", linewidth=0.8)
     ax.grid(visible=False)
     ax.set(xlim=(-NEAR, NEAR), ylim=(y - 7, y + 7), aspect="equal", xlabel="along the road (m)", ylabel="y (m)",
-           title=f"nearest without contact: {close['clearance_m']:.2f} m, vehicle {scenes.vehicle[i]}, {k * road.FRAME_STEP:.1f} s")  # fmt: skip
+           title=f"nearest without contact: {close['clearance_m']:.2f} m, vehicle {scenes.vehicle[i]}, {k * FRAME_STEP:.1f} s")  # fmt: skip
 
 
 def _draw_gap(ax: Axes, test: Drivers, driven: list[Trajectories], score: pd.DataFrame, name: str) -> None:

@@ -12,7 +12,7 @@ from matplotlib.figure import Figure
 from idm_sumo.calibration.hierarchical import to_parameters
 from idm_sumo.prediction import Prediction, first_second
 from idm_sumo.prediction.spread import logarithms
-from idm_sumo.roads import road
+from idm_sumo.recordings.columns import FRAME_STEP
 from idm_sumo.scenes.windows import Scenes
 from idm_sumo.simulation.rollout import drive_idm
 
@@ -39,7 +39,7 @@ def fan(study: Study) -> Figure:
         which = order[[round(q * (len(order) - 1))]]
         one = scenes.subset(which)
         prediction = Prediction(found.theta[which], found.covariance[which], found.status[which])
-        scale, time = predictor.scale(one, prediction)[0], road.FRAME_STEP * np.arange(off.shape[1])
+        scale, time = predictor.scale(one, prediction)[0], FRAME_STEP * np.arange(off.shape[1])
         for share, alpha in ((0.9, 0.18), (0.5, 0.3)):
             low, high = predictor.noise_.interval(share, scale)
             ax.fill_between(time[1:], low, high, color=METHOD_COLOURS["idm_rollout"], alpha=alpha, linewidth=0,

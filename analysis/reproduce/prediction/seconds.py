@@ -10,7 +10,7 @@ from idm_sumo.evaluation.metrics import displacement
 from idm_sumo.prediction import MovingHorizon, RolloutPredictor, first_second, recent
 from idm_sumo.prediction.moving_horizon import past
 from idm_sumo.recordings import columns as c
-from idm_sumo.roads import road
+from idm_sumo.recordings.columns import FRAME_STEP
 from idm_sumo.runtime.errors import InputError
 from idm_sumo.scenes.windows import Scenes, Window
 from idm_sumo.simulation.rollout import drive_idm
@@ -69,7 +69,7 @@ def table(source: Source, settings: Settings, learned: Learned) -> pd.DataFrame:
 
 
 def _frames(seconds: float) -> int:
-    return round(seconds / road.FRAME_STEP)
+    return round(seconds / FRAME_STEP)
 
 
 def _watched(source: Source, side: dict[str, frozenset[int]], name: str, settings: Settings) -> Drivers | None:

@@ -14,7 +14,7 @@ from numba import njit
 
 from idm_sumo.models.effects import slots
 from idm_sumo.models.effects.record import Effect, Parameter
-from idm_sumo.roads.road import FRAME_STEP
+from idm_sumo.recordings.columns import FRAME_STEP
 
 SATURATION = 0.5  # m/s^2, acceleration of the leader at which the hyperbolic tangent bends
 OF_LATE = 3.0  # s, over which the leader's acceleration is averaged

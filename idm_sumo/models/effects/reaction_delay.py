@@ -25,7 +25,7 @@ from numba import njit
 from idm_sumo.models.effects import slots
 from idm_sumo.models.effects.record import Effect, Parameter
 from idm_sumo.models.idm import SMALLEST_GAP
-from idm_sumo.roads.road import FRAME_STEP
+from idm_sumo.recordings.columns import FRAME_STEP
 
 LONGEST = 1.5  # s, largest delay
 REMEMBERED = round(LONGEST / FRAME_STEP) + 1  # rows that a driver has to remember, the present one included

@@ -13,16 +13,17 @@ import pandas as pd
 
 from idm_sumo.recordings import columns as c
 from idm_sumo.recordings.accounting import Accounting, Ledger
+from idm_sumo.recordings.columns import FRAME_STEP
 from idm_sumo.recordings.readers.delimited import BROKEN, open_plain
-from idm_sumo.recordings.readers.ngsim import lane_by_position
 from idm_sumo.recordings.recording import Recording
-from idm_sumo.roads.road import FRAME_STEP, LANE_WIDTH, OFF_RAMP_LANE
+from idm_sumo.roads import Road
 from idm_sumo.runtime.errors import InputError
 
 NUMBERS = ("x", "y", "angle", "speed", "acceleration", "length", "width")
 REQUIRED = ("x", "y", "angle", "speed")
 PERIOD = "fcd"
-FARTHEST = 670.0  # m; recorded trajectories end there, a little beyond the section
+LEFT, RIGHT = 0.5, 3.0  # lane widths beside the main lanes within which a position may be: side lanes lie on the right
+BEYOND = 30.0  # m; vehicles are recorded a little beyond the section
 
 
 def is_fcd(names: list[str]) -> bool:
@@ -35,14 +36,14 @@ def _bare(name: str) -> str:
     return name.removeprefix("timestep_").removeprefix("vehicle_")
 
 
-def from_parquet(raw: pd.DataFrame, ledger: Ledger, *, source: str) -> tuple[Recording, Accounting]:
+def from_parquet(raw: pd.DataFrame, ledger: Ledger, *, road: Road, source: str) -> tuple[Recording, Accounting]:
     """Turn the table of a Parquet file written by SUMO into a recording."""
     raw = raw.rename(columns={name: _bare(name) for name in raw.columns})
     ledger.total += len(raw)
-    return _to_recording(raw, ledger, source=source)
+    return _to_recording(raw, ledger, road, source)
 
 
-def read_xml(path: Path, ledger: Ledger, *, source: str) -> tuple[Recording, Accounting]:
+def read_xml(path: Path, ledger: Ledger, *, road: Road, source: str) -> tuple[Recording, Accounting]:
     """Read an FCD file in XML (or XML packed with gzip) as a stream.
 
     Raises
@@ -65,7 +66,7 @@ def read_xml(path: Path, ledger: Ledger, *, source: str) -> tuple[Recording, Acc
     if collector.root != "fcd-export":
         raise InputError(f"{source}: root element is <{collector.root}>; a SUMO FCD file has <fcd-export>")
     ledger.total += len(collector.time)
-    return _to_recording(collector.table(), ledger, source=source)
+    return _to_recording(collector.table(), ledger, road, source)
 
 
 class _Collector:
@@ -106,7 +107,7 @@ class _Collector:
         return table.drop(columns=[key for key in NUMBERS if table[key].isna().all()])
 
 
-def _to_recording(raw: pd.DataFrame, ledger: Ledger, *, source: str) -> tuple[Recording, Accounting]:
+def _to_recording(raw: pd.DataFrame, ledger: Ledger, road: Road, source: str) -> tuple[Recording, Accounting]:
     if raw.empty:
         raise InputError(f"{source}: no vehicles in this FCD file; run the simulation longer")
     missing = [name for name in REQUIRED if name not in raw]
@@ -116,10 +117,10 @@ def _to_recording(raw: pd.DataFrame, ledger: Ledger, *, source: str) -> tuple[Re
     present = [name for name in ("time", *REQUIRED) if name in raw]
     raw = ledger.drop(raw, ~np.isfinite(raw[present].to_numpy(dtype="float64")).all(axis=1), "non-finite value")
     _check_step(raw, source)
-    raw = _drop_outside(raw, ledger, source)
-    table = _table(raw, notes)
+    raw = _drop_outside(raw, ledger, road, source)
+    table = _table(raw, road, notes)
     table = ledger.drop(table, table.duplicated(list(c.KEYS)), "duplicate frame of a vehicle")
-    recording = Recording.from_table(table, source=source, notes=tuple(notes))
+    recording = Recording.from_table(table, road=road, source=source, notes=tuple(notes))
     return recording, ledger.close(len(recording.table), vehicles=recording.vehicle_count)
 
 
@@ -129,26 +130,26 @@ def _check_step(raw: pd.DataFrame, source: str) -> None:
         raise InputError(f"{source}: time step is {np.median(steps):g} s; run SUMO with --step-length 0.1")
 
 
-def _drop_outside(raw: pd.DataFrame, ledger: Ledger, source: str) -> pd.DataFrame:
+def _drop_outside(raw: pd.DataFrame, ledger: Ledger, road: Road, source: str) -> pd.DataFrame:
     """Drop what is before, beyond or beside the study section; a file of another network is a mistake."""
-    lanes = -raw["y"] / LANE_WIDTH
-    outside = (lanes < -0.5) | (lanes > OFF_RAMP_LANE) | (raw["x"] < 0) | (raw["x"] > FARTHEST)
+    left, right = LEFT * road.widths[0], -road.width - RIGHT * road.widths[-1]
+    outside = ~raw["x"].between(0.0, road.length + BEYOND) | ~raw["y"].between(right, left)
     if outside.all():
         raise InputError(
             f"{source}: no position lies in the study section (x from {raw['x'].min():.1f} to {raw['x'].max():.1f} m, "
-            f"y from {raw['y'].min():.1f} to {raw['y'].max():.1f} m); FCD must come from network/us101.net.xml"
+            f"y from {raw['y'].min():.1f} to {raw['y'].max():.1f} m); FCD must come from {road.network or road.name}"
         )
     return ledger.drop(raw, outside, "outside the section")
 
 
-def _table(raw: pd.DataFrame, notes: list[str]) -> pd.DataFrame:
+def _table(raw: pd.DataFrame, road: Road, notes: list[str]) -> pd.DataFrame:
     x, y = raw["x"].to_numpy(dtype="float64"), raw["y"].to_numpy(dtype="float64")
     angle = np.deg2rad(90.0 - raw["angle"].to_numpy(dtype="float64"))  # SUMO's is clockwise from north
     table = pd.DataFrame({
         c.PERIOD: pd.Categorical(np.full(len(raw), PERIOD)), c.VEHICLE: _numbers(raw["id"], notes),
         c.FRAME: np.round(raw["time"].to_numpy() / FRAME_STEP).astype(np.int64), c.TIME: raw["time"].to_numpy(),
         c.X: x, c.Y: y, c.SPEED: raw["speed"].to_numpy(dtype="float64"),
-        c.HEADING: np.arctan2(np.sin(angle), np.cos(angle)), c.LANE: lane_by_position(x, y),
+        c.HEADING: np.arctan2(np.sin(angle), np.cos(angle)), c.LANE: road.lane_of(x, y),
         c.CLASS: 0, c.LEADER: 0, c.HEADWAY: np.nan,
     })  # fmt: skip
     for name in (c.LENGTH, c.WIDTH):

@@ -3,24 +3,16 @@
 from __future__ import annotations
 
 import numpy as np
-import numpy.typing as npt
 import pandas as pd
 
 from idm_sumo.recordings import columns as c
 from idm_sumo.recordings import leaders
 from idm_sumo.recordings.accounting import Accounting, Ledger
+from idm_sumo.recordings.columns import FRAME_STEP
 from idm_sumo.recordings.periods import FRAME_MS, split_periods
 from idm_sumo.recordings.recording import Recording
-from idm_sumo.roads.road import (
-    AUXILIARY_LANE,
-    FOOT,
-    FRAME_STEP,
-    LANE_WIDTH,
-    OFF_RAMP_LANE,
-    OFF_RAMP_X,
-    ON_RAMP_LANE,
-    ON_RAMP_X,
-)
+from idm_sumo.roads import Road
+from idm_sumo.roads.units import FOOT
 from idm_sumo.runtime.errors import InputError
 
 HIGHEST_SPEED = 70.0  # m/s; nothing recorded on a motorway is faster
@@ -29,7 +21,7 @@ IMPOSSIBLE_SHARE = 0.01  # more impossible values than this are a wrong unit or 
 DENSE_SHARE = 0.5  # share of leaders found in the table from which it counts as complete
 
 
-def to_recording(raw: pd.DataFrame, ledger: Ledger, *, source: str) -> tuple[Recording, Accounting]:
+def to_recording(raw: pd.DataFrame, ledger: Ledger, *, road: Road, source: str) -> tuple[Recording, Accounting]:
     """Turn a table of official names into a recording, booking every row that is left out.
 
     Parameters
@@ -39,6 +31,8 @@ def to_recording(raw: pd.DataFrame, ledger: Ledger, *, source: str) -> tuple[Rec
         around where that is honest, and noted.
     ledger : Ledger
         The rows read so far.
+    road : Road
+        What was recorded: its lanes are the numbers that a row may have.
     source : str
         Name for messages.
 
@@ -54,14 +48,14 @@ def to_recording(raw: pd.DataFrame, ledger: Ledger, *, source: str) -> tuple[Rec
     notes: list[str] = []
     raw = _drop_unfinished(raw, ledger)
     _check_not_empty(raw, ledger, source)
-    check_feet(raw, source)
+    check_feet(raw, road, source)
     raw = _with_period(raw, notes)
     raw = _drop_repeated(raw, ledger)
-    table = _in_si(raw, notes)
-    table = _drop_impossible(table, ledger, source)
+    table = _in_si(raw, road, notes)
+    table = _drop_impossible(table, ledger, road, source)
     table = table.sort_values(list(c.KEYS), kind="stable", ignore_index=True)
-    table, known = _with_leaders(table, "Preceding" in raw, notes)
-    recording = Recording.from_table(table, source=source, notes=tuple(notes), has_leader_rows=known)
+    table, known = _with_leaders(table, "Preceding" in raw, road, notes)
+    recording = Recording.from_table(table, road=road, source=source, notes=tuple(notes), has_leader_rows=known)
     lost = len(before - set(recording.table[c.VEHICLE].unique().astype(float)))
     gone = {"no row left": lost} if lost else {}
     return recording, ledger.close(len(recording.table), vehicles=recording.vehicle_count, vehicles_dropped=gone)
@@ -104,7 +98,7 @@ def _check_not_empty(raw: pd.DataFrame, ledger: Ledger, source: str) -> None:
         raise InputError(f"{source}: no rows left of {ledger.total} read ({reasons})")
 
 
-def check_feet(raw: pd.DataFrame, source: str) -> None:
+def check_feet(raw: pd.DataFrame, road: Road, source: str) -> None:
     """Raise if the table looks like metres, or has positions and speeds in different units.
 
     Raises
@@ -114,7 +108,7 @@ def check_feet(raw: pd.DataFrame, source: str) -> None:
     """
     advice = "NGSIM layout is in feet; convert, or give a Parquet of our own columns"
     if "Lane_ID" in raw:
-        main = raw[raw["Lane_ID"].between(1, 5)]
+        main = raw[raw["Lane_ID"].between(1, road.main_lanes)]
         width = float((main["Local_X"] / (main["Lane_ID"] - 0.5)).median()) if len(main) else 12.0
         if width < 6.0:
             raise InputError(f"{source}: looks like metres: lanes are {width:.1f} wide by Local_X; {advice}")
@@ -173,7 +167,7 @@ def _drop_repeated(raw: pd.DataFrame, ledger: Ledger) -> pd.DataFrame:
     return ledger.drop(raw, raw.duplicated(key), "duplicate frame of a vehicle")
 
 
-def _in_si(raw: pd.DataFrame, notes: list[str]) -> pd.DataFrame:
+def _in_si(raw: pd.DataFrame, road: Road, notes: list[str]) -> pd.DataFrame:
     """Return the table in metres and seconds, with every column but leaders found from headways."""
     frame = raw["Frame_ID"].to_numpy().round().astype(np.int64)
     table = pd.DataFrame({
@@ -190,7 +184,7 @@ def _in_si(raw: pd.DataFrame, notes: list[str]) -> pd.DataFrame:
     if "Lane_ID" in raw:
         table[c.LANE] = raw["Lane_ID"].round().clip(-1, 99).astype("int64")
     else:
-        table[c.LANE] = lane_by_position(table[c.X].to_numpy(), table[c.Y].to_numpy())
+        table[c.LANE] = road.lane_of(table[c.X], table[c.Y])
         notes.append("lane is taken from the lateral position, because there is no Lane_ID")
     headway = raw["Space_Headway"] * FOOT if "Space_Headway" in raw else pd.Series(np.nan, raw.index)
     table[c.HEADWAY] = headway.where(np.isfinite(headway) & (headway > 0))
@@ -228,19 +222,8 @@ def _add_sizes(table: pd.DataFrame, raw: pd.DataFrame, notes: list[str]) -> None
         notes.append(f"{', '.join(missing)} not recorded")
 
 
-def lane_by_position(x: npt.NDArray[np.float64], y: npt.NDArray[np.float64]) -> npt.NDArray[np.int64]:
-    """Return the lane number at each place (m), shape ``(rows,)``: 12 ft lanes, beyond the fifth by ``x``.
-
-    Right of lane 5 lie the on-ramp up to 578 ft, then the auxiliary lane, then the
-    off-ramp from 1,276 ft.
-    """
-    lane = np.maximum(np.floor(-y / LANE_WIDTH).astype(np.int64) + 1, 1)
-    ramp = np.where(x < ON_RAMP_X, ON_RAMP_LANE, np.where(x > OFF_RAMP_X, OFF_RAMP_LANE, AUXILIARY_LANE))
-    return np.where(lane >= AUXILIARY_LANE, ramp, lane)
-
-
-def _drop_impossible(table: pd.DataFrame, ledger: Ledger, source: str) -> pd.DataFrame:
-    bad = ~table[c.SPEED].between(0, HIGHEST_SPEED) | ~table[c.LANE].between(1, OFF_RAMP_LANE)
+def _drop_impossible(table: pd.DataFrame, ledger: Ledger, road: Road, source: str) -> pd.DataFrame:
+    bad = ~table[c.SPEED].between(0, HIGHEST_SPEED) | ~table[c.LANE].between(1, road.last_lane)
     if bad.mean() > IMPOSSIBLE_SHARE:
         row = table[bad].iloc[0]
         raise InputError(
@@ -250,7 +233,7 @@ def _drop_impossible(table: pd.DataFrame, ledger: Ledger, source: str) -> pd.Dat
     return ledger.drop(table, bad, "impossible speed or lane")
 
 
-def _with_leaders(table: pd.DataFrame, recorded: bool, notes: list[str]) -> tuple[pd.DataFrame, bool]:
+def _with_leaders(table: pd.DataFrame, recorded: bool, road: Road, notes: list[str]) -> tuple[pd.DataFrame, bool]:
     """Fill in leaders and say whether the vehicles ahead are in the table.
 
     With ``Preceding`` or without any headway the table is taken as complete. With headways
@@ -259,7 +242,7 @@ def _with_leaders(table: pd.DataFrame, recorded: bool, notes: list[str]) -> tupl
     """
     if recorded or table[c.HEADWAY].isna().all():
         return table, True
-    leader = leaders.leader_from_headway(table)
+    leader = leaders.leader_from_headway(table, across=max(road.widths))
     share = float((leader > 0).sum() / table[c.HEADWAY].notna().sum())
     if share >= DENSE_SHARE:
         notes.append(f"leader is found from Space_Headway ({share:.0%} of headways), because there is no Preceding")

@@ -6,21 +6,24 @@ in another pair is nobody's traffic.
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 import numpy.typing as npt
 import pandas as pd
 
 from idm_sumo.recordings import columns as c
 from idm_sumo.recordings.accounting import Accounting, Ledger
+from idm_sumo.recordings.columns import FRAME_STEP
 from idm_sumo.recordings.readers.ngsim import HIGHEST_SPEED
 from idm_sumo.recordings.recording import Recording
 from idm_sumo.recordings.smoothing import filter_runs, runs
-from idm_sumo.roads import road
+from idm_sumo.roads import Road
+from idm_sumo.roads.units import FOOT
 from idm_sumo.runtime.errors import InputError
 
 NEEDED = ("follower", "leader", "t", "x_follower", "x_leader")
 LENGTH, SPACING = "leader_length", "spacing"  # one of them tells the other
-LANE = 3  # lateral positions are unknown: all are put in the middle lane
 GRID_TOLERANCE = 0.02  # s, between a row's time and its frame
 SPACING_TOLERANCE = 0.1  # m, between the stated gap and the one of positions and length
 CAR_LENGTHS = (3.0, 7.5)  # m, between which the median of vehicles lies; in feet it is 10 to 25
@@ -32,7 +35,7 @@ def is_pairs(names: list[str]) -> bool:
     return set(NEEDED) <= set(names) and bool({LENGTH, SPACING} & set(names))
 
 
-def to_recording(raw: pd.DataFrame, ledger: Ledger, *, source: str) -> tuple[Recording, Accounting]:
+def to_recording(raw: pd.DataFrame, ledger: Ledger, *, road: Road, source: str) -> tuple[Recording, Accounting]:
     """Turn a table of pairs into a recording of the followers, each with its leader's headway and length.
 
     Parameters
@@ -43,6 +46,8 @@ def to_recording(raw: pd.DataFrame, ledger: Ledger, *, source: str) -> tuple[Rec
         or metres, told by the leaders' lengths.
     ledger : Ledger
         Empty; every row is booked as used or dropped.
+    road : Road
+        Lateral positions are unknown: everybody is put in the middle of its main lanes.
     source : str
         Name for messages.
 
@@ -58,13 +63,13 @@ def to_recording(raw: pd.DataFrame, ledger: Ledger, *, source: str) -> tuple[Rec
     if raw.empty:
         raise InputError(f"{source}: no rows left of {ledger.total} read; give pairs with at least one row")
     unit, unit_name = _unit(raw, source)
-    table = _table(raw, unit, source)
+    table = _table(raw, unit, road, source)
     table = ledger.drop(table, ~table[c.SPEED].between(0, HIGHEST_SPEED), "impossible speed or lane")
     table = ledger.drop(table, ~(table[c.HEADWAY] > 0), "leader not ahead")
     table = ledger.drop(table, table.duplicated(list(c.KEYS)), "duplicate frame of a vehicle")
     lengths = _lengths(table)
     own = [lengths.get(key, np.nan) for key in zip(table[c.PERIOD].astype(str), table[c.VEHICLE], strict=True)]
-    recording = Recording.from_table(table.assign(**{c.LENGTH: own}), source=source, has_leader_rows=False)
+    recording = Recording.from_table(table.assign(**{c.LENGTH: own}), road=road, source=source, has_leader_rows=False)
     smooth, smooth_note = _smoothness(recording)
     pairs = table.drop_duplicates([c.PERIOD, c.VEHICLE, c.LEADER])
     notes = (
@@ -74,7 +79,7 @@ def to_recording(raw: pd.DataFrame, ledger: Ledger, *, source: str) -> tuple[Rec
         "the length of leaders is recorded, that of followers only where they lead another pair",
         smooth_note,
     )
-    recording = Recording(recording.table, source, notes, False, is_smooth=smooth, leader_lengths=lengths)
+    recording = replace(recording, notes=notes, is_smooth=smooth, leader_lengths=lengths)
     return recording, ledger.close(len(recording.table), vehicles=recording.vehicle_count)
 
 
@@ -82,7 +87,7 @@ def _unit(raw: pd.DataFrame, source: str) -> tuple[float, str]:
     """Return metres per unit of length, by the median length of the leaders: a car is 4.5 m or 14.8 ft long."""
     length = raw[LENGTH] if LENGTH in raw else raw["x_leader"] - raw["x_follower"] - raw[SPACING]
     median = float(length.groupby([raw["period"], raw["leader"]]).first().median())
-    for unit, name in ((1.0, "metres"), (road.FOOT, "feet")):
+    for unit, name in ((1.0, "metres"), (FOOT, "feet")):
         if CAR_LENGTHS[0] <= median * unit <= CAR_LENGTHS[1]:
             return unit, name
     raise InputError(
@@ -90,21 +95,22 @@ def _unit(raw: pd.DataFrame, source: str) -> tuple[float, str]:
     )
 
 
-def _table(raw: pd.DataFrame, unit: float, source: str) -> pd.DataFrame:
+def _table(raw: pd.DataFrame, unit: float, road: Road, source: str) -> pd.DataFrame:
     """Return the followers' rows in SI units, with a column of the leaders' lengths beside those of a recording."""
-    frame = np.round(raw["t"].to_numpy() / road.FRAME_STEP).astype(np.int64)
-    if (off := np.abs(raw["t"] - frame * road.FRAME_STEP) > GRID_TOLERANCE).any():
+    frame = np.round(raw["t"].to_numpy() / FRAME_STEP).astype(np.int64)
+    if (off := np.abs(raw["t"] - frame * FRAME_STEP) > GRID_TOLERANCE).any():
         row = raw[off].iloc[0]
         raise InputError(
             f"{source}: follower {row['follower']:.0f}, t = {row['t']:g} s is no multiple of 0.1 s; resample it"
         )
+    lane = (road.main_lanes + 1) // 2
     front, leader = raw["x_follower"] * unit, raw["x_leader"] * unit
     length = raw[LENGTH] * unit if LENGTH in raw else leader - front - raw[SPACING] * unit
     _check_spacing(raw, leader - front - length, unit, source)
     table = pd.DataFrame({
         c.PERIOD: pd.Categorical(raw["period"]), c.VEHICLE: raw["follower"].astype("int64"), c.FRAME: frame,
-        c.TIME: raw["t"] + raw["period"].map(_clock), c.X: front, c.Y: float(road.lane_center(LANE)), c.HEADING: 0.0,
-        c.LENGTH: np.nan, c.WIDTH: np.nan, c.CLASS: 0, c.LANE: LANE, c.LEADER: raw["leader"].astype("int64"),
+        c.TIME: raw["t"] + raw["period"].map(_clock), c.X: front, c.Y: float(road.lane_center(lane)), c.HEADING: 0.0,
+        c.LENGTH: np.nan, c.WIDTH: np.nan, c.CLASS: 0, c.LANE: lane, c.LEADER: raw["leader"].astype("int64"),
         c.HEADWAY: leader - front, LENGTH: length,
     })  # fmt: skip
     table = table.assign(order=np.arange(len(table))).sort_values(list(c.KEYS), kind="stable")

@@ -17,6 +17,7 @@ from scipy.ndimage import uniform_filter1d
 from idm_sumo.calibration import driver_table as d
 from idm_sumo.calibration.departures import DESTINATION, LEAVING, THROUGH, departures
 from idm_sumo.recordings import columns as c
+from idm_sumo.recordings.columns import FRAME_STEP
 from idm_sumo.recordings.recording import Recording
 from idm_sumo.roads import road
 from idm_sumo.runtime.errors import InputError
@@ -115,9 +116,9 @@ def boundary_speeds(recording: Recording) -> Floats:
         table[c.LANE] <= road.MAIN_LANES
     )
     first, last = table[c.FRAME].min(), table[c.FRAME].max()
-    seconds = int((last - first) * road.FRAME_STEP / SIGN_INTERVAL) + 1
+    seconds = int((last - first) * FRAME_STEP / SIGN_INTERVAL) + 1
     here = table[end]
-    second = ((here[c.FRAME] - first) * road.FRAME_STEP // SIGN_INTERVAL).astype(np.int64)
+    second = ((here[c.FRAME] - first) * FRAME_STEP // SIGN_INTERVAL).astype(np.int64)
     mean = here.groupby([second, here[c.LANE].astype(np.int64)])[c.SPEED].mean().unstack()
     mean = mean.reindex(index=range(seconds), columns=range(1, road.MAIN_LANES + 1))
     filled = mean.interpolate(limit_direction="both").fillna(road.SPEED_LIMIT).to_numpy()

@@ -9,6 +9,7 @@ import numpy.typing as npt
 import pandas as pd
 
 from idm_sumo.models import bicycle
+from idm_sumo.recordings.columns import FRAME_STEP
 from idm_sumo.roads import road
 from idm_sumo.simulation.rollout import control
 from idm_sumo.sumo.replay.perception import leader_by_getleader
@@ -64,11 +65,9 @@ class Ego:
             x, y, heading, speed, gap, leader_speed, self._theta, self._desired_speed, self._length, self._lane_y
         )
         leader = np.nan if name is None else float(name)
-        self._rows.append(
-            (step * road.FRAME_STEP, front_x, front_y, heading, speed, acceleration, steering, gap, leader)
-        )
+        self._rows.append((step * FRAME_STEP, front_x, front_y, heading, speed, acceleration, steering, gap, leader))
         axles = bicycle.wheelbase(self._length)
-        self._state = bicycle.step(x, y, heading, speed, acceleration, steering, axles, road.FRAME_STEP)
+        self._state = bicycle.step(x, y, heading, speed, acceleration, steering, axles, FRAME_STEP)
         self._move(sumo)
 
     def _enter(self, sumo: Any) -> None:

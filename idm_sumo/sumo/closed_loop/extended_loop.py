@@ -16,6 +16,7 @@ from idm_sumo.models.effects.hysteresis import LATELY
 from idm_sumo.models.effects.lane_change_relaxation import headway_after
 from idm_sumo.models.effects.reaction_delay import REMEMBERED, acted_on
 from idm_sumo.recordings import columns as c
+from idm_sumo.recordings.columns import FRAME_STEP
 from idm_sumo.roads import road
 from idm_sumo.scenes.traffic import NOBODY
 from idm_sumo.simulation.extended_rollout import meet
@@ -121,7 +122,7 @@ class ModelDrivers:
         order = np.flatnonzero(on_main)[np.lexsort((where[on_main, 0], lane[on_main]))]
         acceleration = np.full(len(names), np.nan)
         acceleration[order] = self._decide(place[order], where[order, 0], speed[order], lane[order], step)
-        fastest = np.maximum(speed + acceleration * road.FRAME_STEP, 0.0)
+        fastest = np.maximum(speed + acceleration * FRAME_STEP, 0.0)
         self._tell(sumo, names, ours, fastest)
 
     def _decide(self, place: Integers, x: Floats, speed: Floats, lane: Integers, step: int) -> Floats:
@@ -132,7 +133,7 @@ class ModelDrivers:
         return np.asarray(
             _decide_all(
                 place, x, speed, self._length[place], lane, offsets, others, self._memory, self._magnitudes, self._without, self._theta,
-                self._limit, step * road.FRAME_STEP,
+                self._limit, step * FRAME_STEP,
             )
         )  # fmt: skip
 
@@ -142,8 +143,8 @@ class ModelDrivers:
         self._memory.speed[place] = np.column_stack([before, speed])
         known = np.isfinite(before)
         first = before[np.arange(len(place)), np.argmax(known, axis=1)]
-        change = np.nan_to_num((speed - before[:, -1]) / road.FRAME_STEP)
-        return change, np.nan_to_num((speed - first) / (np.maximum(known.sum(axis=1), 1) * road.FRAME_STEP))
+        change = np.nan_to_num((speed - before[:, -1]) / FRAME_STEP)
+        return change, np.nan_to_num((speed - first) / (np.maximum(known.sum(axis=1), 1) * FRAME_STEP))
 
     def _tell(self, sumo: Any, names: list[str], ours: npt.NDArray[np.bool_], speed: Floats) -> None:
         """Set the speeds of ours; give back who is ours no more."""
@@ -174,7 +175,7 @@ def _decide_all(place, x, speed, length, lane, offsets, others, memory, magnitud
             row, gap, now, others.vehicle_class[i], memory.changed[vehicle, 0], now - memory.changed[vehicle, 1],
             memory.changed[vehicle, 2], np.nan, np.nan, memory.driven[vehicle] / memory.moments[vehicle],
         )  # fmt: skip
-        then_gap, then_speed, then_rate = acted_on(past, PAST - 1, m, road.FRAME_STEP)
+        then_gap, then_speed, then_rate = acted_on(past, PAST - 1, m, FRAME_STEP)
         acceleration[i] = extended_acceleration(
             then_speed, then_rate, then_gap, see, own[0], own[1], own[2], own[3], own[4], limit[vehicle], m
         )

@@ -9,7 +9,7 @@ import numpy as np
 import pandas as pd
 
 from idm_sumo.calibration import driver_table as d
-from idm_sumo.roads import road
+from idm_sumo.recordings.columns import FRAME_STEP
 from idm_sumo.sumo import session
 
 PATIENCE = 600.0  # s after the last departure, before a vehicle that is still not in counts as never inserted
@@ -37,7 +37,7 @@ def departure_delays(config: Path | str) -> pd.DataFrame:
     }
     delays = dict.fromkeys(asked, np.inf)
     with session.simulation(["--configuration-file", str(path), "--no-warnings", "true"], net=net) as sumo:
-        for _ in range(int((max(asked.values(), default=0.0) + PATIENCE) / road.FRAME_STEP)):
+        for _ in range(int((max(asked.values(), default=0.0) + PATIENCE) / FRAME_STEP)):
             sumo.simulationStep()
             for name in sumo.simulation.getDepartedIDList():
                 delays[name] = sumo.vehicle.getDepartDelay(name)

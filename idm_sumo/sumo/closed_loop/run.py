@@ -15,9 +15,9 @@ import pandas as pd
 from idm_sumo.calibration import driver_table as d
 from idm_sumo.evaluation.comparison import TrafficMeasures, measure_traffic
 from idm_sumo.recordings import columns as c
+from idm_sumo.recordings.columns import FRAME_STEP
 from idm_sumo.recordings.reading import read_recording
 from idm_sumo.recordings.recording import Recording
-from idm_sumo.roads import road
 from idm_sumo.runtime.errors import InputError
 from idm_sumo.runtime.progress import Progress, silent
 from idm_sumo.sumo import network
@@ -128,7 +128,7 @@ def write_run(
         additional = folder / "downstream.add.xml"
         write_boundary(downstream, additional)
     frames = recording.table[c.FRAME]
-    duration = float((frames.max() - frames.min() + 1) * road.FRAME_STEP)
+    duration = float((frames.max() - frames.min() + 1) * FRAME_STEP)
     root = run_recipe.configuration(net.name, routes.name, run_recipe.EULER)
     _complete(root, additional, duration, (*INSERTION, *options))
     save(root, config)
@@ -202,11 +202,11 @@ def _loop(
     departed: dict[str, float] = {}
     collisions: set[tuple[str, str]] = set()
     entrance = Entrance(files.demand)
-    steps, arrived = round(files.duration / road.FRAME_STEP), 0
+    steps, arrived = round(files.duration / FRAME_STEP), 0
     for step in range(steps):
         sumo.simulationStep()
         for name in sumo.simulation.getDepartedIDList():
-            departed[name] = step * road.FRAME_STEP
+            departed[name] = step * FRAME_STEP
         arrived += sumo.simulation.getArrivedNumber()
         if sumo.simulation.getCollidingVehiclesNumber():
             collisions |= {(hit.collider, hit.victim) for hit in sumo.simulation.getCollisions()}
@@ -214,7 +214,7 @@ def _loop(
             ours.drive(sumo, step)
         if ego is not None:
             ego.drive(sumo, step)
-        entrance.admit(sumo, step * road.FRAME_STEP)
+        entrance.admit(sumo, step * FRAME_STEP)
         if step % 100 == 0:
             progress("simulating", step, steps)
     progress("simulating", steps, steps)
@@ -244,9 +244,9 @@ def as_recording(outcome: Outcome, recorded: Recording, demand: pd.DataFrame, na
     InputError
         If no vehicle was inside the section.
     """
-    read = read_recording(outcome.fcd).recording
+    read = read_recording(outcome.fcd, road=recorded.road).recording
     table = read.table
-    table = table[table[c.X].between(0.0, road.SECTION_LENGTH)]
+    table = table[table[c.X].between(0.0, recorded.road.length)]
     if table.empty:
         raise InputError(f"{outcome.fcd.name}: no vehicle entered the section; see the delays of departures")
     of = demand.set_index(c.VEHICLE)
@@ -259,7 +259,7 @@ def as_recording(outcome: Outcome, recorded: Recording, demand: pd.DataFrame, na
         c.CLASS: of[d.CLASS].reindex(vehicle).fillna(0).to_numpy().astype("int8"),
     }  # fmt: skip
     table = table.assign(**columns)
-    return Recording(table.reset_index(drop=True), name, (LANES_BY_PLACE,), True)
+    return Recording(table.reset_index(drop=True), recorded.road, name, (LANES_BY_PLACE,))
 
 
 @dataclass(frozen=True)

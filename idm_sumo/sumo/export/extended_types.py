@@ -28,8 +28,7 @@ from idm_sumo.calibration import driver_table as d
 from idm_sumo.models.effects import BY_NAME, Cause, ExtendedModel, slots
 from idm_sumo.models.effects.time_of_day import drifted
 from idm_sumo.recordings import columns as c
-from idm_sumo.recordings.columns import TRUCK
-from idm_sumo.roads import road
+from idm_sumo.recordings.columns import FRAME_STEP, TRUCK
 from idm_sumo.sumo.export.vtypes import number
 
 Floats = npt.NDArray[np.float64]
@@ -105,8 +104,8 @@ def _size(cause: Cause, symbol: str) -> float:
 def _delay(held: Expressed, cause: Cause, _: pd.DataFrame, which: Booleans) -> Expressed:
     r"""Let drivers look every :math:`2\tau`: what they act on is then :math:`\tau` old on average."""
     tau = _size(cause, "tau")
-    steps = max(round(2.0 * tau / road.FRAME_STEP), 1)
-    every = number(round(steps * road.FRAME_STEP, 1))
+    steps = max(round(2.0 * tau / FRAME_STEP), 1)
+    every = number(round(steps * FRAME_STEP, 1))
     known = ", which makes the own speed late, too" if _size(cause, "eta") > 0.0 else ""
     note = (
         f"reaction_delay: actionStepLength = {every} s, whose mean age is half of it, for tau = {tau:.3g} s (give "

@@ -19,6 +19,7 @@ from idm_sumo.calibration.kernel import look_ahead
 from idm_sumo.calibration.problem import Problem, prepare
 from idm_sumo.calibration.without_d1 import keys_of
 from idm_sumo.recordings import columns as c
+from idm_sumo.recordings.columns import FRAME_STEP
 from idm_sumo.roads import road
 from idm_sumo.runtime.errors import InputError
 from idm_sumo.scenes.windows import Scenes
@@ -143,7 +144,7 @@ def drive_natively(
         If SUMO does not take a type in.
     """
     n, h = problem.target.shape
-    reach = float(problem.start_x.max() + problem.desired_speed.max() * h * road.FRAME_STEP)
+    reach = float(problem.start_x.max() + problem.desired_speed.max() * h * FRAME_STEP)
     last = max(reach, float(problem.x.max(initial=reach))) + LEADER_LENGTH + ROOM
     first = min(float(problem.start_x.min()), float(problem.x.min(initial=np.inf)) - LEADER_LENGTH)
     course = StraightRoads(n, (first, last), lane_limit or float(problem.desired_speed.max()), lanes=lanes)

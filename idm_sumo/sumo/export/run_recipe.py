@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from xml.etree.ElementTree import Element, SubElement
 
-from idm_sumo.roads import road
+from idm_sumo.recordings.columns import FRAME_STEP
 from idm_sumo.runtime.errors import InputError
 
 EULER, BALLISTIC = "euler", "ballistic"
@@ -31,9 +31,9 @@ def options(integration: str) -> dict[str, str]:
     """
     check_integration(integration)
     return {
-        "step-length": f"{road.FRAME_STEP:g}",
+        "step-length": f"{FRAME_STEP:g}",
         "step-method.ballistic": "true" if integration == BALLISTIC else "false",
-        "default.action-step-length": f"{road.FRAME_STEP:g}",
+        "default.action-step-length": f"{FRAME_STEP:g}",
         "collision.action": "warn",  # reported, not repaired by teleporting
         "collision.mingap-factor": "0",
         "time-to-teleport": "-1",

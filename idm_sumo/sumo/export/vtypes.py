@@ -7,7 +7,7 @@ from typing import NamedTuple
 from xml.etree.ElementTree import Element, SubElement
 
 from idm_sumo.models import idm
-from idm_sumo.roads import road
+from idm_sumo.recordings.columns import FRAME_STEP
 
 STEPPING = 0.25  # s: longer than our step, so SUMO's IDM computes one acceleration a step, as we do
 
@@ -22,7 +22,7 @@ AS_CALIBRATED = {
     "emergencyDecel": f"{idm.EMERGENCY_BRAKING:g}",
     "speedFactor": "1",  # by default drawn around 1, so v0 would be a lottery
     "speedDev": "0",
-    "actionStepLength": f"{road.FRAME_STEP:g}",  # a longer one would be somebody else's reaction time
+    "actionStepLength": f"{FRAME_STEP:g}",  # a longer one would be somebody else's reaction time
     "startupDelay": "0",
     "impatience": "0",
     "collisionMinGapFactor": "0",  # a collision is when bumpers touch, not when minGap is undercut

@@ -6,6 +6,7 @@ import numpy as np
 import numpy.typing as npt
 
 from idm_sumo.models import bicycle
+from idm_sumo.recordings.columns import FRAME_STEP
 from idm_sumo.roads import road
 from idm_sumo.scenes.traffic import NOBODY
 from idm_sumo.scenes.windows import LEADER_FROM_LANE, Scenes
@@ -61,7 +62,7 @@ def replay_controls(scenes: Scenes, acceleration: Floats, steering: Floats) -> T
                     break
                 cx, cy = bicycle.center_of_front(x, y, heading, length)
                 cx, cy, heading, speed = bicycle.step(
-                    cx, cy, heading, speed, acceleration[i, k], steering[i, k], axles, road.FRAME_STEP
+                    cx, cy, heading, speed, acceleration[i, k], steering[i, k], axles, FRAME_STEP
                 )
                 x, y = bicycle.front_of_center(cx, cy, heading, length)
             stage.clear()

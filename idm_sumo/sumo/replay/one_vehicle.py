@@ -19,6 +19,7 @@ from numba import njit
 
 from idm_sumo.models import bicycle
 from idm_sumo.models.effects import ExtendedModel
+from idm_sumo.recordings.columns import FRAME_STEP
 from idm_sumo.recordings.recording import Recording
 from idm_sumo.roads import road
 from idm_sumo.runtime.errors import InputError
@@ -269,6 +270,6 @@ def advance(cx, cy, heading, speed, gap, leader_speed, theta, limit, length, lan
 def moved(cx, cy, heading, speed, acceleration, steering, length):  # type: ignore[no-untyped-def]
     """Return the same for given controls."""
     axles = bicycle.wheelbase(length)
-    cx, cy, heading, speed = bicycle.step(cx, cy, heading, speed, acceleration, steering, axles, road.FRAME_STEP)
+    cx, cy, heading, speed = bicycle.step(cx, cy, heading, speed, acceleration, steering, axles, FRAME_STEP)
     x, y = bicycle.front_of_center(cx, cy, heading, length)
     return acceleration, steering, cx, cy, heading, speed, x, y

@@ -12,7 +12,8 @@ import numpy as np
 import numpy.typing as npt
 import pyarrow.parquet as pq
 
-from idm_sumo.roads.road import FRAME_STEP, LANE_WIDTH, SECTION_LENGTH, SPEED_LIMIT
+from idm_sumo.recordings.columns import FRAME_STEP
+from idm_sumo.roads.road import LANE_WIDTH, SECTION_LENGTH, SPEED_LIMIT
 from idm_sumo.sumo.network import OFF_RAMP, route
 from idm_sumo.sumo.session import simulation
 from idm_sumo.sumo.surrogate.demand import Schedule

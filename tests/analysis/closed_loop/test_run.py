@@ -10,9 +10,10 @@ import pytest
 
 from idm_sumo.cli import main
 from idm_sumo.recordings import columns as c
+from idm_sumo.recordings.columns import FRAME_STEP
 from idm_sumo.recordings.reading import write_parquet
 from idm_sumo.recordings.recording import Recording
-from idm_sumo.roads import road
+from idm_sumo.roads import US101
 from idm_sumo.runtime.errors import InputError
 from idm_sumo.sumo.closed_loop import populations
 from idm_sumo.sumo.closed_loop import run as closed_loop
@@ -28,7 +29,7 @@ DRIVER = np.array([1.2, 1.5, 1.0, 2.0, 0.0])
 
 
 def through(vehicle: int, lane: int, first_frame: int, x: float = 0.5, speed: float = SPEED) -> Car:
-    frames = min(int((road.SECTION_LENGTH - x) / speed / road.FRAME_STEP), 1200 - first_frame)
+    frames = min(int((US101.length - x) / speed / FRAME_STEP), 1200 - first_frame)
     return Car(vehicle, x, lane, speed, first_frame=first_frame, frames=frames)
 
 
@@ -129,7 +130,7 @@ def test_recorded_speeds_are_imposed_behind_the_section(tmp_path: Path) -> None:
         *(through(n, 3, 60 * n, speed=5.0) for n in range(8)), *(through(20 + n, 2, 60 * n) for n in range(8))
     )
     speeds = boundary_speeds(slow)
-    assert speeds.shape[1] == road.MAIN_LANES
+    assert speeds.shape[1] == US101.main_lanes
     assert np.allclose(speeds[:, 1], SPEED)
     assert speeds.min() >= SLOWEST_SIGN
     demand = demand_of(slow)
@@ -156,7 +157,7 @@ def test_our_ego_is_where_we_put_it_and_others_react_to_it(
     steps = min(len(path), len(seen))
     assert steps > 200
     assert np.allclose(path["x"][:steps], seen[c.X][:steps], atol=1e-3)
-    assert np.allclose(path["y"], road.lane_center(3), atol=0.05)
+    assert np.allclose(path["y"], US101.lane_center(3), atol=0.05)
     assert outcome.collisions == 0
     behind = demand[(demand["lane"] == 3) & (demand["depart_s"] > entering["depart_s"])].iloc[0]
     without = closed_loop.as_recording(run(tmp_path / "b", recorded, demand), recorded, demand, "").table
@@ -168,7 +169,7 @@ def test_a_recording_of_a_few_vehicles_or_of_several_periods_is_no_demand() -> N
     with pytest.raises(InputError, match="a few of the vehicles only"):
         demand_of(recording(Car(1), has_leader_rows=False))
     first, second = two_minutes().table, recording(Car(1), period="0805-0820").table
-    both = Recording.from_table(pd.concat([first, second]), source="both")
+    both = Recording.from_table(pd.concat([first, second]), road=US101, source="both")
     with pytest.raises(InputError, match="one period"):
         demand_of(both)
 

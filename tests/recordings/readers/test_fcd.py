@@ -9,7 +9,7 @@ import pytest
 
 from idm_sumo.recordings import columns as c
 from idm_sumo.recordings.reading import read_recording
-from idm_sumo.roads.road import lane_center
+from idm_sumo.roads import US101
 from idm_sumo.runtime.errors import InputError
 
 libsumo = pytest.importorskip("libsumo")
@@ -57,7 +57,7 @@ def test_sumo_coordinates_are_ours(run: dict[str, Path], name: str) -> None:
     assert any("car.1 = 18, 0 = 19" in note for note in result.recording.notes)
     first = table[table[c.VEHICLE] == 17].iloc[0]
     assert (first[c.LANE], first[c.FRAME]) == (2, 0)
-    assert first[c.Y] == pytest.approx(float(lane_center(2)), abs=1e-6)
+    assert first[c.Y] == pytest.approx(float(US101.lane_center(2)), abs=1e-6)
     assert first[c.SPEED] == pytest.approx(15.0)
     assert first[c.HEADING] == pytest.approx(0.0, abs=1e-6)
     assert np.isnan(first[c.LENGTH])

@@ -4,16 +4,17 @@ import pytest
 
 from idm_sumo.recordings import columns as c
 from idm_sumo.recordings.accounting import Accounting, Ledger
-from idm_sumo.recordings.readers.ngsim import lane_by_position, to_recording
+from idm_sumo.recordings.readers.ngsim import to_recording
 from idm_sumo.recordings.recording import Recording
-from idm_sumo.roads.road import FOOT, lane_center
+from idm_sumo.roads import US101
+from idm_sumo.roads.units import FOOT
 from idm_sumo.runtime.errors import InputError
 from tests.helpers import ngsim_files
 
 
 def convert(raw: pd.DataFrame) -> tuple[Recording, Accounting]:
     return to_recording(
-        raw.astype(dict.fromkeys(raw.select_dtypes("number"), float)), Ledger(len(raw)), source="inline"
+        raw.astype(dict.fromkeys(raw.select_dtypes("number"), float)), Ledger(len(raw)), road=US101, source="inline"
     )
 
 
@@ -110,8 +111,8 @@ def test_speed_is_found_from_positions_where_it_is_not_recorded() -> None:
 def test_lane_numbers_follow_the_painted_lanes_and_the_ramps() -> None:
     y = np.array([-7.0, -18.8, -30.2, -40.6, -52.8, -63.0, -66.0, -66.8]) * FOOT  # observed centres
     x = np.array([500, 500, 500, 500, 500, 900, 400, 1400]) * FOOT
-    assert lane_by_position(x, y).tolist() == [1, 2, 3, 4, 5, 6, 7, 8]
-    assert lane_by_position(np.full(5, 10.0), lane_center(np.arange(1, 6))).tolist() == [1, 2, 3, 4, 5]
+    assert US101.lane_of(x, y).tolist() == [1, 2, 3, 4, 5, 6, 7, 8]
+    assert US101.lane_of(np.full(5, 10.0), US101.lane_center(np.arange(1, 6))).tolist() == [1, 2, 3, 4, 5]
 
 
 def metres(raw: pd.DataFrame) -> pd.DataFrame:

@@ -8,14 +8,14 @@ from idm_sumo.recordings import columns as c
 from idm_sumo.recordings.cleaning import clean
 from idm_sumo.recordings.reading import read_recording, write_parquet
 from idm_sumo.recordings.smoothing import smooth
-from idm_sumo.roads import road
+from idm_sumo.roads.units import FOOT
 from idm_sumo.runtime.errors import InputError
 from idm_sumo.scenes.traffic import NOBODY
 from idm_sumo.scenes.windows import LEADER_OF_TWIN, Window, build_scenes
 from idm_sumo.simulation.rollout import drive_idm
 from tests.helpers.pairs import pair
 
-FEET = 1 / road.FOOT
+FEET = 1 / FOOT
 SHORT = Window(observed=2, horizon=20)
 
 
@@ -145,7 +145,7 @@ def test_the_reconstructed_pairs_of_i80(shared_data) -> None:
     assert result.accounting.total == result.accounting.used == len(raw) == len(recording.table)
     assert "feet" in recording.notes[0]
     assert recording.is_smooth
-    assert recording.table[c.X].max() < 1660 * road.FOOT  # the I-80 section is 503 m long
+    assert recording.table[c.X].max() < 1660 * FOOT  # the I-80 section is 503 m long
     scenes, _ = build_scenes(clean(recording).recording.of_period("0400-0415"), Window())
     first = (
         raw[raw["period"] == "0400-0415"]
@@ -156,7 +156,7 @@ def test_the_reconstructed_pairs_of_i80(shared_data) -> None:
     driven = drive_idm(scenes, (1.4, 1.8, 1.1, 2.0, 0.0))
     at_start = raw.set_index(["period", "follower", raw["t"].round(1)])["spacing"]
     expected = [
-        at_start["0400-0415", v, round(float(first.loc[v, "t"]) + 0.9, 1)] * road.FOOT for v in scenes.vehicle.tolist()
+        at_start["0400-0415", v, round(float(first.loc[v, "t"]) + 0.9, 1)] * FOOT for v in scenes.vehicle.tolist()
     ]
     np.testing.assert_allclose(driven.gap[:, 0], expected, atol=0.05)  # the leader's path alone is filtered
     assert (driven.leader != NOBODY).all()

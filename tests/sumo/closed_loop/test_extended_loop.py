@@ -9,8 +9,9 @@ from idm_sumo.cli import main
 from idm_sumo.models.effects import Cause, ExtendedModel
 from idm_sumo.models.idm import TEXTBOOK
 from idm_sumo.recordings import columns as c
+from idm_sumo.recordings.columns import FRAME_STEP
 from idm_sumo.recordings.reading import write_parquet
-from idm_sumo.roads import road
+from idm_sumo.roads import US101
 from idm_sumo.runtime.errors import InputError
 from idm_sumo.sumo.closed_loop import populations
 from idm_sumo.sumo.closed_loop import run as closed_loop
@@ -51,7 +52,7 @@ def test_without_causes_everybody_drives_as_sumos_own_types(tmp_path, recorded, 
     theirs, _, none = drive(tmp_path, recorded, ours=False)
     ours, outcome, driven = plain
     assert none == 0
-    assert driven > 0.9 * (ours[c.LANE] <= road.MAIN_LANES).sum()
+    assert driven > 0.9 * (ours[c.LANE] <= US101.main_lanes).sum()
     both = theirs.merge(ours, on=[c.VEHICLE, c.FRAME], suffixes=("", "_ours"))
     assert len(both) > 0.99 * len(theirs)
     apart = (both[c.X] - both["x_ours"]).abs()
@@ -108,7 +109,7 @@ def test_who_has_what_some_have_is_as_the_drivers_table_says(known, tmp_path) ->
 def test_accelerations_are_of_the_step_before_and_of_late(recorded) -> None:
     demand = demand_of(recorded)
     drivers = ModelDrivers(ExtendedModel(TEXTBOOK), demand, np.tile([1.0, 1.5, 1.2, 2.0, 0.0], (len(demand), 1)))
-    time = np.arange(60) * road.FRAME_STEP
+    time = np.arange(60) * FRAME_STEP
     speed = np.stack([5.0 + 0.5 * time, np.where(time < 4.0, 8.0, 9.0)])
     found = np.array([drivers._accelerations(np.array([3, 0]), now) for now in speed.T])
     np.testing.assert_array_equal(found[0], 0.0)  # nobody knows yet

@@ -8,7 +8,8 @@ import pytest
 
 from idm_sumo.models.effects import CATALOGUE, Cause, ExtendedModel
 from idm_sumo.models.idm import TEXTBOOK
-from idm_sumo.roads import road
+from idm_sumo.recordings.columns import FRAME_STEP
+from idm_sumo.roads import US101
 from idm_sumo.sumo.export.routes import Exported, export_routes
 from idm_sumo.sumo.session import simulation
 from tests.helpers.exported import drivers, sumo
@@ -59,7 +60,7 @@ def test_sumo_validates_and_runs_them_all(tmp_path) -> None:
     names = table["period"] + "." + table["vehicle"].astype(str)
     got = [float(kinds[name]["tau"]) for name in names]
     np.testing.assert_allclose(got, expected)
-    assert float(first["maxSpeed"]) == pytest.approx(1.1 * road.SPEED_LIMIT)
+    assert float(first["maxSpeed"]) == pytest.approx(1.1 * US101.speed_limit)
 
 
 def test_a_drift_is_expressed_by_departure(tmp_path) -> None:
@@ -105,7 +106,7 @@ def test_a_desired_speed_by_lane_is_not_expressed_for_all(by_lane, tmp_path) -> 
     result = export_routes(drivers(), tmp_path / "us101.rou.xml", model=model_of(slower))
     assert "desired_speed by lane: no SUMO vehicle type" in result.notes[-1]
     first = types_of(result.route_file)[f"{drivers()['period'][0]}.{drivers()['vehicle'][0]}"]
-    assert float(first["maxSpeed"]) == pytest.approx(road.SPEED_LIMIT)
+    assert float(first["maxSpeed"]) == pytest.approx(US101.speed_limit)
 
 
 def test_a_delay_that_spares_the_own_speed_is_said_to_become_one_of_everything(tmp_path) -> None:
@@ -122,7 +123,7 @@ def test_a_delay_that_spares_the_own_speed_is_said_to_become_one_of_everything(t
 def test_a_type_with_a_delay_drives_nearer_to_the_delayed_driver_than_one_without(tmp_path) -> None:
     """The independent reference is the exact delay, behind the very leader that SUMO drove."""
     tau, frames = 0.4, 300
-    time = np.arange(frames + 2) * road.FRAME_STEP
+    time = np.arange(frames + 2) * FRAME_STEP
     leads = 11 + 2.5 * np.sin(2 * np.pi * time / 14) + np.sin(2 * np.pi * time / 5.3 + 1)
     distance = {}
     for name, causes in (("plain", ()), ("delayed", (Cause("reaction_delay", {"tau": tau}),))):
@@ -152,14 +153,14 @@ def drive(result: Exported, speeds: np.ndarray) -> tuple[np.ndarray, np.ndarray]
 
 def delayed(tau: float, leader: np.ndarray, start: np.ndarray) -> np.ndarray:
     """Return where (m) an IDM driver is that acts on what was ``tau`` (s) ago: ballistic steps, written out."""
-    late, (x, v), past, out = round(tau / road.FRAME_STEP), start, [], []
+    late, (x, v), past, out = round(tau / FRAME_STEP), start, [], []
     for front, speed in leader:
         out.append(x)
         past.append((front - 4.5 - x, v, v - speed))
         gap, own, rate = past[max(len(past) - 1 - late, 0)]
         wanted = 2.0 + max(0.0, own * 1.2 + own * rate / (2 * np.sqrt(1.0 * 2.0)))
-        a = 1.0 * (1 - (own / road.SPEED_LIMIT) ** 4 - (wanted / gap) ** 2)
-        x, v = x + (v + 0.05 * a) * road.FRAME_STEP, v + a * road.FRAME_STEP
+        a = 1.0 * (1 - (own / US101.speed_limit) ** 4 - (wanted / gap) ** 2)
+        x, v = x + (v + 0.05 * a) * FRAME_STEP, v + a * FRAME_STEP
     return np.array(out)
 
 

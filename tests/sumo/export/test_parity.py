@@ -18,14 +18,15 @@ from idm_sumo.recordings.cleaning import clean
 from idm_sumo.recordings.reading import read_recording
 from idm_sumo.recordings.recording import Recording
 from idm_sumo.recordings.smoothing import smooth
-from idm_sumo.roads import road
+from idm_sumo.roads import US101
+from idm_sumo.roads.us101 import OFF_RAMP, ON_RAMP
 from idm_sumo.scenes.windows import Scenes, Window, build_scenes
 from idm_sumo.sumo.export import parity as p
 from idm_sumo.sumo.export.routes import export_routes
 
 MILLIMETRE = 1e-3  # m
 SCHEMES = ("euler", "ballistic")
-V0 = road.SPEED_LIMIT
+V0 = US101.speed_limit
 SECONDS = 30
 STEPS = 10 * SECONDS
 
@@ -42,7 +43,7 @@ def scenes_of(paths: list[tuple[int, np.ndarray]], *, steps: int = STEPS) -> Sce
                     c.FRAME: np.arange(len(x)),
                     c.TIME: 0.1 * np.arange(len(x)),
                     c.X: x,
-                    c.Y: road.lane_center(lane),
+                    c.Y: US101.lane_center(lane),
                     c.SPEED: np.gradient(x, 0.1).clip(0.0),
                     c.ACCELERATION: 0.0,
                     c.HEADING: 0.0,
@@ -55,7 +56,7 @@ def scenes_of(paths: list[tuple[int, np.ndarray]], *, steps: int = STEPS) -> Sce
                 }
             )
         )
-    recording = Recording.from_table(pd.concat(tables), source="test")
+    recording = Recording.from_table(pd.concat(tables), road=US101, source="test")
     scenes, _ = build_scenes(recording, Window(observed=1, horizon=steps, from_entry=True))
     return scenes
 
@@ -124,7 +125,7 @@ def test_parity_on_our_network(integration: str) -> None:
     x, _ = p.drive_on_our_network(problem, types, scenes.lane, integration=integration)
     ours, _ = integrators.drive(problem, theta, integration)
     assert np.abs(x - ours).max() < MILLIMETRE
-    for boundary in (road.ON_RAMP_X, road.OFF_RAMP_X):
+    for boundary in (ON_RAMP, OFF_RAMP):
         assert ((ours[:, 0] < boundary) & (ours[:, -1] > boundary)).any()
 
 

@@ -12,8 +12,9 @@ from idm_sumo.calibration.departures import departures
 from idm_sumo.calibration.without_d1 import linearise
 from idm_sumo.models import idm
 from idm_sumo.recordings import columns as c
+from idm_sumo.recordings.columns import FRAME_STEP
 from idm_sumo.recordings.recording import Recording
-from idm_sumo.roads import road
+from idm_sumo.roads import US101
 from idm_sumo.runtime.errors import InputError
 from idm_sumo.scenes.windows import Window, build_scenes
 from idm_sumo.sumo import network, session
@@ -55,7 +56,7 @@ def test_libsumo_reads_back_every_parameter(exported: tuple[pd.DataFrame, Export
     table, result = exported
     by_id = table.assign(id=table["period"] + "." + table["vehicle"].astype(str)).set_index("id")
     with session.simulation(["-c", str(result.config_file)], net=result.net_file) as live:
-        assert float(live.simulation.getOption("step-length")) == road.FRAME_STEP
+        assert float(live.simulation.getOption("step-length")) == FRAME_STEP
         for name in result.vehicles["id"]:
             row, kind = by_id.loc[name], live.vehicletype
             assert kind.getAccel(name) == row["a"]
@@ -64,11 +65,11 @@ def test_libsumo_reads_back_every_parameter(exported: tuple[pd.DataFrame, Export
             assert kind.getMinGap(name) == row["d0"]
             assert kind.getLength(name) == row["length_m"]
             assert kind.getWidth(name) == row["width_m"]
-            assert kind.getMaxSpeed(name) == road.SPEED_LIMIT
+            assert kind.getMaxSpeed(name) == US101.speed_limit
             assert kind.getEmergencyDecel(name) == idm.EMERGENCY_BRAKING
             assert kind.getSpeedFactor(name) == 1.0
             assert kind.getSpeedDeviation(name) == 0.0
-            assert kind.getActionStepLength(name) == road.FRAME_STEP
+            assert kind.getActionStepLength(name) == FRAME_STEP
 
 
 def test_vehicles_depart_when_where_and_as_fast_as_recorded(exported: tuple[pd.DataFrame, Exported]) -> None:
@@ -166,9 +167,9 @@ def test_linearised_wants_the_same_gap_at_the_mean_speed(tmp_path: Path) -> None
     linear = linearise(theta, mean)
     assert (linear[:, 4] == 0.0).all()
     for row, plain, v in zip(theta, linear, mean, strict=True):
-        gap = [idm.desired_gap(v, 0.0, *values, road.SPEED_LIMIT) for values in (row, plain)]
+        gap = [idm.desired_gap(v, 0.0, *values, US101.speed_limit) for values in (row, plain)]
         assert gap[1] == pytest.approx(gap[0])
-        nearby = [idm.desired_gap(v + 0.1, 0.0, *values, road.SPEED_LIMIT) for values in (row, plain)]
+        nearby = [idm.desired_gap(v + 0.1, 0.0, *values, US101.speed_limit) for values in (row, plain)]
         assert nearby[1] - gap[1] == pytest.approx(nearby[0] - gap[0], rel=2e-2)
     result = export_routes(table, tmp_path / "x.rou.xml", jam_distance="linearised")
     assert float(read_types(result.route_file)["0750-0805.10"].attrib["minGap"]) == linear[0, 3]
@@ -198,12 +199,12 @@ def recording() -> Recording:
     tables = [
         pd.DataFrame({
             c.PERIOD: PERIODS[0], c.VEHICLE: number, c.FRAME: 100 * number + np.arange(40), c.TIME: 1e9 + 10 * number + t,
-            c.X: start + 25.0 * t, c.Y: road.lane_center(min(first, 6)), c.SPEED: 20.0, c.ACCELERATION: 0.0, c.HEADING: 0.0,
+            c.X: start + 25.0 * t, c.Y: US101.lane_center(min(first, 6)), c.SPEED: 20.0, c.ACCELERATION: 0.0, c.HEADING: 0.0,
             c.LENGTH: np.nan, c.WIDTH: np.nan, c.CLASS: 2, c.LANE: np.where(t < 3.0, first, last), c.LEADER: 0, c.HEADWAY: np.nan,
         })
         for number, start, first, last in rows
     ]  # fmt: skip
-    return Recording.from_table(pd.concat(tables), source="cars")
+    return Recording.from_table(pd.concat(tables), road=US101, source="cars")
 
 
 def test_departures_of_a_recording_know_the_way_out(tmp_path: Path) -> None:
@@ -211,7 +212,7 @@ def test_departures_of_a_recording_know_the_way_out(tmp_path: Path) -> None:
     assert table["destination"].to_dict() == {1: "off_ramp", 2: "downstream", 3: "downstream"}
     assert table["depart_s"].to_dict() == pytest.approx({1: 10.0, 2: 20.0, 3: 30.0})
     assert table["lane"].to_dict() == {1: 6, 2: 1, 3: 7}
-    assert (table["length_m"] == road.CAR_LENGTH).all()
+    assert (table["length_m"] == US101.car_length).all()
     some = drivers(n=4).head(2).assign(vehicle=[1, 3], period=PERIODS[0])
     result = export_routes(some, tmp_path / "x.rou.xml", departures=recording())
     edges = [route.attrib["edges"] for route in parse(result.route_file).getroot().findall("route")]

@@ -11,7 +11,7 @@ from idm_sumo.recordings.cleaning import clean
 from idm_sumo.recordings.reading import read_recording
 from idm_sumo.recordings.recording import Recording
 from idm_sumo.recordings.smoothing import smooth
-from idm_sumo.roads import road
+from idm_sumo.roads import US101
 from idm_sumo.runtime.errors import InputError
 from idm_sumo.scenes.windows import Scenes, Window, build_scenes
 from idm_sumo.simulation.rollout import Trajectories, drive_idm
@@ -26,7 +26,7 @@ SHORT = Window(observed=2, horizon=30)
 
 
 def scenes_of(*vehicles, window=SHORT, modelled=None, has_leader_rows=True) -> Scenes:
-    recording = Recording.from_table(pd.concat(vehicles), has_leader_rows=has_leader_rows)
+    recording = Recording.from_table(pd.concat(vehicles), road=US101, has_leader_rows=has_leader_rows)
     return build_scenes(recording, window, modelled=modelled)[0]
 
 
@@ -61,7 +61,7 @@ def test_the_twin_is_not_there() -> None:
 
 
 def test_the_lane_stays_that_of_the_start_when_the_front_drifts_beyond_its_edge() -> None:
-    edge = -road.LANE_WIDTH
+    edge = -US101.widths[0]
     drifting = vehicle(1, 20.0, edge + 0.02, 8.0, heading=-0.35)  # turned to the right, on lane 1's right edge
     kernel = assert_back_ends_agree(
         scenes_of(drifting, vehicle(2, 60.0, -1.8, 8.0), vehicle(3, 35.0, -5.5, 8.0), modelled=[1])
@@ -71,16 +71,16 @@ def test_the_lane_stays_that_of_the_start_when_the_front_drifts_beyond_its_edge(
 
 
 @pytest.mark.parametrize("x", [150.0, 250.0, 360.0])
-@pytest.mark.parametrize("y", [-5 * road.LANE_WIDTH - 1.2, 0.9])
+@pytest.mark.parametrize("y", [-5 * US101.widths[0] - 1.2, 0.9])
 def test_who_is_recorded_beyond_the_outer_edges_counts_as_in_the_outer_lane(x, y) -> None:
-    own = float(road.lane_center(road.lane_at(y)))
+    own = float(US101.lane_center(US101.lane_at(y)))
     kernel = assert_back_ends_agree(scenes_of(vehicle(1, x, own, 9.0), vehicle(2, x + 30, y, 9.0)))
     np.testing.assert_array_equal(kernel.leader[0] >= 0, True)
 
 
-@pytest.mark.parametrize("line", range(1, road.MAIN_LANES))
+@pytest.mark.parametrize("line", range(1, US101.main_lanes))
 def test_a_front_exactly_on_a_line_belongs_to_one_lane(line) -> None:
-    y = -line * road.LANE_WIDTH
+    y = -line * US101.widths[0]
     assert_back_ends_agree(
         scenes_of(
             vehicle(1, 170.0, y + 1.8, 9.0), vehicle(2, 170.0, y - 1.8, 9.0),
@@ -160,7 +160,7 @@ def test_perception_is_not_compared_where_leaders_are_not_recorded() -> None:
 
 
 def test_a_whole_recording_plays_with_its_ramps_and_gaps() -> None:
-    auxiliary = -5.5 * road.LANE_WIDTH
+    auxiliary = -5.5 * US101.widths[0]
     recording = Recording.from_table(
         pd.concat([
             vehicle(1, 150.0, auxiliary, 20.0, lane=np.where(np.arange(40) < 14, 7, 6)),
@@ -168,9 +168,8 @@ def test_a_whole_recording_plays_with_its_ramps_and_gaps() -> None:
             vehicle(3, 100.0, 0.8, 10.0),  # its front beyond the left edge, a part of it still on the lane
             vehicle(4, 300.0, -9.0, 10.0),
             vehicle(4, 340.0, -9.0, 10.0, first=145),  # seen again
-            vehicle(5, 100.0, -6 * road.LANE_WIDTH, 10.0),  # nowhere near a lane of its route
-        ])
-    )  # fmt: skip
+            vehicle(5, 100.0, -6 * US101.widths[0], 10.0),  # nowhere near a lane of its route
+        ]), road=US101)  # fmt: skip
     played = play(recording)
     assert played.vehicles == 5
     assert played.rows == 240
@@ -183,7 +182,7 @@ def test_a_whole_recording_plays_with_its_ramps_and_gaps() -> None:
 def test_periods_are_played_one_by_one() -> None:
     table = pd.concat([vehicle(1, 10.0, -2.0, 9.0), vehicle(1, 10.0, -2.0, 9.0).assign(period="q")])
     with pytest.raises(InputError, match="play them one by one"):
-        play(Recording.from_table(table))
+        play(Recording.from_table(table, road=US101))
 
 
 def test_2000_replays_leave_no_memory_behind() -> None:

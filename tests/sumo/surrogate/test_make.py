@@ -8,7 +8,9 @@ import pyarrow.parquet as pq
 import pytest
 
 from idm_sumo.recordings.readers.delimited import OFFICIAL
-from idm_sumo.roads.road import FOOT, OFF_RAMP_X, ON_RAMP_X, SECTION_LENGTH
+from idm_sumo.roads import US101
+from idm_sumo.roads.units import FOOT
+from idm_sumo.roads.us101 import OFF_RAMP, ON_RAMP
 from idm_sumo.runtime.errors import InputError
 from idm_sumo.sumo.surrogate import make as surrogate
 from idm_sumo.sumo.surrogate import noise as surrogate_noise
@@ -54,14 +56,14 @@ def test_vehicles_have_all_their_frames(rows):
     by_vehicle = rows.groupby(KEYS)
     assert (by_vehicle["Frame_ID"].diff().dropna() == 1).all()
     assert (by_vehicle["Frame_ID"].transform("size") == rows["Total_Frames"]).all()
-    length_ft = SECTION_LENGTH / FOOT
+    length_ft = US101.length / FOOT
     first, last = by_vehicle.first(), by_vehicle.last()
     on_ramp = first["Lane_ID"] == 7
     assert first.loc[~on_ramp, "Local_Y"].between(-5, 15).all()
-    assert first.loc[on_ramp, "Local_Y"].between(495, ON_RAMP_X / FOOT).all()
+    assert first.loc[on_ramp, "Local_Y"].between(495, ON_RAMP / FOOT).all()
     off_ramp = last["Lane_ID"] == 8
     assert last.loc[~off_ramp, "Local_Y"].between(length_ft - 15, length_ft + 5).all()
-    assert last.loc[off_ramp, "Local_Y"].between(OFF_RAMP_X / FOOT, 1430).all()
+    assert last.loc[off_ramp, "Local_Y"].between(OFF_RAMP / FOOT, 1430).all()
     assert on_ramp.any()
     assert off_ramp.any()
 
