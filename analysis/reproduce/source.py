@@ -16,7 +16,7 @@ from idm_sumo.recordings.smoothing import smooth
 from idm_sumo.runtime.errors import InputError
 from idm_sumo.runtime.progress import Progress, silent
 from idm_sumo.scenes.windows import Window, build_scenes
-from idm_sumo.sumo.surrogate.builtin import SURROGATE, cached_surrogate, surrogate_folder
+from idm_sumo.sumo.surrogate.builtin import SURROGATE, surrogate, surrogate_folder
 
 from .drivers import Drivers
 from .settings import Settings
@@ -130,9 +130,9 @@ def _files(settings: Settings, progress: Progress) -> list[Path]:
 def _surrogate(settings: Settings, progress: Progress) -> Path:
     """Return the built-in recording; while SUMO makes it on one core, the kernels are compiled on another."""
     if surrogate_folder(settings.minutes, settings.seed).is_dir():
-        return cached_surrogate(settings.minutes, settings.seed)
+        return surrogate(minutes=settings.minutes, seed=settings.seed)
     compiling = compile_beside()
-    folder = cached_surrogate(settings.minutes, settings.seed, progress)
+    folder = surrogate(minutes=settings.minutes, seed=settings.seed, progress=progress)
     progress("compiling", 0, 1)
     compiling.result()
     progress("compiling", 1, 1)

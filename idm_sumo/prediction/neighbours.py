@@ -39,8 +39,8 @@ class KNNPredictor(RegressorMixin, MultiOutputMixin, BaseEstimator):  # type: ig
     n_neighbors : int
         The paper's K, 8.
     features : sequence of str or None
-        Columns of the driving code to use when codes come as a table; None takes all, and
-        an array is used whole.
+        Columns of the driving code to use when codes come as a table; None takes all. An
+        array, and a table whose columns have no names, is used whole.
 
     Attributes
     ----------
@@ -98,7 +98,7 @@ class KNNPredictor(RegressorMixin, MultiOutputMixin, BaseEstimator):  # type: ig
 
     def _chosen(self, X: Any) -> Any:
         """Pick the features out of a table of codes."""
-        if self.features is None or not isinstance(X, pd.DataFrame):
+        if self.features is None or not isinstance(X, pd.DataFrame) or not _has_names(X):
             return X
         if absent := [name for name in self.features if name not in X.columns]:
             raise InputError(f"driving code has no column {absent[0]!r}; it has {', '.join(map(str, X.columns))}")
@@ -109,6 +109,11 @@ class KNNPredictor(RegressorMixin, MultiOutputMixin, BaseEstimator):  # type: ig
         tags = super().__sklearn_tags__()
         tags.input_tags.allow_nan = True
         return tags
+
+
+def _has_names(table: pd.DataFrame) -> bool:
+    """Return whether scikit-learn takes the columns' labels for names of features."""
+    return all(isinstance(name, str) for name in table.columns)
 
 
 def average_parameters(theta: npt.ArrayLike) -> IDMParameters:

@@ -2,14 +2,14 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import replace
 
 import numpy as np
 import numpy.typing as npt
 import pandas as pd
 
 from idm_sumo.recordings import columns as c
-from idm_sumo.recordings.accounting import Accounting, Ledger
+from idm_sumo.recordings.accounting import Ledger
 from idm_sumo.recordings.columns import FRAME_STEP
 from idm_sumo.recordings.leaders import row_ahead, row_of
 from idm_sumo.recordings.recording import Recording
@@ -28,35 +28,9 @@ Flags = npt.NDArray[np.bool_]
 Integers = npt.NDArray[np.int64]
 
 
-@dataclass(frozen=True)
-class CleanResult:
-    """A recording fit for the study.
-
-    Attributes
-    ----------
-    recording : Recording
-        The rows that remain as traffic, modelled or not.
-    accounting : Accounting
-        Rows dropped, and vehicles not modelled, by reason.
-    vehicles : pandas.DataFrame
-        One row a vehicle that came in: ``period``, ``vehicle``, ``reason`` (empty if it may be
-        modelled), ``first_frame`` and ``last_frame`` of its longest unbroken run on the main
-        lanes (-1 if none), ``wrong_leader_frames``.
-    """
-
-    recording: Recording
-    accounting: Accounting
-    vehicles: pd.DataFrame
-
-    @property
-    def eligible(self) -> pd.DataFrame:
-        """Vehicles that may be modelled, rows of ``vehicles`` without a reason against."""
-        return self.vehicles[self.vehicles["reason"] == ""].reset_index(drop=True)
-
-
 def clean(
     recording: Recording, *, leader_frames: int = LEADER_FRAMES, lane_change_margin: int = LANE_CHANGE_MARGIN
-) -> CleanResult:
+) -> Recording:
     """Apply the paper's rules and count what they cost.
 
     1. Rows on the auxiliary lane and the ramps are removed. The hole this leaves in the
@@ -79,6 +53,14 @@ def clean(
         Frames of disagreement that disqualify; frames around a lane change of either vehicle
         that are not judged, because labels and positions change lane at different moments.
 
+    Returns
+    -------
+    Recording
+        The rows that remain as traffic, modelled or not. Its ``accounting`` goes from reading on, with vehicles not
+        modelled by reason; its ``vehicles`` has one row a vehicle that came in: ``period``, ``vehicle``, ``reason``
+        (empty if it may be modelled), ``first_frame`` and ``last_frame`` of its longest unbroken run on the main
+        lanes (-1 if none), ``wrong_leader_frames``.
+
     Raises
     ------
     InputError
@@ -100,7 +82,9 @@ def clean(
     against = {str(k): int(n) for k, n in vehicles["reason"].value_counts(sort=False).items() if k}
     eligible = int((vehicles["reason"] == "").sum())
     account = ledger.close(len(kept), vehicles=eligible, vehicles_dropped=against)
-    return CleanResult(recording.with_table(kept.reset_index(drop=True)), account, vehicles)
+    if recording.accounting.used == len(table):
+        account = recording.accounting.then(account)
+    return replace(recording, table=kept.reset_index(drop=True), accounting=account, vehicles=vehicles)
 
 
 def _vehicles(table: pd.DataFrame) -> tuple[Integers, pd.DataFrame]:

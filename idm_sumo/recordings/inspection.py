@@ -11,9 +11,9 @@ import numpy as np
 
 from idm_sumo.recordings import columns as c
 from idm_sumo.recordings.accounting import Accounting
-from idm_sumo.recordings.cleaning import CleanResult, clean
+from idm_sumo.recordings.cleaning import clean
 from idm_sumo.recordings.leaders import row_ahead
-from idm_sumo.recordings.reading import ReadResult, read_recording
+from idm_sumo.recordings.reading import read_recording
 from idm_sumo.recordings.recording import Recording
 from idm_sumo.roads import DEFAULT, Road
 
@@ -119,28 +119,28 @@ def inspect_recording(
         As :func:`idm_sumo.recordings.reading.read_recording`.
     """
     read = read_recording(path, location=location, road=road)
-    return summarise(read, clean(read.recording), str(Path(path)))
+    return summarise(read, clean(read), str(Path(path)))
 
 
-def summarise(read: ReadResult, cleaned: CleanResult, source: str) -> Inspection:
+def summarise(read: Recording, cleaned: Recording, source: str) -> Inspection:
     """Return the inspection of a recording read and cleaned already."""
-    table = read.recording.table
+    table = read.table
     first = table.drop_duplicates([c.PERIOD, c.VEHICLE])
-    rows = read.accounting.then(cleaned.accounting)
+    rows = cleaned.accounting
     return Inspection(
         source=source,
         rows=rows,
         vehicles_read=len(first),
-        periods=_periods(read.recording),
+        periods=_periods(read),
         lanes={str(lane): int(n) for lane, n in table[c.LANE].value_counts().sort_index().items()},
         classes={
             name: int((first[c.CLASS] == kind).sum())
             for kind, name in CLASSES.items()
             if (first[c.CLASS] == kind).any()
         },
-        known_leaders=_known_leaders(cleaned.recording),
-        has_leader_rows=read.recording.has_leader_rows,
-        notes=tuple(dict.fromkeys((*cleaned.recording.notes, *rows.notes))),
+        known_leaders=_known_leaders(cleaned),
+        has_leader_rows=read.has_leader_rows,
+        notes=tuple(dict.fromkeys((*cleaned.notes, *rows.notes))),
     )
 
 

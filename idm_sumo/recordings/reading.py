@@ -5,7 +5,7 @@ from __future__ import annotations
 import json
 import os
 import tempfile
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from pathlib import Path
 
 import pandas as pd
@@ -25,17 +25,9 @@ ZIP = b"PK\x03\x04"
 METADATA = b"idm_sumo"  # where a Parquet of ours keeps what is not in the table
 
 
-@dataclass(frozen=True)
-class ReadResult:
-    """A recording and the account of the rows it was made from."""
-
-    recording: Recording
-    accounting: Accounting
-
-
 def read_recording(
     path: str | os.PathLike[str], *, location: str = DEFAULT.name, road: Road | None = None
-) -> ReadResult:
+) -> Recording:
     """Read trajectories in any layout the study knows, told by the content, not by the name.
 
     Official 18-column text, the data portal's CSV (both plain or gzip), Parquet with NGSIM's
@@ -51,6 +43,11 @@ def read_recording(
     road : Road, keyword-only, optional
         What was recorded; by default the road kept in a Parquet of ours, else that of the location.
 
+    Returns
+    -------
+    Recording
+        With the account of its rows in ``accounting``.
+
     Raises
     ------
     InputError
@@ -64,8 +61,12 @@ def read_recording(
     if start.startswith(PARQUET) or path.suffix == ".parquet":
         return _from_parquet(path, ledger, location, road)
     if start.lstrip().startswith(b"<"):
-        return ReadResult(*fcd.read_xml(path, ledger, road=road or road_at(location), source=path.name))
+        return _accounted(*fcd.read_xml(path, ledger, road=road or road_at(location), source=path.name))
     return _from_text(path, start, ledger, location, road or road_at(location))
+
+
+def _accounted(recording: Recording, accounting: Accounting) -> Recording:
+    return replace(recording, accounting=accounting)
 
 
 def _start_of(path: Path) -> bytes:
@@ -86,18 +87,18 @@ def _start_of(path: Path) -> bytes:
     return start.removeprefix(b"\xef\xbb\xbf")
 
 
-def _from_text(path: Path, start: bytes, ledger: Ledger, location: str, road: Road) -> ReadResult:
+def _from_text(path: Path, start: bytes, ledger: Ledger, location: str, road: Road) -> Recording:
     line = start.splitlines()[0].decode("utf-8", errors="replace")
     if b"\x00" in start:
         raise InputError(f"{path}: is not a text file; give NGSIM text, CSV, Parquet or SUMO FCD")
     if delimited.is_official(line):
         raw = delimited.read_official(path, ledger)
     elif pairs.is_pairs([name.strip() for name in line.split(",")]):
-        return ReadResult(*pairs.to_recording(_pairs_of_csv(path), ledger, road=road, source=path.name))
+        return _accounted(*pairs.to_recording(_pairs_of_csv(path), ledger, road=road, source=path.name))
     else:
         _check_header(path, line)
         raw = delimited.read_portal(path, ledger, location=location)
-    return ReadResult(*ngsim.to_recording(raw, ledger, road=road, source=path.name))
+    return _accounted(*ngsim.to_recording(raw, ledger, road=road, source=path.name))
 
 
 def _pairs_of_csv(path: Path) -> pd.DataFrame:
@@ -124,16 +125,16 @@ def _check_header(path: Path, line: str) -> None:
     ngsim.need([delimited.canonical(name) for name in delimited.header_of(path)], path.name)
 
 
-def _from_parquet(path: Path, ledger: Ledger, location: str, road: Road | None) -> ReadResult:
+def _from_parquet(path: Path, ledger: Ledger, location: str, road: Road | None) -> Recording:
     table = _load_parquet(path)
     names = list(table.column_names)
     if {*c.KEYS, c.X, c.Y} <= set(names):
         return _own(table, ledger, path, location, road)
     road = road or road_at(location)
     if fcd.is_fcd(names):
-        return ReadResult(*fcd.from_parquet(table.to_pandas(), ledger, road=road, source=path.name))
+        return _accounted(*fcd.from_parquet(table.to_pandas(), ledger, road=road, source=path.name))
     if pairs.is_pairs(names):
-        return ReadResult(*pairs.to_recording(table.to_pandas(), ledger, road=road, source=path.name))
+        return _accounted(*pairs.to_recording(table.to_pandas(), ledger, road=road, source=path.name))
     raw = table.rename_columns([delimited.canonical(name) for name in names])
     ngsim.need(raw.column_names, path.name)
     known = [name for name in raw.column_names if name in (*delimited.NUMBERS, *delimited.LABELS)]
@@ -142,7 +143,7 @@ def _from_parquet(path: Path, ledger: Ledger, location: str, road: Road | None) 
     if "Location" in frame:
         frame, seen = delimited.keep_location(frame, location, ledger)
         delimited.check_location(path, frame, seen, location)
-    return ReadResult(*ngsim.to_recording(frame, ledger, road=road, source=path.name))
+    return _accounted(*ngsim.to_recording(frame, ledger, road=road, source=path.name))
 
 
 def _load_parquet(path: Path) -> pa.Table:
@@ -160,7 +161,7 @@ def _load_parquet(path: Path) -> pa.Table:
         raise InputError(f"{path}: is no whole Parquet file ({reason}); fetch or write it again") from None
 
 
-def _own(table: pa.Table, ledger: Ledger, path: Path, location: str, road: Road | None) -> ReadResult:
+def _own(table: pa.Table, ledger: Ledger, path: Path, location: str, road: Road | None) -> Recording:
     kept = json.loads((table.schema.metadata or {}).get(METADATA, b"{}"))
     frame = table.to_pandas()
     ledger.total += len(frame)
@@ -175,7 +176,7 @@ def _own(table: pa.Table, ledger: Ledger, path: Path, location: str, road: Road 
     )
     lengths = {(str(period), int(leader)): float(length) for period, leader, length in kept.get("leader_lengths", ())}
     recording = replace(recording, is_smooth=bool(kept.get("is_smooth", False)), leader_lengths=lengths)
-    return ReadResult(recording, ledger.close(len(recording.table), vehicles=recording.vehicle_count))
+    return _accounted(recording, ledger.close(len(recording.table), vehicles=recording.vehicle_count))
 
 
 def write_parquet(recording: Recording, path: str | os.PathLike[str]) -> None:

@@ -11,6 +11,7 @@ import numpy as np
 import pandas as pd
 
 from idm_sumo.recordings import columns as c
+from idm_sumo.recordings.accounting import Accounting
 from idm_sumo.roads import Road
 from idm_sumo.runtime.errors import InputError
 
@@ -47,7 +48,10 @@ def schema(last_lane: int) -> pa.DataFrameSchema:
     return pa.DataFrameSchema(fields, strict=True)
 
 
-@dataclass(frozen=True)
+NOT_COUNTED = Accounting(total=0, used=0)
+
+
+@dataclass(frozen=True, repr=False)
 class Recording:
     """Trajectories of many vehicles, one row a vehicle and frame, in SI units.
 
@@ -68,6 +72,10 @@ class Recording:
         Whether positions, speeds and accelerations are reconstructed and must not be smoothed again.
     leader_lengths : mapping of (str, int) to float
         Lengths (m) of leaders that have no rows, by period and number, where the source tells them.
+    accounting : Accounting
+        What became of the rows it was made from, by reading and cleaning; all zero for a table made by hand.
+    vehicles : pandas.DataFrame or None
+        What cleaning says of every vehicle (:func:`idm_sumo.recordings.cleaning.clean`); None before.
     """
 
     table: pd.DataFrame
@@ -77,6 +85,16 @@ class Recording:
     has_leader_rows: bool = True
     is_smooth: bool = False
     leader_lengths: Mapping[tuple[str, int], float] = field(default_factory=dict)
+    accounting: Accounting = NOT_COUNTED
+    vehicles: pd.DataFrame | None = None
+
+    def __repr__(self) -> str:
+        """Return one line: where from, periods, vehicles and rows."""
+        periods = ", ".join(self.periods)
+        return (
+            f"<Recording {self.source or 'made by hand'}: {self.vehicle_count:,} vehicles, "
+            f"{len(self.table):,} rows, period {periods}>"
+        )
 
     @classmethod
     def from_table(
@@ -143,12 +161,25 @@ class Recording:
         """
         if period not in self.periods:
             raise InputError(f"{self.source or 'recording'}: no period {period!r}; it has {', '.join(self.periods)}")
-        chosen = self.table[self.table[c.PERIOD] == period].reset_index(drop=True)
-        return replace(self, table=chosen)
+        part = self.with_table(self.table[self.table[c.PERIOD] == period].reset_index(drop=True))
+        if self.vehicles is None:
+            return part
+        return replace(part, vehicles=self.vehicles[self.vehicles[c.PERIOD] == period].reset_index(drop=True))
 
     def with_table(self, table: pd.DataFrame, *notes: str) -> Recording:
-        """Return the same recording with another table (same columns) and further notes."""
-        return replace(self, table=table, notes=self.notes + notes)
+        """Return the same recording with another table (same columns) and further notes.
+
+        The accounting is kept only with the number of rows, which it is about.
+        """
+        accounting = self.accounting if len(table) == len(self.table) else NOT_COUNTED
+        return replace(self, table=table, notes=self.notes + notes, accounting=accounting)
+
+    @property
+    def eligible(self) -> pd.DataFrame:
+        """Vehicles that may be modelled, ``period, vehicle``: those cleaning has nothing against; before it, all."""
+        if self.vehicles is None:
+            return self.table[[c.PERIOD, c.VEHICLE]].drop_duplicates(ignore_index=True)
+        return self.vehicles[self.vehicles["reason"] == ""].reset_index(drop=True)
 
     @property
     def vehicle_count(self) -> int:

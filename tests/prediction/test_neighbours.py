@@ -28,7 +28,7 @@ def drivers():
     return codes, rng.uniform(LOWER, UPPER, (60, 5))
 
 
-@parametrize_with_checks([KNNPredictor(n_neighbors=3, features=None)])
+@parametrize_with_checks([KNNPredictor(), KNNPredictor(n_neighbors=3, features=None)])
 def test_is_a_scikit_learn_estimator(estimator, check):
     check(estimator)
 

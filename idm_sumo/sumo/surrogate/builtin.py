@@ -23,9 +23,9 @@ def recording_path(name: str | Path, *, minutes: float = 45.0, seed: int = 1, pr
     name : str or Path
         A file or folder, or the word ``surrogate``. A file of that name is given as ``./surrogate``.
     minutes, seed, progress
-        As :func:`cached_surrogate`; of no effect for a file.
+        As :func:`surrogate`; of no effect for a file.
     """
-    return cached_surrogate(minutes, seed, progress) if str(name) == SURROGATE else Path(name)
+    return surrogate(minutes=minutes, seed=seed, progress=progress) if str(name) == SURROGATE else Path(name)
 
 
 def surrogate_folder(minutes: float, seed: int) -> Path:
@@ -33,8 +33,8 @@ def surrogate_folder(minutes: float, seed: int) -> Path:
     return cache_folder() / f"surrogate-{minutes:g}min-seed{seed}-{_fingerprint()}"
 
 
-def cached_surrogate(minutes: float, seed: int, progress: Progress = silent) -> Path:
-    """Return the surrogate recording, made if the cache lacks it.
+def surrogate(*, minutes: float = 45.0, seed: int = 1, progress: Progress = silent) -> Path:
+    """Return the path of the built-in recording, made if the cache lacks it.
 
     Parameters
     ----------
