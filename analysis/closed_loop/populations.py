@@ -78,7 +78,7 @@ def drivers_of(
     """
     progress("calibrating", 0, 4)
     cleaned = clean(recording)
-    scenes, _ = build_scenes(smooth(cleaned.recording), Window(), modelled=cleaned.eligible[c.VEHICLE])
+    scenes, _ = build_scenes(smooth(cleaned), Window(), modelled=cleaned.eligible[c.VEHICLE])
     if not len(scenes):
         raise InputError(
             f"{recording.source}: no vehicle is recorded for {Window().frames} frames in a row on the main lanes"

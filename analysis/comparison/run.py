@@ -90,7 +90,7 @@ def read_all(
         name = SURROGATE if file == SURROGATE else path.name
         if name in recordings:
             raise InputError(f"{file}: a recording of this name is there already; rename one of the files")
-        recordings[name] = read_recording(path, location=location).recording
+        recordings[name] = read_recording(path, location=location)
         paths.append(path)
     progress("reading", len(files), len(files))
     return recordings, paths

@@ -53,14 +53,13 @@ def diagnose_file(
     begin = time.perf_counter()
     with new_folder(out) as part:
         progress("reading", 0, 1)
-        read = read_recording(file, location=location)
-        cleaned = clean(read.recording)
+        recording = clean(read_recording(file, location=location))
         progress("reading", 1, 1)
-        found = diagnose(cleaned.recording, seed=seed, jobs=jobs, progress=progress)
-        notes = list(dict.fromkeys((*found.notes, *cleaned.recording.notes, *cleaned.accounting.notes)))
+        found = diagnose(recording, seed=seed, jobs=jobs, progress=progress)
+        notes = list(dict.fromkeys((*found.notes, *recording.notes, *recording.accounting.notes)))
         write_diagnosis(part / DIAGNOSIS, contract(found))
         replace(found.model, drivers=DRIVERS).write(part / MODEL)
-        own_drivers(found, cleaned.recording).to_parquet(part / DRIVERS, index=False)
+        own_drivers(found, recording).to_parquet(part / DRIVERS, index=False)
         _write_tables(found, part / "tables")
         pictures = _draw(found, part / "figures", progress)
         settings = {"recording": str(file), "location": location, "seed": seed, "jobs": jobs}
@@ -68,7 +67,7 @@ def diagnose_file(
         record = manifest(
             command, settings, [file], seconds=round(time.perf_counter() - begin, 1), verdict=found.verdict,
             stages={name: round(seconds, 2) for name, seconds in found.seconds.items()}, notes=notes,
-            rows={"read": read.accounting.total, "used": cleaned.accounting.used},
+            rows={"read": recording.accounting.total, "used": recording.accounting.used},
         )  # fmt: skip
         write_manifest(part / MANIFEST, record)
     return found

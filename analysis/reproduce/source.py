@@ -93,15 +93,13 @@ def load_source(settings: Settings, progress: Progress = silent) -> Source:
     accounts, left_out = {}, []
     for index, file in enumerate(files):
         progress("reading", index, len(files))
-        read = read_recording(file)
-        cleaned = clean(read.recording)
-        smoothed = smooth(cleaned.recording)
-        accounts[file.name] = read.accounting.then(cleaned.accounting)
-        left_out.append(cleaned.vehicles.loc[cleaned.vehicles["reason"] != "", NOT_MODELLED])
-        for period in smoothed.periods:
+        recording = smooth(clean(read_recording(file)))
+        accounts[file.name] = recording.accounting
+        left_out.append(recording.ineligible[NOT_MODELLED])
+        for period in recording.periods:
             if period in periods:
                 raise InputError(f"{file}: period {period!r} is in an earlier file too; leave one of them out")
-            periods[period] = smoothed.of_period(period)
+            periods[period] = recording.of_period(period)
     progress("reading", len(files), len(files))
     name = ", ".join(SURROGATE if name == SURROGATE else Path(name).name for name in settings.recordings)
     if len({recording.has_leader_rows for recording in periods.values()}) > 1:

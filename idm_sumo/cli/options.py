@@ -10,8 +10,6 @@ from typing import TYPE_CHECKING, Any
 from idm_sumo.roads import road
 
 if TYPE_CHECKING:
-    from idm_sumo.recordings.cleaning import CleanResult
-    from idm_sumo.recordings.reading import ReadResult
     from idm_sumo.recordings.recording import Recording
     from idm_sumo.scenes.windows import Scenes, Window
 
@@ -69,15 +67,13 @@ def window_of(options: argparse.Namespace, every: int | None = None) -> Window:
     return Window(options.observed, options.horizon, options.rollout_start == "entry", every)
 
 
-def load(options: argparse.Namespace) -> tuple[ReadResult, CleanResult, Recording]:
+def load(options: argparse.Namespace) -> Recording:
     """Read, clean and smooth the RECORDING."""
     from idm_sumo.recordings.cleaning import clean
     from idm_sumo.recordings.reading import read_recording
     from idm_sumo.recordings.smoothing import smooth
 
-    read = read_recording(options.recording, location=options.location)
-    cleaned = clean(read.recording)
-    return read, cleaned, smooth(cleaned.recording)
+    return smooth(clean(read_recording(options.recording, location=options.location)))
 
 
 def scenes_of(options: argparse.Namespace, window: Window) -> tuple[list[Scenes], dict[str, int]]:
@@ -92,11 +88,11 @@ def scenes_of(options: argparse.Namespace, window: Window) -> tuple[list[Scenes]
     from idm_sumo.runtime.errors import InputError
     from idm_sumo.scenes.windows import build_scenes
 
-    _, cleaned, recording = load(options)
-    reasons = dict(cleaned.accounting.vehicles_dropped)
+    recording = load(options)
+    reasons = dict(recording.accounting.vehicles_dropped)
     found = []
     for period in options.period or recording.periods:
-        eligible = cleaned.eligible
+        eligible = recording.eligible
         modelled = eligible.loc[eligible[c.PERIOD] == period, c.VEHICLE]
         scenes, excluded = build_scenes(recording.of_period(period), window, modelled=modelled)
         for reason, count in excluded["reason"].value_counts().items():

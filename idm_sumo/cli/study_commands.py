@@ -69,7 +69,7 @@ def replay(options: argparse.Namespace) -> None:
         options.recording, options.vehicle, tuple(options.period or ()), shared.window_of(options), options.backend,
         options.drivers, options.desired_speed, options.seed, options.model,
     )  # fmt: skip
-    _, _, recording = shared.load(options)
+    recording = shared.load(options)
     with progress_bar() as report:
         scores = module.replay_one(recording, request, options.output, command=sys.argv, progress=report)
     say(text_table(scores), f"wrote {options.output}")

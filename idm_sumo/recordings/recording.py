@@ -182,6 +182,14 @@ class Recording:
         return self.vehicles[self.vehicles["reason"] == ""].reset_index(drop=True)
 
     @property
+    def ineligible(self) -> pd.DataFrame:
+        """Vehicles that are traffic only, ``period, vehicle, reason``."""
+        if self.vehicles is None:
+            return pd.DataFrame({c.PERIOD: pd.Series(dtype=str), c.VEHICLE: pd.Series(dtype=int), "reason": ""})
+        chosen = self.vehicles["reason"] != ""
+        return self.vehicles.loc[chosen, [c.PERIOD, c.VEHICLE, "reason"]].reset_index(drop=True)
+
+    @property
     def vehicle_count(self) -> int:
         """Number of vehicles, those of different periods counted apart."""
         return len(self.table.drop_duplicates([c.PERIOD, c.VEHICLE]))

@@ -33,7 +33,7 @@ def planted(tmp_path_factory: pytest.TempPathFactory) -> Path:
 @pytest.fixture(scope="module")
 def recording(planted: Path) -> Recording:
     """The same, read and cleaned; the kernels are compiled on a small part of it."""
-    whole = clean(read_recording(planted).recording).recording
+    whole = clean(read_recording(planted))
     diagnose(first_of(whole, 0.25), seed=1)
     return whole
 

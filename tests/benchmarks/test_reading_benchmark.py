@@ -61,7 +61,7 @@ def test_reading_a_recording(benchmark: BenchmarkFixture, text: Path) -> None:
 
 
 def test_smoothing_a_recording(benchmark: BenchmarkFixture, text: Path) -> None:
-    recording = read_recording(text).recording
+    recording = read_recording(text)
     benchmark.pedantic(smooth, (recording,), rounds=3, warmup_rounds=1)
     own = seconds(lambda: smooth(recording))
     benchmark.extra_info["time / reading"] = own / seconds(lambda: read_recording(text))

@@ -284,9 +284,9 @@ def test_real_drivers_are_fitted_as_well_as_by_the_papers_solver(shared_data):
     from idm_sumo.recordings.reading import read_recording
     from idm_sumo.recordings.smoothing import smooth
 
-    recorded = read_recording(shared_data / "us101_raw_subset.parquet").recording
+    recorded = read_recording(shared_data / "us101_raw_subset.parquet")
     cleaned = clean(recorded.of_period(recorded.periods[0]))
-    scenes, _ = build_scenes(smooth(cleaned.recording), Window())
+    scenes, _ = build_scenes(smooth(cleaned), Window())
     some = scenes.subset(np.arange(0, len(scenes), 4))
     ours, paper = calibrate(some), calibrate(some, solver="l-bfgs-b", starts=5)
     assert len(ours) > 60

@@ -23,7 +23,7 @@ def hidden(folder: Path, seed: int, effect: str | None, size: str = "large", **g
     planted = planting.simulate(planting.plan(seed, effect=effect, size=size, **{**SMALL, **given}))
     path = folder / "recording.parquet"
     planting.write(planted, path)
-    return read_recording(path).recording
+    return read_recording(path)
 
 
 def case(kind: str, name: str, *, usual: bool = True) -> dict[str, object]:
@@ -35,7 +35,7 @@ def made_elsewhere(folder: Path, seed: int, number: int, chosen: dict[str, objec
     """A recording of the second simulator, and what is hidden in it."""
     got, _ = elsewhere.make(seed, number, chosen)
     got["table"].to_parquet(folder / "recording.parquet", index=False)
-    return read_recording(folder / "recording.parquet").recording, got["hidden"]
+    return read_recording(folder / "recording.parquet"), got["hidden"]
 
 
 def checked(found: Diagnosis) -> Diagnosis:
@@ -144,7 +144,7 @@ def test_what_some_drivers_have_is_named_with_how_many_they_are(tmp_path):
 def test_some_who_are_late_under_another_law_are_not_taken_for_an_asymmetry_of_all(tmp_path):
     plan = planting.plan(81210034, effect="reaction_delay", size="large", underlying="fvd", share=0.4)
     planting.write(planting.simulate(plan), tmp_path / "recording.parquet")
-    late_ones(checked(diagnose(read_recording(tmp_path / "recording.parquet").recording, seed=81210034)))
+    late_ones(checked(diagnose(read_recording(tmp_path / "recording.parquet"), seed=81210034)))
 
 
 def late_ones(found: Diagnosis) -> None:
@@ -277,7 +277,7 @@ def test_headways_that_change_with_speed_are_named_beyond_a_safe_speed(seed, siz
     """Before the time in which it is reached was fitted, what its error left hid the first; the second was searched beyond an IDM."""
     plan = planting.plan(seed, effect="speed_dependent_headway", size=size, underlying="gipps", form=form)
     planting.write(planting.simulate(plan), tmp_path / "recording.parquet")
-    found = checked(diagnose(read_recording(tmp_path / "recording.parquet").recording, seed=seed))
+    found = checked(diagnose(read_recording(tmp_path / "recording.parquet"), seed=seed))
     assert found.model.law == "krauss"
     assert found.model.reaction == pytest.approx(0.9, abs=0.15)
     assert found.causes[0].name == "speed_dependent_headway"
@@ -293,7 +293,7 @@ def test_what_another_law_or_the_time_since_the_entry_had_taken_up_is_named(seed
     """Headways that grow with speed, and a drift, both of drivers of full velocity difference."""
     plan = planting.plan(seed, effect=effect, size="large", underlying="fvd", form=form)
     planting.write(planting.simulate(plan), tmp_path / "recording.parquet")
-    found = checked(diagnose(read_recording(tmp_path / "recording.parquet").recording, seed=seed))
+    found = checked(diagnose(read_recording(tmp_path / "recording.parquet"), seed=seed))
     assert found.model.law == "full_velocity_difference"
     assert found.causes[0].name == effect
     assert better(found)
@@ -304,7 +304,7 @@ def test_metres_kept_more_behind_trucks_are_told_from_a_longer_headway(tmp_path)
     given = {"underlying": "idm", "density": "light", "form": "other"}
     plan = planting.plan(67810015, effect="leader_class", size="large", **given)
     planting.write(planting.simulate(plan), tmp_path / "recording.parquet")
-    found = checked(diagnose(read_recording(tmp_path / "recording.parquet").recording, seed=67810015))
+    found = checked(diagnose(read_recording(tmp_path / "recording.parquet"), seed=67810015))
     (cause,) = found.causes
     assert cause.name == "leader_class"
     assert cause.parameters["ell"].value == pytest.approx(0.5 * 1.25 * 9.0, rel=0.3)  # half of a headway at 9 m/s

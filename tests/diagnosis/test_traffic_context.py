@@ -14,7 +14,7 @@ def test_the_follower_is_known_by_its_class(tmp_path):
     written = planting.write(
         planting.simulate(planting.plan(3, effect=None, drivers=60, minutes=1.0, trucks=0.5)), tmp_path / "r.parquet"
     )
-    table = (recording := read_recording(written).recording).table
+    table = (recording := read_recording(written)).table
     ahead = look_around(recording)
     last = table[c.X].to_numpy() == table.groupby([c.FRAME, c.LANE])[c.X].transform("min").to_numpy()
     assert (ahead.follower_kind[last] == 0.0).all()

@@ -52,7 +52,7 @@ def test_a_wrong_leader_is_not_modelled_but_stays_as_traffic(wrong: int, why: st
     assert result.accounting.vehicles_dropped == {"wrong leader": 1}, why
     assert result.accounting.used == len(rec.table)
     assert 3 not in set(result.eligible[c.VEHICLE])
-    assert 3 in set(result.recording.table[c.VEHICLE])
+    assert 3 in set(result.table[c.VEHICLE])
 
 
 def test_a_few_wrong_frames_are_forgiven() -> None:
@@ -85,7 +85,7 @@ def test_a_hole_in_the_frames_removes_the_vehicle() -> None:
     result = clean(holed)
     assert result.accounting.dropped == {"frame irregularity": 59}
     assert result.accounting.vehicles_dropped == {"frame irregularity": 1}
-    assert 4 not in set(result.recording.table[c.VEHICLE])
+    assert 4 not in set(result.table[c.VEHICLE])
 
 
 def test_a_jump_of_the_clock_removes_the_vehicle() -> None:

@@ -104,7 +104,7 @@ def test_same_account_as_inspect(tmp_path: Path) -> None:
     assert account.rows.dropped["exact duplicate row"] == 1
     assert account == inspect_recording(result.path)
     assert [(period.period, period.vehicles) for period in account.periods] == [("0750-0805", 4), ("0805-0820", 4)]
-    assert len(read_recording(result.path).recording.table) == 320
+    assert len(read_recording(result.path).table) == 320
 
 
 @pytest.mark.parametrize(

@@ -25,20 +25,20 @@ def refused(path: Path, message: str, **how: str) -> None:
 def test_official_text(tmp_path: Path, blank: str) -> None:
     result = read_recording(official(tmp_path / "trajectories.txt", ngsim_files.table(), blank))
     assert (result.accounting.total, result.accounting.used, result.accounting.vehicles) == (90, 90, 3)
-    assert result.recording.periods == ["0750-0805"]
-    assert result.recording.table[c.X].iloc[0] == pytest.approx(940 * FOOT)
+    assert result.periods == ["0750-0805"]
+    assert result.table[c.X].iloc[0] == pytest.approx(940 * FOOT)
 
 
 def test_blanks_at_both_ends_and_windows_line_ends_do_not_matter(tmp_path: Path) -> None:
     path = official(tmp_path / "a.txt", ngsim_files.table())
-    plain = read_recording(path).recording.table
+    plain = read_recording(path).table
     path.write_bytes(b"".join(b"   " + line + b"  \r\n" for line in path.read_bytes().splitlines()) + b"\r\n")
-    pd.testing.assert_frame_equal(read_recording(path).recording.table, plain)
+    pd.testing.assert_frame_equal(read_recording(path).table, plain)
 
 
 def test_all_layouts_of_one_table_give_one_recording(tmp_path: Path) -> None:
     raw = ngsim_files.table(vehicles=4)
-    expected = read_recording(official(tmp_path / "a.txt", raw)).recording.table
+    expected = read_recording(official(tmp_path / "a.txt", raw)).table
     raw.to_parquet(tmp_path / "a.parquet")
     raw.rename(columns=str.lower).astype(str).to_parquet(tmp_path / "text.parquet")
     portal(tmp_path / "a.csv", raw)
@@ -47,7 +47,7 @@ def test_all_layouts_of_one_table_give_one_recording(tmp_path: Path) -> None:
     (tmp_path / "a.csv.gz").write_bytes(gzip.compress((tmp_path / "a.csv").read_bytes()))
     (tmp_path / "named-wrongly.csv").write_bytes((tmp_path / "a.txt").read_bytes())
     for name in ("a.parquet", "text.parquet", "a.csv", "bom.csv", "lower.csv", "a.csv.gz", "named-wrongly.csv"):
-        pd.testing.assert_frame_equal(read_recording(tmp_path / name).recording.table, expected, obj=name)
+        pd.testing.assert_frame_equal(read_recording(tmp_path / name).table, expected, obj=name)
 
 
 def test_portal_keeps_one_location_and_two_periods(tmp_path: Path) -> None:
@@ -60,8 +60,8 @@ def test_portal_keeps_one_location_and_two_periods(tmp_path: Path) -> None:
     result = read_recording(path)
     assert result.accounting.dropped == {"other location": 60}
     assert (result.accounting.total, result.accounting.used) == (240, 180)
-    assert result.recording.periods == ["0750-0805", "0805-0820"]
-    assert read_recording(path, location="I-80").recording.vehicle_count == 2
+    assert result.periods == ["0750-0805", "0805-0820"]
+    assert read_recording(path, location="I-80").vehicle_count == 2
     refused(path, "no row is of location 'lankershim'; the file has i-80, us-101", location="lankershim")
 
 
@@ -69,16 +69,16 @@ def test_global_time_may_be_written_as_a_float(tmp_path: Path) -> None:
     raw = ngsim_files.table().assign(Location="us-101")
     raw["Global_Time"] = raw["Global_Time"].map("{:.1f}".format)
     raw.to_csv(tmp_path / "f.csv", index=False)
-    assert read_recording(tmp_path / "f.csv").recording.periods == ["0750-0805"]
+    assert read_recording(tmp_path / "f.csv").periods == ["0750-0805"]
 
 
 def test_own_parquet_comes_back_as_it_was(tmp_path: Path) -> None:
     rec = recording(Car(1, headway=12.0), Car(2), has_leader_rows=False).with_table(recording(Car(1)).table, "a note")
     write_parquet(rec, tmp_path / "deep" / "rec.parquet")
     back = read_recording(tmp_path / "deep" / "rec.parquet")
-    pd.testing.assert_frame_equal(back.recording.table, rec.table)
-    assert (back.recording.notes, back.recording.has_leader_rows) == (("a note",), False)
-    assert back.recording.source == rec.source
+    pd.testing.assert_frame_equal(back.table, rec.table)
+    assert (back.notes, back.has_leader_rows) == (("a note",), False)
+    assert back.source == rec.source
     assert [path.name for path in (tmp_path / "deep").iterdir()] == ["rec.parquet"]
 
 
@@ -94,7 +94,7 @@ def test_a_folder_of_parquet_parts_is_one_recording(tmp_path: Path, partitioned:
             part.to_parquet(tmp_path / "d" / f"{period}.parquet")
     (tmp_path / "d" / "README.md").write_text("not data")
     result = read_recording(tmp_path / "d")
-    assert (result.accounting.used, result.recording.periods) == (180, ["0750-0805", "0805-0820"])
+    assert (result.accounting.used, result.periods) == (180, ["0750-0805", "0805-0820"])
 
 
 def test_write_where_one_cannot(tmp_path: Path) -> None:
@@ -241,7 +241,7 @@ def test_metres_are_refused(tmp_path: Path) -> None:
 
 def test_the_real_subset(shared_data: Path) -> None:
     result = read_recording(shared_data / "us101_raw_subset.parquet")
-    rec = result.recording
+    rec = result
     assert (result.accounting.total, result.accounting.used, rec.vehicle_count) == (179_319, 179_319, 322)
     assert rec.periods == ["0750-0805", "0805-0820", "0820-0835"]
     speeds = rec.table.groupby(c.PERIOD, observed=True)[c.SPEED].mean()
@@ -252,12 +252,12 @@ def test_the_real_subset(shared_data: Path) -> None:
 def test_the_real_subset_without_its_labels_falls_into_the_same_periods(shared_data: Path, tmp_path: Path) -> None:
     raw = pd.read_parquet(shared_data / "us101_raw_subset.parquet")
     raw.drop(columns="period").to_parquet(tmp_path / "raw.parquet")
-    labels = read_recording(tmp_path / "raw.parquet").recording.table[c.PERIOD].value_counts().to_dict()
+    labels = read_recording(tmp_path / "raw.parquet").table[c.PERIOD].value_counts().to_dict()
     assert labels == raw["period"].value_counts().to_dict()
 
 
 def test_the_real_scenes(shared_data: Path) -> None:
-    rec = read_recording(shared_data / "us101_scenes_smoothed.parquet").recording
+    rec = read_recording(shared_data / "us101_scenes_smoothed.parquet")
     assert (sorted(rec.periods), rec.vehicle_count) == (["env_320", "env_8", "env_888"], 55)
     assert rec.has_leader_rows
     assert rec.table[c.LANE].max() == 8

@@ -304,9 +304,9 @@ def test_the_reader_takes_the_file_whole(tmp_path: Path, suffix, road):
     assert gaps(planted)[0].min() > 0.0
     result = read_recording(write(planted, tmp_path / f"hidden{suffix}"))
     assert result.accounting.dropped == {}
-    assert len(result.recording.table) == np.isfinite(planted.x).sum()
-    assert np.ptp(result.recording.table["x"]) == pytest.approx(planted.plan.length, abs=15.0)
-    cleaned = clean(result.recording)
+    assert len(result.table) == np.isfinite(planted.x).sum()
+    assert np.ptp(result.table["x"]) == pytest.approx(planted.plan.length, abs=15.0)
+    cleaned = clean(result)
     assert cleaned.accounting.dropped == {}
 
 

@@ -38,7 +38,7 @@ def test_a_recording_is_sound_traffic_in_the_official_layout(tmp_path):
     assert np.abs(true_accelerations(got)).max() < 6.0
     got["table"].to_parquet(tmp_path / "r.parquet", index=False)
     read = read_recording(tmp_path / "r.parquet")
-    assert len(read.recording.table) == len(got["table"])
+    assert len(read.table) == len(got["table"])
     told = elsewhere.truth(1, case, got, faults)
     assert told["planted"] == []
     assert told["recording"]["vehicles"] == got["table"]["Vehicle_ID"].nunique()

@@ -244,7 +244,7 @@ def as_recording(outcome: Outcome, recorded: Recording, demand: pd.DataFrame, na
     InputError
         If no vehicle was inside the section.
     """
-    read = read_recording(outcome.fcd, road=recorded.road).recording
+    read = read_recording(outcome.fcd, road=recorded.road)
     table = read.table
     table = table[table[c.X].between(0.0, recorded.road.length)]
     if table.empty:

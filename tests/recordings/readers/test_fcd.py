@@ -52,9 +52,9 @@ def simulate(routes: Path, out: Path, *options: str) -> dict[str, list[float]]:
 @pytest.mark.parametrize("name", ["xml", "xml.gz", "parquet"])
 def test_sumo_coordinates_are_ours(run: dict[str, Path], name: str) -> None:
     result = read_recording(run[name])
-    table = result.recording.table
+    table = result.table
     assert set(table[c.VEHICLE]) == {17, 18, 19}  # 17 keeps its number, the others get the next free ones
-    assert any("car.1 = 18, 0 = 19" in note for note in result.recording.notes)
+    assert any("car.1 = 18, 0 = 19" in note for note in result.notes)
     first = table[table[c.VEHICLE] == 17].iloc[0]
     assert (first[c.LANE], first[c.FRAME]) == (2, 0)
     assert first[c.Y] == pytest.approx(float(US101.lane_center(2)), abs=1e-6)
@@ -66,7 +66,7 @@ def test_sumo_coordinates_are_ours(run: dict[str, Path], name: str) -> None:
 def test_positions_are_sumos_own_and_rows_before_the_section_are_booked(run: dict[str, Path], tmp_path: Path) -> None:
     truth = simulate(run["xml"].parent / "a.rou.xml", tmp_path / "again.xml")
     result = read_recording(tmp_path / "again.xml")
-    table = result.recording.table
+    table = result.table
     np.testing.assert_allclose(table[c.X][table[c.VEHICLE] == 17], truth["17"], atol=1e-5)
     before = int((np.array(truth["0"]) < 0).sum())
     assert before > 0
@@ -75,13 +75,13 @@ def test_positions_are_sumos_own_and_rows_before_the_section_are_booked(run: dic
 
 
 def test_xml_gzip_and_parquet_say_the_same(run: dict[str, Path]) -> None:
-    xml, packed, parquet = (read_recording(run[name]).recording.table for name in ("xml", "xml.gz", "parquet"))
+    xml, packed, parquet = (read_recording(run[name]).table for name in ("xml", "xml.gz", "parquet"))
     pd.testing.assert_frame_equal(xml, packed)
     pd.testing.assert_frame_equal(xml, parquet, atol=1e-5, check_exact=False)  # SUMO writes 32-bit speeds to Parquet
 
 
 def test_acceleration_is_found_where_sumo_did_not_write_it(run: dict[str, Path]) -> None:
-    own, found = (read_recording(run[name]).recording.table for name in ("xml", "bare.xml"))
+    own, found = (read_recording(run[name]).table for name in ("xml", "bare.xml"))
     later = (own[c.FRAME] > own.groupby(c.VEHICLE)[c.FRAME].transform("min")).to_numpy()
     np.testing.assert_allclose(found[c.ACCELERATION][later], own[c.ACCELERATION][later], atol=1e-4)
 

@@ -33,7 +33,7 @@ def read(tmp_path, table: pd.DataFrame, name="pairs.parquet"):
 @pytest.mark.parametrize("name", ["pairs.parquet", "pairs.csv"])
 @pytest.mark.parametrize(("convert", "unit"), [(in_feet, "feet"), (lambda table: table, "metres")])
 def test_units_are_told_by_the_leaders_lengths(tmp_path, convert, unit, name) -> None:
-    recording = read(tmp_path, convert(pair(12, 7)), name).recording
+    recording = read(tmp_path, convert(pair(12, 7)), name)
     assert unit in recording.notes[0]
     row = recording.table.iloc[0]
     assert (row[c.VEHICLE], row[c.LEADER], row[c.FRAME], row[c.PERIOD]) == (12, 7, 100, "0400-0415")
@@ -44,7 +44,7 @@ def test_units_are_told_by_the_leaders_lengths(tmp_path, convert, unit, name) ->
 def test_the_gap_is_the_recorded_one_and_no_other_pair_is_seen(tmp_path) -> None:
     # The second pair drives exactly between the first one's cars, at the same moments.
     table = in_feet(pd.concat([pair(12, 7, length=18.0), pair(31, 30, start=55.0, gap=3.0), pair(41, 40)]))
-    recording = smooth(clean(read(tmp_path, table).recording).recording)
+    recording = smooth(clean(read(tmp_path, table)))
     scenes, excluded = build_scenes(recording, SHORT)
     assert excluded.empty
     assert scenes.leader_source == LEADER_OF_TWIN
@@ -54,9 +54,7 @@ def test_the_gap_is_the_recorded_one_and_no_other_pair_is_seen(tmp_path) -> None
 
 
 def test_who_follows_in_one_pair_and_leads_another_has_its_length(tmp_path) -> None:
-    recording = read(
-        tmp_path, pd.concat([pair(12, 7), pair(7, 5, start=74.5, length=5.1), pair(9, 12, length=4.1)])
-    ).recording
+    recording = read(tmp_path, pd.concat([pair(12, 7), pair(7, 5, start=74.5, length=5.1), pair(9, 12, length=4.1)]))
     lengths = recording.table.groupby(c.VEHICLE)[c.LENGTH].first()
     assert lengths[7] == pytest.approx(4.5)
     assert lengths[12] == pytest.approx(4.1)
@@ -65,7 +63,7 @@ def test_who_follows_in_one_pair_and_leads_another_has_its_length(tmp_path) -> N
 
 def test_a_follower_that_changes_leader_is_one_vehicle(tmp_path) -> None:
     second = pair(12, 8, gap=11.0, first=140, start=50 + 32 + 0.3 * np.sin(2.0))
-    recording = read(tmp_path, pd.concat([pair(12, 7), second])).recording
+    recording = read(tmp_path, pd.concat([pair(12, 7), second]))
     assert recording.vehicle_count == 1
     assert recording.table[c.LEADER].unique().tolist() == [7, 8]
     gap = recording.table[c.HEADWAY] - 4.5
@@ -83,12 +81,12 @@ def test_every_row_is_used_or_dropped_with_a_reason(tmp_path) -> None:
     assert account.dropped == {
         "non-finite value": 1, "impossible speed or lane": 1, "leader not ahead": 1, "duplicate frame of a vehicle": 1,
     }  # fmt: skip
-    assert account.used == len(result.recording.table) == 77
+    assert account.used == len(result.table) == 77
 
 
 def test_speed_and_spacing_may_be_absent(tmp_path) -> None:
     bare = pair(12, 7).drop(columns=["v_follower", "a_follower", "leader_length", "period"])
-    recording = read(tmp_path, bare).recording
+    recording = read(tmp_path, bare)
     assert recording.periods == ["recording"]
     np.testing.assert_allclose(recording.table[c.SPEED], pair(12, 7)["v_follower"], atol=0.01)
     assert recording.leader_lengths["recording", 7] == pytest.approx(4.5)
@@ -96,24 +94,24 @@ def test_speed_and_spacing_may_be_absent(tmp_path) -> None:
 
 def test_periods_keep_the_order_of_their_clocks(tmp_path) -> None:
     table = pd.concat([pair(1, 2, period="0515-0530", first=20), pair(1, 2, period="0400-0415", first=900)])
-    assert read(tmp_path, table).recording.periods == ["0400-0415", "0515-0530"]
+    assert read(tmp_path, table).periods == ["0400-0415", "0515-0530"]
 
 
 def test_smooth_pairs_are_left_alone_and_noisy_ones_are_smoothed(tmp_path) -> None:
-    recording = read(tmp_path, pair(12, 7)).recording
+    recording = read(tmp_path, pair(12, 7))
     assert recording.is_smooth
     assert smooth(recording) is recording
     table = pair(12, 7, frames=200)
     table["x_follower"] += np.random.default_rng(1).normal(0, 0.1, len(table))
-    noisy = read(tmp_path, table.assign(x_leader=table["x_follower"] + 24.5)).recording
+    noisy = read(tmp_path, table.assign(x_leader=table["x_follower"] + 24.5))
     assert not noisy.is_smooth
     assert np.abs(smooth(noisy).table[c.X] - noisy.table[c.X]).median() > 0.03
 
 
 def test_a_recording_of_pairs_is_kept_whole_in_a_file_of_ours(tmp_path) -> None:
-    recording = read(tmp_path, pair(12, 7)).recording
+    recording = read(tmp_path, pair(12, 7))
     write_parquet(recording, tmp_path / "kept.parquet")
-    again = read_recording(tmp_path / "kept.parquet").recording
+    again = read_recording(tmp_path / "kept.parquet")
     pd.testing.assert_frame_equal(again.table, recording.table)
     assert (again.notes, again.is_smooth, again.has_leader_rows) == (recording.notes, True, False)
     assert again.leader_lengths == recording.leader_lengths
@@ -141,12 +139,12 @@ def test_the_reconstructed_pairs_of_i80(shared_data) -> None:
     if not path.is_file():
         pytest.skip(f"needs {path}")
     result, raw = read_recording(path), pd.read_parquet(path)
-    recording = result.recording
+    recording = result
     assert result.accounting.total == result.accounting.used == len(raw) == len(recording.table)
     assert "feet" in recording.notes[0]
     assert recording.is_smooth
     assert recording.table[c.X].max() < 1660 * FOOT  # the I-80 section is 503 m long
-    scenes, _ = build_scenes(clean(recording).recording.of_period("0400-0415"), Window())
+    scenes, _ = build_scenes(clean(recording).of_period("0400-0415"), Window())
     first = (
         raw[raw["period"] == "0400-0415"]
         .sort_values(["follower", "t"])

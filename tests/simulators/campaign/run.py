@@ -137,7 +137,7 @@ def find(file: Path, seed: int) -> dict[str, Any]:
     from idm_sumo.recordings.cleaning import clean
     from idm_sumo.recordings.reading import read_recording
 
-    recording = clean(read_recording(file).recording).recording
+    recording = clean(read_recording(file))
     return dict(json.loads(json.dumps(contract(diagnose(recording, seed=seed)), default=plain)))
 
 

@@ -260,11 +260,11 @@ def test_not_overtaking_on_the_right_breaks_parity() -> None:
 
 @pytest.fixture(scope="module")
 def calibrated(shared_data: Path) -> tuple[list[Scenes], pd.DataFrame]:
-    recording = read_recording(shared_data / "us101_raw_subset.parquet").recording
+    recording = read_recording(shared_data / "us101_raw_subset.parquet")
     scenes = []
     for period in recording.periods:
         cleaned = clean(recording.of_period(period))
-        scenes.append(build_scenes(smooth(cleaned.recording), Window(), modelled=cleaned.eligible[c.VEHICLE])[0])
+        scenes.append(build_scenes(smooth(cleaned), Window(), modelled=cleaned.eligible[c.VEHICLE])[0])
     drivers = pd.concat([calibrate(part) for part in scenes], ignore_index=True)
     assert len(drivers) > 300
     return scenes, drivers

@@ -202,7 +202,7 @@ def test_2000_replays_leave_no_memory_behind() -> None:
 
 def test_the_surrogate_replays_and_is_perceived_alike(tmp_path) -> None:
     make_surrogate(tmp_path / "surrogate.txt", minutes=0.5, seed=1)
-    recording = smooth(clean(read_recording(tmp_path / "surrogate.txt").recording).recording)
+    recording = smooth(clean(read_recording(tmp_path / "surrogate.txt")))
     scenes, _ = build_scenes(recording.of_period(recording.periods[0]), Window())
     assert len(scenes) > 10
     assert_same(replay_ghosts(scenes, DRIVER), drive_idm(scenes, DRIVER))
@@ -214,7 +214,7 @@ def test_the_surrogate_replays_and_is_perceived_alike(tmp_path) -> None:
 
 @pytest.mark.parametrize("period", range(3))
 def test_the_dense_real_scenes_play_with_all_their_vehicles(shared_data, period) -> None:
-    recording = read_recording(shared_data / "us101_scenes_smoothed.parquet").recording
+    recording = read_recording(shared_data / "us101_scenes_smoothed.parquet")
     played = play(recording.of_period(recording.periods[period]))
     assert played.largest_deviation <= 1e-9
     assert played.off_lane == 0
