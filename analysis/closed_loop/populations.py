@@ -1,4 +1,7 @@
-"""Whose parameters the vehicles of a closed loop have: calibrated, predicted, pooled."""
+"""Parameters of the vehicles of a closed loop.
+
+They are calibrated, predicted or pooled.
+"""
 
 from __future__ import annotations
 
@@ -97,7 +100,7 @@ def drivers_of(
 
 
 def _calibrated(scenes: Scenes, seed: int, refit: bool) -> pd.DataFrame:
-    """Fit every driver, with its code, and without d1 as SUMO needs it."""
+    """Fit every driver; add its code and what replaces d1."""
     fits = calibrate(scenes, seed=seed)
     fitted = np.isfinite(fits[PARAMETERS].to_numpy()).all(axis=1)
     codes = driving_code(scenes)
@@ -111,7 +114,10 @@ def _calibrated(scenes: Scenes, seed: int, refit: bool) -> pd.DataFrame:
 
 
 def _read(path: Path, period: str) -> pd.DataFrame:
-    """Return the drivers of one period from a table; of several windows of a driver the first."""
+    """Return the drivers of one period from a table.
+
+    Of several windows of a driver the first counts.
+    """
     table, _ = with_parameters(read_drivers(path), str(path))
     own = table[table[c.PERIOD].astype(str) == period].drop_duplicates([c.PERIOD, c.VEHICLE]).reset_index(drop=True)
     if own.empty:
@@ -121,7 +127,7 @@ def _read(path: Path, period: str) -> pd.DataFrame:
 
 
 def parameters_for(population: str, drivers: Drivers, demand: pd.DataFrame, speeds: pd.Series) -> tuple[Floats, int]:
-    """Return ``a, b, T, d0, 0`` of every vehicle of the demand, shape ``(vehicles, 5)``, and how many have the pooled ones.
+    """Return the parameters of every vehicle of the demand.
 
     Parameters
     ----------
@@ -131,6 +137,13 @@ def parameters_for(population: str, drivers: Drivers, demand: pd.DataFrame, spee
     demand : pandas.DataFrame
     speeds : pandas.Series
         Recorded mean speed (m/s) of every vehicle, at which a ``d1`` is linearised.
+
+    Returns
+    -------
+    theta : ndarray, shape (vehicles, 5)
+        ``a, b, T, d0, 0``.
+    pooled : int
+        Vehicles that have the pooled parameters, for want of their own.
 
     Raises
     ------
@@ -158,7 +171,7 @@ def parameters_for(population: str, drivers: Drivers, demand: pd.DataFrame, spee
 
 
 def _known_to(table: pd.DataFrame, demand: pd.DataFrame) -> tuple[npt.NDArray[np.bool_], npt.NDArray[np.intp]]:
-    """Return which vehicles of the demand a table has, and in which rows."""
+    """Return which vehicles a table has, and in which rows."""
     row = pd.Index(table[c.VEHICLE]).get_indexer(pd.Index(demand[c.VEHICLE]))
     return row >= 0, row[row >= 0]
 
@@ -166,10 +179,29 @@ def _known_to(table: pd.DataFrame, demand: pd.DataFrame) -> tuple[npt.NDArray[np
 def refitted_for(
     model: ExtendedModel, file: Path, demand: pd.DataFrame, period: str, calibrated: Floats
 ) -> tuple[Floats, Floats, npt.NDArray[np.bool_]]:
-    """Return ``a, b, T, d0, d1`` of every vehicle by an extended model, desired speeds (m/s), and who has what only some have.
+    """Return how an extended model drives every vehicle.
 
-    Those are each driver's own, refitted with the causes, where the table beside the model's ``file`` has it. The others drive as
-    ``calibrated`` without; by another law, of which that says nothing, as the model's median driver.
+    Parameters, desired speed and partial causes are each driver's own, refitted with the causes, where
+    the table beside the model has them. The other vehicles drive as ``calibrated``, without causes; by
+    another law, of which that says nothing, as the model's median driver.
+
+    Parameters
+    ----------
+    model : ExtendedModel
+    file : Path
+        Of the model; the table it names is beside it.
+    demand : pandas.DataFrame
+    period : str
+    calibrated : ndarray, shape (vehicles, 5)
+
+    Returns
+    -------
+    theta : ndarray, shape (vehicles, 5)
+        ``a, b, T, d0, d1``.
+    desired : ndarray, shape (vehicles,)
+        Desired speeds (m/s).
+    has : ndarray of bool, shape (vehicles,)
+        Who has the causes that only some drivers have.
 
     Raises
     ------
@@ -197,5 +229,10 @@ def refitted_for(
 
 
 def mean_speed_of(recording: Recording) -> pd.Series:
-    """Return every vehicle's recorded mean speed (m/s)."""
+    """Return every vehicle's recorded mean speed (m/s).
+
+    Parameters
+    ----------
+    recording : Recording
+    """
     return recording.table.groupby(c.VEHICLE)[c.SPEED].mean()

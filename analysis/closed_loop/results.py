@@ -10,44 +10,97 @@ import pandas as pd
 from idm_sumo.evaluation.comparison import RECORDING, Comparison
 from idm_sumo.recordings.recording import Recording
 from idm_sumo.sumo.closed_loop.run import Measured, glimpse_of
-from idm_sumo.sumo.surrogate.builtin import SURROGATE
 
 from ..comparison.figures import overview, time_space
 from ..comparison.run import shown
-from ..page.page import render
+from ..page.page import not_measured, render
 from ..page.style import save
 from ..reproduce.replay_bias import in_words
 from . import words
 from .settings import Case, Settings
 from .words import POPULATION, RECORDED
 
-FIRST = ["population", "seed", "vehicles", "mean_speed_m_s", "flow_veh_h", "density_veh_km", "travel_time_s", "gap_m", "time_headway_s",
-         "lane_changes_per_km", "wave_speed_m_s", "late", "largest_delay_s", "mean_delay_s", "never_inserted", "collisions"]  # fmt: skip
+FIRST = [
+    "population",
+    "seed",
+    "vehicles",
+    "mean_speed_m_s",
+    "flow_veh_h",
+    "density_veh_km",
+    "travel_time_s",
+    "gap_m",
+    "time_headway_s",
+    "lane_changes_per_km",
+    "wave_speed_m_s",
+    "late",
+    "largest_delay_s",
+    "mean_delay_s",
+    "never_inserted",
+    "collisions",
+]
 
 
 def closed_loop_table(comparison: Comparison, measured: list[tuple[Case, Measured]]) -> pd.DataFrame:
-    """Return ``tables/closed_loop.csv``: the recording's row, then one row a population and seed.
+    """Return ``tables/closed_loop.csv``.
 
-    Columns of :func:`idm_sumo.evaluation.comparison.compare`'s summary, and ``population, seed, late`` (vehicles inserted later than recorded,
-    or never), ``largest_delay_s, mean_delay_s`` (over all vehicles), ``never_inserted, collisions``.
+    The recording's row comes first, then one row a population and seed.
+
+    Parameters
+    ----------
+    comparison : Comparison
+    measured : list of (Case, Measured)
+
+    Returns
+    -------
+    pandas.DataFrame
+        Columns of :func:`idm_sumo.evaluation.comparison.compare`'s summary, and ``population, seed, late``
+        (vehicles inserted later than recorded, or never), ``largest_delay_s, mean_delay_s`` (over all
+        vehicles), ``never_inserted, collisions``.
     """
     rows: list[dict[str, Any]] = [{POPULATION: RECORDED, RECORDING: RECORDED}]
     for case, m in measured:
         delays = m.outcome.departures["delay_s"]
-        rows.append({
-            POPULATION: case.population, RECORDING: case.name, "seed": case.seed or 1, "late": len(m.outcome.late),
-            "largest_delay_s": float(delays.max()), "mean_delay_s": float(delays.mean()),
-            "never_inserted": int(m.outcome.departures["departed_s"].isna().sum()), "collisions": m.outcome.collisions,
-        })  # fmt: skip
+        rows.append(
+            {
+                POPULATION: case.population,
+                RECORDING: case.name,
+                "seed": case.seed or 1,
+                "late": len(m.outcome.late),
+                "largest_delay_s": float(delays.max()),
+                "mean_delay_s": float(delays.mean()),
+                "never_inserted": int(m.outcome.departures["departed_s"].isna().sum()),
+                "collisions": m.outcome.collisions,
+            }
+        )
     table = pd.DataFrame(rows).merge(comparison.summary, on=RECORDING, validate="1:1")
     return table[[*FIRST, *(name for name in table if name not in (*FIRST, RECORDING))]]
 
 
 def write_results(
-    part: Path, table: pd.DataFrame, comparison: Comparison, measured: list[tuple[Case, Measured]], bias: pd.DataFrame,
-    recorded: Recording, demand: pd.DataFrame, settings: Settings,
-) -> None:  # fmt: skip
-    """Write tables, pictures and page below ``part``."""
+    part: Path,
+    table: pd.DataFrame,
+    comparison: Comparison,
+    measured: list[tuple[Case, Measured]],
+    bias: pd.DataFrame,
+    recorded: Recording,
+    demand: pd.DataFrame,
+    settings: Settings,
+) -> None:
+    """Write tables, pictures and page below ``part``.
+
+    Parameters
+    ----------
+    part : Path
+    table : pandas.DataFrame
+        Of :func:`closed_loop_table`.
+    comparison : Comparison
+    measured : list of (Case, Measured)
+    bias : pandas.DataFrame
+        Replay bias; empty if it was not asked for.
+    recorded : Recording
+    demand : pandas.DataFrame
+    settings : Settings
+    """
     tables, figures = part / "tables", part / "figures"
     tables.mkdir()
     figures.mkdir()
@@ -76,21 +129,33 @@ def write_results(
     save(time_space(glimpses), figures / "time_space.png")
     measures, distances = shown(comparison)
     render(
-        part / "report.html", "closed_loop/report.html.j2", title=f"Closed loop: {Path(settings.recording).name}, {recorded.periods[0]}", figures=figures,
-        surrogate=settings.recording == SURROGATE, findings=words.in_words(table), setup=_setup(settings, demand, measured), measures=measures,
-        distances=distances, ranks=ranks, insertion=table[table[POPULATION] != RECORDED][["population", "seed", *FIRST[-5:]]],
-        bias=bias if len(bias) else None, bias_words=in_words(bias), notes=[*recorded.notes, *comparison.notes],
-    )  # fmt: skip
+        part / "report.html",
+        "closed_loop/report.html.j2",
+        title=f"Closed loop: {Path(settings.recording).name}, {recorded.periods[0]}",
+        figures=figures,
+        not_measured=not_measured({Path(settings.recording).name: recorded}),
+        findings=words.in_words(table),
+        setup=_setup(settings, demand, measured),
+        measures=measures,
+        distances=distances,
+        ranks=ranks,
+        insertion=table[table[POPULATION] != RECORDED][["population", "seed", *FIRST[-5:]]],
+        bias=bias if len(bias) else None,
+        bias_words=in_words(bias),
+        notes=[*recorded.notes, *comparison.notes],
+    )
 
 
 def _setup(settings: Settings, demand: pd.DataFrame, measured: list[tuple[Case, Measured]]) -> str:
     """Say what the run was; every number computed."""
     duration = measured[0][0].files.duration
     boundary = (
-        "The recorded speeds at the end of the section, lane by lane and smoothed over 7 s, are imposed as speed limits on the 300 m behind it: "
+        "The recorded speeds at the end of the section, lane by lane and smoothed over 7 s, are imposed as "
+        "speed limits on the 300 m behind it: "
         "what holds recorded traffic up lies downstream of the section, and without that a closed loop runs free. "
         if settings.downstream_speed
-        else "Nothing is imposed downstream of the section, so the bottleneck that held the recorded traffic up is missing. "
+        else "Nothing is imposed downstream of the section, so the bottleneck that held the recorded traffic "
+        "up is missing. "
     )
     pooled = "; ".join(
         f"{case.name}: {case.pooled} of {len(demand)}"
@@ -99,8 +164,10 @@ def _setup(settings: Settings, demand: pd.DataFrame, measured: list[tuple[Case, 
     )
     ego = f"Vehicle {settings.ego} is driven by our own IDM, steering and bicycle. " if settings.ego is not None else ""
     return (
-        f"{len(demand)} recorded vehicles over {duration / 60:.1f} minutes enter at their recorded place, lane, speed and time, with their route, length and "
-        f"class, and then react. {boundary}Lane changes by SUMO's {settings.lane_change_model}, equal for all populations. {ego}"
+        f"{len(demand)} recorded vehicles over {duration / 60:.1f} minutes enter at their recorded place, "
+        f"lane, speed and time, with their route, length and "
+        f"class, and then react. {boundary}Lane changes by SUMO's {settings.lane_change_model}, equal for all "
+        f"populations. {ego}"
         + (
             f"Vehicles without a calibration of their own, which have the pooled parameters: {pooled}."
             if pooled

@@ -1,4 +1,7 @@
-"""``interactive``: the recorded demand as vehicles that react, held against the recording."""
+"""``interactive``: recorded demand as vehicles that react.
+
+The simulated traffic is compared with the recording.
+"""
 
 from __future__ import annotations
 
@@ -47,13 +50,47 @@ from .words import RECORDED
 Floats = npt.NDArray[np.float64]
 
 
+def stages(settings: Settings) -> tuple[str, ...]:
+    """Return the names of a run's stages, in order.
+
+    Parameters
+    ----------
+    settings : Settings
+    """
+    calibrating = ("calibrating",) if _needs_drivers(settings) else ()
+    bias = ("replay bias",) if settings.bias_sample else ()
+    return ("reading", *calibrating, "simulating", *bias, "writing")
+
+
+def _needs_drivers(settings: Settings) -> bool:
+    """Whether anything drives by the recording's own drivers."""
+    calibrated = bool(set(settings.types) & {*CALIBRATED, *LOOPS})
+    return calibrated or settings.ego is not None or settings.bias_sample > 0
+
+
 def interactive(settings: Settings, out: Path, *, command: list[str], progress: Progress = silent) -> pd.DataFrame:
-    """Run the populations, compare them with the recording, leave the results in ``out`` and return the table.
+    """Run the populations and compare them with the recording.
+
+    Parameters
+    ----------
+    settings : Settings
+    out : Path
+        Folder of the results.
+    command : list of str
+        As typed, for the manifest.
+    progress : Progress
+        Called with a stage's name, what is done of it and its total.
+
+    Returns
+    -------
+    pandas.DataFrame
+        ``tables/closed_loop.csv``.
 
     Raises
     ------
     InputError
-        If the recording is no demand, a type, lane change parameter, period or ego is not there, or a display is missing.
+        If the recording is no demand, a type, lane change parameter, period or ego is not there, or a
+        display is missing.
     """
     begin = time.perf_counter()
     lane_change = lane_change_attributes(settings.lane_change_model, settings.lane_change or {})
@@ -65,12 +102,9 @@ def interactive(settings: Settings, out: Path, *, command: list[str], progress: 
         recorded, path = _recorded(settings, progress)
         demand = demand_of(recorded)
         _check_ego(settings, demand, recorded)
-        needed = (
-            bool(set(settings.types) & {*CALIBRATED, *LOOPS}) or settings.ego is not None or settings.bias_sample > 0
-        )
         drivers = (
             drivers_of(recorded, settings.drivers, settings.seed, refit=settings.refit, progress=progress)
-            if needed
+            if _needs_drivers(settings)
             else None
         )
         cases = _cases(settings, recorded, demand, drivers, lane_change, part)
@@ -87,17 +121,26 @@ def interactive(settings: Settings, out: Path, *, command: list[str], progress: 
         table = closed_loop_table(comparison, measured)
         write_results(part, table, comparison, measured, bias, recorded, demand, settings)
         plain = {key: value for key, value in asdict(settings).items() if key not in ("gui",)}
-        record = manifest(command, plain, [path, *(file for file in (settings.drivers, settings.model) if file)], seconds=round(time.perf_counter() - begin, 1),
-                          integrator="SUMO, Euler with the new speed, 0.1 s", lane_change=lane_change, period=recorded.periods[0],
-                          drivers=None if drivers is None else drivers.origin, pooled=None if drivers is None else drivers.pooled._asdict(),
-                          pooled_vehicles={case.name: case.pooled for case, _ in measured})  # fmt: skip
+        record = manifest(
+            command,
+            plain,
+            [path, *(file for file in (settings.drivers, settings.model) if file)],
+            seconds=round(time.perf_counter() - begin, 1),
+            integrator="SUMO, Euler with the new speed, 0.1 s",
+            lane_change=lane_change,
+            period=recorded.periods[0],
+            drivers=None if drivers is None else drivers.origin,
+            pooled=None if drivers is None else drivers.pooled._asdict(),
+            pooled_vehicles={case.name: case.pooled for case, _ in measured},
+            notes=[*recorded.notes, *comparison.notes],
+        )
         write_manifest(part / MANIFEST, record)
         progress("writing", 1, 1)
     return table
 
 
 def _recorded(settings: Settings, progress: Progress) -> tuple[Recording, Path]:
-    """Return the wanted period, smoothed, all lanes and ramps, and the file."""
+    """Return the wanted period, all lanes, smoothed, and its file."""
     recordings, paths = read_all([settings.recording], settings.minutes, settings.seed, settings.location, progress)
     whole = next(iter(recordings.values()))
     one = whole.of_period(settings.period or whole.periods[0])
@@ -111,7 +154,8 @@ def _check_ego(settings: Settings, demand: pd.DataFrame, recorded: Recording) ->
     own = demand[demand[c.VEHICLE] == settings.ego]
     if own.empty:
         raise InputError(
-            f"--ego {settings.ego}: is not in period {recorded.periods[0]} of {recorded.source}; see `idm-sumo inspect`"
+            f"--ego {settings.ego}: is not in period {recorded.periods[0]} of {recorded.source}; `idm-sumo "
+            f"inspect RECORDING --vehicles` lists its vehicles"
         )
     if own[d.LANE].iloc[0] > road.MAIN_LANES:
         raise InputError(
@@ -154,7 +198,10 @@ def _cases(
 
 
 def _ours(file: Path, population: str, demand: pd.DataFrame, period: str, calibrated: Floats) -> ModelDrivers:
-    """Return the drivers of a population that our own loop drives: with a model's causes, or by its law without them."""
+    """Return the drivers of a population of our own loop.
+
+    They drive with a model's causes, or by its law without them.
+    """
     model = ExtendedModel.read(file)
     if population != EXTENDED:
         model = replace(model, causes=())
@@ -172,14 +219,23 @@ def _run_all(
     part: Path,
     progress: Progress,
 ) -> list[tuple[Case, Measured]]:
-    """Run the cases, each in a process of its own where there are several."""
+    """Run the cases, several at once, each in a process."""
     (part / "fcd").mkdir()
     jobs = min(settings.jobs or cpu_count(), len(cases))
     work: list[tuple[Case, dict[str, Any]]] = [
-        (case, {"fcd": part / "fcd" / f"{case.name.replace(', ', '-').replace(' ', '')}.parquet", "name": case.name,
-                "seed": case.seed or settings.seed, "ego": _ego(settings, demand, drivers), "ours": case.ours, "gui": settings.gui})
+        (
+            case,
+            {
+                "fcd": part / "fcd" / f"{case.name.replace(', ', '-').replace(' ', '')}.parquet",
+                "name": case.name,
+                "seed": case.seed or settings.seed,
+                "ego": _ego(settings, demand, drivers),
+                "ours": case.ours,
+                "gui": settings.gui,
+            },
+        )
         for case in cases
-    ]  # fmt: skip
+    ]
     # All that a worker needs of it: road, period and first frame.
     clock = Recording(recorded.table.iloc[[0]], recorded.road, recorded.source)
     if jobs == 1:
@@ -196,7 +252,10 @@ def _run_all(
 
 
 def _ego(settings: Settings, demand: pd.DataFrame, drivers: Drivers | None) -> Ego | None:
-    """Return the vehicle we drive, by its own calibrated parameters or else the pooled ones."""
+    """Return the vehicle we drive and its parameters.
+
+    They are its own calibrated ones, or else the pooled ones.
+    """
     if settings.ego is None or drivers is None:
         return None
     own = demand[demand[c.VEHICLE] == settings.ego].iloc[0]

@@ -1,4 +1,4 @@
-"""What a closed loop is asked to be, and one run of it."""
+"""Settings of a closed loop, and one run of it."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Which population of a closed loop is closest to the recording, and where each is wrong: computed, then said."""
+"""Rank populations by closeness to the recording, in words."""
 
 from __future__ import annotations
 
@@ -9,23 +9,32 @@ POPULATION, RECORDED = "population", "recorded"
 DEVIATION = "deviation of "
 # Smaller is closer. The last two are made here, from the figures themselves.
 CLOSENESS = {
-    "gap_wasserstein_m": "gaps", "time_headway_wasserstein_s": "time headways", "travel_time_wasserstein_s": "travel times",
-    "speed_wasserstein_m_s": "speeds", "speed_rmse_m_s": "speed by minute, lane and segment",
-    "flow_rmse_veh_h": "flow by minute, lane and segment", "density_rmse_veh_km": "density by minute, lane and segment",
-    f"{DEVIATION}lane_changes_per_km": "lane changes", f"{DEVIATION}wave_speed_m_s": "wave speed",
-}  # fmt: skip
+    "gap_wasserstein_m": "gaps",
+    "time_headway_wasserstein_s": "time headways",
+    "travel_time_wasserstein_s": "travel times",
+    "speed_wasserstein_m_s": "speeds",
+    "speed_rmse_m_s": "speed by minute, lane and segment",
+    "flow_rmse_veh_h": "flow by minute, lane and segment",
+    "density_rmse_veh_km": "density by minute, lane and segment",
+    f"{DEVIATION}lane_changes_per_km": "lane changes",
+    f"{DEVIATION}wave_speed_m_s": "wave speed",
+}
 # What is said of a figure that is above, and below, the recorded one.
 FIGURES = {
-    "mean_speed_m_s": ("mean speed", "too high", "too low"), "flow_veh_h": ("flow", "too high", "too low"),
-    "density_veh_km": ("density", "too high", "too low"), "travel_time_s": ("median travel time", "too long", "too short"),
-    "gap_m": ("median gap", "too wide", "too narrow"), "time_headway_s": ("median time headway", "too long", "too short"),
-    "lane_changes_per_km": ("lane changes", "too many", "too few"), "wave_speed_m_s": ("wave speed", "too fast", "too slow"),
-}  # fmt: skip
+    "mean_speed_m_s": ("mean speed", "too high", "too low"),
+    "flow_veh_h": ("flow", "too high", "too low"),
+    "density_veh_km": ("density", "too high", "too low"),
+    "travel_time_s": ("median travel time", "too long", "too short"),
+    "gap_m": ("median gap", "too wide", "too narrow"),
+    "time_headway_s": ("median time headway", "too long", "too short"),
+    "lane_changes_per_km": ("lane changes", "too many", "too few"),
+    "wave_speed_m_s": ("wave speed", "too fast", "too slow"),
+}
 MOST_WRONG = 2  # figures named of each population
 
 
 def ranking(table: pd.DataFrame) -> pd.DataFrame:
-    """Return the mean rank of every population over the measures of closeness, the closest first.
+    """Rank the populations over all measures, the closest first.
 
     Parameters
     ----------
@@ -54,13 +63,20 @@ def ranking(table: pd.DataFrame) -> pd.DataFrame:
 
 
 def in_words(table: pd.DataFrame) -> str:
-    """Say which population is closest, and where each is wrong."""
+    """Say which population is closest, and where each is wrong.
+
+    Parameters
+    ----------
+    table : pandas.DataFrame
+        ``tables/closed_loop.csv``.
+    """
     ranks = ranking(table)
     means, recorded = _means(table)
     order = ", ".join(f"{row[POPULATION]} ({row['mean_rank']:.1f})" for _, row in ranks.iterrows())
     first = ranks.iloc[0]
     closest = (
-        f"Closest to the recording is {first[POPULATION]}: mean rank {first['mean_rank']:.1f} over {first['measures']} measures, first in "
+        f"Closest to the recording is {first[POPULATION]}: mean rank {first['mean_rank']:.1f} over "
+        f"{first['measures']} measures, first in "
         f"{first['best_in']} of them. In order: {order}. "
         if len(ranks) > 1
         else ""
@@ -78,7 +94,7 @@ def _means(table: pd.DataFrame) -> tuple[pd.DataFrame, pd.Series]:
 
 
 def _wrong(own: pd.Series, recorded: pd.Series) -> str:
-    """Name the figures that are off most, relative to the recorded ones."""
+    """Name the figures with the largest relative errors."""
     off = {
         name: own[name] / recorded[name] - 1.0
         for name in FIGURES

@@ -1,4 +1,4 @@
-"""Pictures of whole recordings side by side: time-space diagrams, speeds, distributions."""
+"""Pictures of whole recordings side by side."""
 
 from __future__ import annotations
 
@@ -27,15 +27,25 @@ CELL_LENGTH, CELL_TIME = 5.0, 2.0  # m, s: fine enough to see single vehicles
 
 
 def colours(names: Sequence[str]) -> dict[str, str]:
-    """Return one colour a recording, the reference black."""
+    """Return one colour a recording, the reference black.
+
+    Parameters
+    ----------
+    names : sequence of str
+    """
     return {name: PALETTE[number % len(PALETTE)] for number, name in enumerate(names)}
 
 
 def overview(comparison: Comparison) -> Figure:
-    """Draw speed by position for up to three periods, and the distributions of gap, time headway and travel time.
+    """Draw speeds by position, and distributions.
 
-    The distributions are of the period in which the reference holds most vehicles: recordings that mix periods
-    in unequal shares would differ by that alone.
+    Speeds by position are of up to three periods. The distributions of gap, time headway and travel time
+    are of the period in which the reference holds most vehicles: recordings that mix periods in unequal
+    shares would differ by that alone.
+
+    Parameters
+    ----------
+    comparison : Comparison
     """
     measures = comparison.measures
     reference = measures[comparison.reference]
@@ -48,11 +58,15 @@ def overview(comparison: Comparison) -> Figure:
         ax.axis("off")
     fullest = str(reference.counts.idxmax())
     span = f"travel time over {np.ptp(m.STATIONS):.0f} m (s)"
-    for ax, (table, column, edges, label) in zip(axes[3:], (
-        ("following", "gap_m", np.linspace(0, 60, 61), "gap (m)"),
-        ("following", "time_headway_s", np.linspace(0, 6, 61), "time headway (s)"),
-        ("travel_times", "travel_time_s", np.linspace(20, 140, 41), span),
-    ), strict=True):  # fmt: skip
+    for ax, (table, column, edges, label) in zip(
+        axes[3:],
+        (
+            ("following", "gap_m", np.linspace(0, 60, 61), "gap (m)"),
+            ("following", "time_headway_s", np.linspace(0, 6, 61), "time headway (s)"),
+            ("travel_times", "travel_time_s", np.linspace(20, 140, 41), span),
+        ),
+        strict=True,
+    ):
         _distribution(ax, measures, paint, table, column, edges, fullest)
         ax.set(xlabel=label)
     handles, labels = axes[3].get_legend_handles_labels()
@@ -78,9 +92,14 @@ def _speed_by_position(ax: Axes, measures: Mapping[str, TrafficMeasures], period
 
 
 def _distribution(
-    ax: Axes, measures: Mapping[str, TrafficMeasures], paint: dict[str, str], table: str, column: str,
-    edges: npt.NDArray[np.float64], period: str,
-) -> None:  # fmt: skip
+    ax: Axes,
+    measures: Mapping[str, TrafficMeasures],
+    paint: dict[str, str],
+    table: str,
+    column: str,
+    edges: npt.NDArray[np.float64],
+    period: str,
+) -> None:
     reference = next(iter(measures.values()))
     for name, measured in measures.items():
         theirs = dict(matched_periods(reference.periods, measured.periods)).get(period)
@@ -93,7 +112,15 @@ def _distribution(
 
 
 def time_space(recordings: Mapping[str, Recording], *, lanes: Sequence[int] = range(1, road.MAIN_LANES + 1)) -> Figure:
-    """Draw where and when who drives how fast: one row a recording (of one period), one column a lane."""
+    """Draw time-space diagrams, coloured by speed.
+
+    One row a recording (of one period), one column a lane.
+
+    Parameters
+    ----------
+    recordings : mapping of str to Recording
+    lanes : sequence of int, keyword-only
+    """
     figure, axes = new_figure(2.6 * len(lanes), 0.6 + 1.9 * len(recordings), columns=len(lanes), rows=len(recordings))
     longest = max(_minutes(recording.table).max() for recording in recordings.values())
     image: Any = None
@@ -102,8 +129,11 @@ def time_space(recordings: Mapping[str, Recording], *, lanes: Sequence[int] = ra
         for column, lane in enumerate(lanes):
             ax = axes[row * len(lanes) + column]
             image = _lane_image(ax, table[table[c.LANE] == lane], longest)
-            ax.set(title=f"lane {lane}" if row == 0 else "", xlabel="minute" if row == len(recordings) - 1 else "",
-                   ylabel=f"{name}\nposition (m)" if column == 0 else "")  # fmt: skip
+            ax.set(
+                title=f"lane {lane}" if row == 0 else "",
+                xlabel="minute" if row == len(recordings) - 1 else "",
+                ylabel=f"{name}\nposition (m)" if column == 0 else "",
+            )
             ax.tick_params(labelleft=column == 0, labelbottom=row == len(recordings) - 1)
     figure.colorbar(image, ax=axes, label="speed (m/s)", shrink=0.8, pad=0.01)
     return figure
@@ -115,7 +145,10 @@ def _minutes(table: pd.DataFrame) -> pd.Series:
 
 
 def _lane_image(ax: Axes, table: pd.DataFrame, longest: float) -> Any:
-    """Draw mean speeds of fine cells of one lane; white where nobody drives."""
+    """Draw mean speeds of fine cells of one lane.
+
+    Cells without a vehicle are white.
+    """
     times = np.arange(0.0, longest + CELL_TIME / 60.0, CELL_TIME / 60.0)
     places = np.arange(0.0, road.SECTION_LENGTH + CELL_LENGTH, CELL_LENGTH)
     where = (table["minutes"], table[c.X])
@@ -123,5 +156,13 @@ def _lane_image(ax: Axes, table: pd.DataFrame, longest: float) -> Any:
     total = np.histogram2d(*where, bins=(times, places), weights=table[c.SPEED])[0]
     speed = np.divide(total, count, out=np.full(count.shape, np.nan), where=count > 0)
     ax.grid(False)
-    return ax.imshow(speed.T, origin="lower", aspect="auto", cmap=SPEED_MAP, vmin=0.0, vmax=HIGHEST, interpolation="nearest",
-                     extent=(0.0, times[-1], 0.0, places[-1]))  # fmt: skip
+    return ax.imshow(
+        speed.T,
+        origin="lower",
+        aspect="auto",
+        cmap=SPEED_MAP,
+        vmin=0.0,
+        vmax=HIGHEST,
+        interpolation="nearest",
+        extent=(0.0, times[-1], 0.0, places[-1]),
+    )

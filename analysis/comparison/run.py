@@ -1,4 +1,4 @@
-"""``compare``: recordings held against the first of them, as tables, pictures and a page."""
+"""``compare``: recordings held against the first of them."""
 
 from __future__ import annotations
 
@@ -16,24 +16,38 @@ from idm_sumo.recordings.recording import Recording
 from idm_sumo.runtime.errors import InputError
 from idm_sumo.runtime.files import MANIFEST, new_folder
 from idm_sumo.runtime.progress import Progress, silent
+from idm_sumo.runtime.text import number
 from idm_sumo.sumo.surrogate.builtin import SURROGATE, recording_path
 
 from ..page.manifest import manifest, write_manifest
-from ..page.page import render
+from ..page.page import not_measured, render
 from ..page.style import save
 from .figures import overview, time_space
 
+STAGES = ("reading", "measuring", "drawing")
 MEASURES = {
-    "vehicles": "vehicles", "mean_speed_m_s": "mean speed (m/s)", "flow_veh_h": "flow, all lanes (1/h)",
-    "density_veh_km": "density, all lanes (1/km)", "travel_time_s": "median travel time (s)", "gap_m": "median gap (m)",
-    "time_headway_s": "median time headway (s)", "lane_changes_per_km": "lane changes per vehicle-km", "merges": "merges",
-    "exits": "exits", "wave_speed_m_s": "wave speed (m/s)",
-}  # fmt: skip
+    "vehicles": "vehicles",
+    "mean_speed_m_s": "mean speed (m/s)",
+    "flow_veh_h": "flow, all lanes (1/h)",
+    "density_veh_km": "density, all lanes (1/km)",
+    "travel_time_s": "median travel time (s)",
+    "gap_m": "median gap (m)",
+    "time_headway_s": "median time headway (s)",
+    "lane_changes_per_km": "lane changes per vehicle-km",
+    "merges": "merges",
+    "exits": "exits",
+    "wave_speed_m_s": "wave speed (m/s)",
+}
 DISTANCES = {
-    "gap_wasserstein_m": "gap (m)", "time_headway_wasserstein_s": "time headway (s)", "travel_time_wasserstein_s": "travel time (s)",
-    "speed_wasserstein_m_s": "speed (m/s)", "gap_ks": "gap, KS", "time_headway_ks": "time headway, KS",
-    "travel_time_ks": "travel time, KS", "speed_ks": "speed, KS",
-}  # fmt: skip
+    "gap_wasserstein_m": "gap (m)",
+    "time_headway_wasserstein_s": "time headway (s)",
+    "travel_time_wasserstein_s": "travel time (s)",
+    "speed_wasserstein_m_s": "speed (m/s)",
+    "gap_ks": "gap, KS",
+    "time_headway_ks": "time headway, KS",
+    "travel_time_ks": "travel time, KS",
+    "speed_ks": "speed, KS",
+}
 
 
 def compare_files(
@@ -46,14 +60,26 @@ def compare_files(
     command: list[str],
     progress: Progress = silent,
 ) -> pd.DataFrame:
-    """Compare recordings, leave the results in the folder ``out`` and return the summary.
+    """Compare recordings and leave the results in a folder.
 
     Parameters
     ----------
     files : list of str
         The reference first; the word ``surrogate`` is the built-in recording.
-    minutes, seed
+    out : Path
+    minutes, seed : float, int
         Of the built-in recording; the seed is the bootstrap's too.
+    location : str
+        Which part of a file that mixes several.
+    command : list of str
+        As typed, for the manifest.
+    progress : Progress
+        Called with a stage's name, what is done of it and its total.
+
+    Returns
+    -------
+    pandas.DataFrame
+        The summary, one row a recording and period.
 
     Raises
     ------
@@ -81,11 +107,32 @@ def compare_files(
 def read_all(
     files: list[str], minutes: float, seed: int, location: str, progress: Progress
 ) -> tuple[dict[str, Recording], list[Path]]:
-    """Read recordings by name of file; ``surrogate`` is the built-in one."""
+    """Read recordings, named after their files.
+
+    Parameters
+    ----------
+    files : list of str
+        ``surrogate`` is the built-in one.
+    minutes, seed : float, int
+        Of the built-in one.
+    location : str
+    progress : Progress
+        Called with a stage's name, what is done of it and its total.
+
+    Returns
+    -------
+    recordings : dict of str to Recording
+    paths : list of Path
+
+    Raises
+    ------
+    InputError
+        If a recording cannot be read, or a name comes twice.
+    """
     recordings: dict[str, Recording] = {}
     paths = []
-    for number, file in enumerate(files):
-        progress("reading", number, len(files))
+    for done, file in enumerate(files):
+        progress("reading", done, len(files))
         path = recording_path(file, minutes=minutes, seed=seed, progress=progress)
         name = SURROGATE if file == SURROGATE else path.name
         if name in recordings:
@@ -99,7 +146,16 @@ def read_all(
 def write_comparison(
     comparison: Comparison, recordings: dict[str, Recording], folder: Path, progress: Progress = silent
 ) -> None:
-    """Write the tables and pictures of a comparison below ``folder``."""
+    """Write the tables and pictures of a comparison.
+
+    Parameters
+    ----------
+    comparison : Comparison
+    recordings : dict of str to Recording
+    folder : Path
+    progress : Progress
+        Called with a stage's name, what is done of it and its total.
+    """
     tables, figures = folder / "tables", folder / "figures"
     for place in (tables, figures):
         place.mkdir(exist_ok=True)
@@ -115,7 +171,12 @@ def write_comparison(
 
 
 def first_periods(recordings: dict[str, Recording]) -> dict[str, Recording]:
-    """Return the part of every recording that belongs to the reference's first period."""
+    """Return of every recording what matches the reference's first period.
+
+    Parameters
+    ----------
+    recordings : dict of str to Recording
+    """
     reference = next(iter(recordings.values()))
     first = reference.periods[0]
     chosen = {}
@@ -127,7 +188,13 @@ def first_periods(recordings: dict[str, Recording]) -> dict[str, Recording]:
 
 
 def all_notes(comparison: Comparison, recordings: dict[str, Recording]) -> list[str]:
-    """Return what was assumed, of the recordings and of the comparison."""
+    """Return what was assumed in recordings and comparison.
+
+    Parameters
+    ----------
+    comparison : Comparison
+    recordings : dict of str to Recording
+    """
     return [
         *comparison.notes,
         *(f"{name}: {note}" for name, recording in recordings.items() for note in recording.notes),
@@ -135,7 +202,20 @@ def all_notes(comparison: Comparison, recordings: dict[str, Recording]) -> list[
 
 
 def shown(comparison: Comparison, period: str | None = None) -> tuple[pd.DataFrame, pd.DataFrame]:
-    """Return the measures, one row a measure and one column a recording, and the distances with their intervals."""
+    """Return measures and distances as the page shows them.
+
+    Parameters
+    ----------
+    comparison : Comparison
+    period : str, optional
+
+    Returns
+    -------
+    measures : pandas.DataFrame
+        One row a measure, one column a recording.
+    distances : pandas.DataFrame
+        One row a distance from the reference, with its interval.
+    """
     summary = comparison.summary
     if period is not None:
         summary = summary[summary[c.PERIOD] == period]
@@ -153,25 +233,41 @@ def shown(comparison: Comparison, period: str | None = None) -> tuple[pd.DataFra
 
 def _with_interval(row: pd.Series, name: str) -> str:
     value, low, high = row[name], row[f"{name}_low"], row[f"{name}_high"]
-    return "–" if np.isnan(value) else f"{value:.2g} ({low:.2g} to {high:.2g})"
+    return "–" if np.isnan(value) else f"{number(value, 2)} ({number(low, 2)} to {number(high, 2)})"
 
 
 def findings(comparison: Comparison) -> str:
-    """Say how far each other recording is from the reference, every number computed."""
+    """Say how far each other recording is from the reference.
+
+    Parameters
+    ----------
+    comparison : Comparison
+    """
     parts = []
     for name in list(comparison.measures)[1:]:
         own, theirs = (last_row(comparison, key) for key in (comparison.reference, name))
         parts.append(
-            f"{name}: mean speed {theirs['mean_speed_m_s']:.1f} against {own['mean_speed_m_s']:.1f} m/s, median gap {theirs['gap_m']:.1f} "
-            f"against {own['gap_m']:.1f} m, median time headway {theirs['time_headway_s']:.2f} against {own['time_headway_s']:.2f} s, "
-            f"median travel time {theirs['travel_time_s']:.0f} against {own['travel_time_s']:.0f} s, lane changes per vehicle-km "
+            f"{name}: mean speed {theirs['mean_speed_m_s']:.1f} against {own['mean_speed_m_s']:.1f} m/s, "
+            f"median gap {theirs['gap_m']:.1f} "
+            f"against {own['gap_m']:.1f} m, median time headway {theirs['time_headway_s']:.2f} against "
+            f"{own['time_headway_s']:.2f} s, "
+            f"median travel time {theirs['travel_time_s']:.0f} against {own['travel_time_s']:.0f} s, lane "
+            f"changes per vehicle-km "
             f"{theirs['lane_changes_per_km']:.2f} against {own['lane_changes_per_km']:.2f}."
         )
     return " ".join(parts)
 
 
 def last_row(comparison: Comparison, name: str) -> pd.Series:
-    """Return a recording's row over all periods, or its only one."""
+    """Return a recording's row over all periods.
+
+    If it has one period only, that period's row.
+
+    Parameters
+    ----------
+    comparison : Comparison
+    name : str
+    """
     return comparison.summary[comparison.summary[RECORDING] == name].iloc[-1]
 
 
@@ -184,6 +280,12 @@ def _write_page(comparison: Comparison, recordings: dict[str, Recording], part: 
         sections.append({"title": title, "measures": measures, "distances": distances})
     notes = all_notes(comparison, recordings)
     render(
-        part / "report.html", "comparison/report.html.j2", title=f"{' and '.join(recordings)} compared", findings=findings(comparison),
-        surrogate=SURROGATE in recordings, figures=part / "figures", sections=sections, notes=notes,
-    )  # fmt: skip
+        part / "report.html",
+        "comparison/report.html.j2",
+        title=f"{' and '.join(recordings)} compared",
+        findings=findings(comparison),
+        not_measured=not_measured(recordings),
+        figures=part / "figures",
+        sections=sections,
+        notes=notes,
+    )

@@ -22,12 +22,17 @@ from idm_sumo.runtime.files import MANIFEST, new_folder
 from idm_sumo.runtime.progress import Progress, silent
 
 from ..page.manifest import manifest, write_manifest
-from ..page.page import render
+from ..page.page import not_measured, render
 from ..page.style import save
 from . import figures, words
 from .contract import write_diagnosis
 from .curves import curves, lag_response, map_of
 
+# In the order they come; what the search asks in between depends on the data.
+STAGES = (
+    "reading", "cutting windows", "fitting drivers", "comparing car-following laws", "looking for what some drivers have",
+    "measuring the gain", "drawing",
+)  # fmt: skip
 MODEL, DRIVERS, DIAGNOSIS = "model.json", "drivers.parquet", "diagnosis.json"
 MODELS = (figures.BASE, figures.EXTENDED)
 PLACES, TIMES = 24, 40  # cells of the map
@@ -63,7 +68,8 @@ def diagnose_file(
         _write_tables(found, part / "tables")
         pictures = _draw(found, part / "figures", progress)
         settings = {"recording": str(file), "location": location, "seed": seed, "jobs": jobs}
-        _write_page(found, part, f"{file.name} diagnosed", pictures, notes, command)
+        warning = not_measured({file.name: recording})
+        _write_page(found, part, f"{file.name} diagnosed", pictures, notes, command, warning)
         record = manifest(
             command, settings, [file], seconds=round(time.perf_counter() - begin, 1), verdict=found.verdict,
             stages={name: round(seconds, 2) for name, seconds in found.seconds.items()}, notes=notes,
@@ -238,7 +244,13 @@ def _lag(samples: pd.DataFrame) -> Any:
 
 
 def _write_page(
-    found: Diagnosis, part: Path, title: str, pictures: dict[str, Path], notes: list[str], command: list[str]
+    found: Diagnosis,
+    part: Path,
+    title: str,
+    pictures: dict[str, Path],
+    notes: list[str],
+    command: list[str],
+    warning: str,
 ) -> None:
     samples = _samples(found)
     drivers = found.drivers
@@ -251,7 +263,7 @@ def _write_page(
         for one in found.unexplained
     ])  # fmt: skip
     render(
-        part / "report.html", "diagnosis/report.html.j2", title=title, found=found, headline=words.headline(found),
+        part / "report.html", "diagnosis/report.html.j2", title=title, not_measured=warning, found=found, headline=words.headline(found),
         gain_sentence=words.gain_sentence(found.gain), law_sentence=words.law_sentence(found),
         pictures=pictures, marks=bool(_marks(found)), model_file=MODEL,
         gains=words.gains_table([found.gain, *found.other_gains]), groups=groups(samples) if len(samples) else pd.DataFrame(),

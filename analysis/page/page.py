@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import base64
+from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
 
@@ -10,20 +11,52 @@ import pandas as pd
 from jinja2 import Environment, FileSystemLoader, select_autoescape
 from markupsafe import Markup
 
+from idm_sumo.recordings.recording import Recording
+from idm_sumo.runtime.text import number
+
 from .style import METHOD_NAMES
 
 TITLES = {
-    "method": "method", "ade_m": "ADE (m)", "fde_m": "FDE (m)", "collisions": "at-fault collisions",
-    "vehicles": "vehicles", "paper_ade_m": "paper: ADE", "paper_fde_m": "paper: FDE",
-    "paper_collisions": "paper: collisions", "min_gap_m": "smallest gap (m)", "critical_ttc_share": "TTC < 1.5 s",
-    "hard_acceleration_share": "|a| > 3 m/s²", "jerk_rms_m_s3": "jerk (m/s³)", "lane_departure_share": "outside lane",
-    "gap_rmse_m": "gap RMSE (m)", "speed_rmse_m_s": "speed RMSE (m/s)", "contacts": "all contacts", "brushes": "brushes", "ade_10th_m": "ADE, 10th percentile", "ade_90th_m": "90th", "ade_largest_m": "largest", "features": "driving code", "frames": "observed frames", "k": "k",
-    "base_ade_m": "ADE, IDM (m)", "extended_ade_m": "ADE, extended (m)",
-}  # fmt: skip
+    "method": "method",
+    "ade_m": "ADE (m)",
+    "fde_m": "FDE (m)",
+    "collisions": "at-fault collisions",
+    "vehicles": "vehicles",
+    "paper_ade_m": "paper: ADE",
+    "paper_fde_m": "paper: FDE",
+    "paper_collisions": "paper: collisions",
+    "min_gap_m": "smallest gap (m)",
+    "critical_ttc_share": "TTC < 1.5 s",
+    "hard_acceleration_share": "|a| > 3 m/s²",
+    "jerk_rms_m_s3": "jerk (m/s³)",
+    "lane_departure_share": "outside lane",
+    "gap_rmse_m": "gap RMSE (m)",
+    "speed_rmse_m_s": "speed RMSE (m/s)",
+    "contacts": "all contacts",
+    "brushes": "brushes",
+    "ade_10th_m": "ADE, 10th percentile",
+    "ade_90th_m": "90th",
+    "ade_largest_m": "largest",
+    "features": "driving code",
+    "frames": "observed frames",
+    "k": "k",
+    "base_ade_m": "ADE, IDM (m)",
+    "extended_ade_m": "ADE, extended (m)",
+}
 
 
 def render(path: Path, template: str, **content: Any) -> None:
-    """Fill a template of `analysis` and write the page."""
+    """Fill a template of `analysis` and write the page.
+
+    Parameters
+    ----------
+    path : Path
+        The page.
+    template : str
+        Below `analysis`.
+    **content
+        What the template names.
+    """
     environment = Environment(
         loader=FileSystemLoader(Path(__file__).parents[1]),
         autoescape=select_autoescape(["j2"]),
@@ -35,8 +68,33 @@ def render(path: Path, template: str, **content: Any) -> None:
     path.write_text(environment.get_template(template).render(**content), encoding="utf-8")
 
 
+def not_measured(recordings: Mapping[str, Recording]) -> str:
+    """Return a page's warning, empty if all was measured.
+
+    Parameters
+    ----------
+    recordings : mapping of str to Recording
+        What the page shows, by name.
+    """
+    simulated = [name for name, recording in recordings.items() if not recording.is_measured]
+    if not simulated:
+        return ""
+    are = "is a surrogate recording" if len(simulated) == 1 else "are surrogate recordings"
+    return (
+        f"Not measured: {' and '.join(simulated)} {are}, traffic simulated with SUMO and written in NGSIM's layout. "
+        "It is not real traffic."
+    )
+
+
 def html_table(table: pd.DataFrame) -> Markup:
-    """Return a table as HTML, means and standard errors joined as in the paper."""
+    """Return a table as HTML.
+
+    Means and standard errors stand in one cell, as in the paper.
+
+    Parameters
+    ----------
+    table : pandas.DataFrame
+    """
     shown = pd.DataFrame(index=table.index)
     for name in table.columns:
         if name.endswith("_se_m"):
@@ -51,18 +109,22 @@ def html_table(table: pd.DataFrame) -> Markup:
 
 
 def _cell(name: str, value: Any) -> str:
-    """Return one cell: metres with centimetres, whole numbers without a point, missing as a dash."""
+    """Return one cell: text, metres with centimetres, or a number."""
     if isinstance(value, str):
         return METHOD_NAMES.get(value, value)
-    if pd.isna(value):
-        return "–"
-    if name.endswith("de_m"):
+    if name.endswith("de_m") and not pd.isna(value):
         return f"{value:.2f}"
-    return f"{value:.0f}" if float(value).is_integer() else f"{value:.3g}"
+    return number(value)
 
 
 def picture(path: Path) -> Markup:
-    """Return a picture as part of the page itself."""
+    """Return a picture as part of the page itself.
+
+    Parameters
+    ----------
+    path : Path
+        PNG or GIF.
+    """
     kind = "gif" if path.suffix == ".gif" else "png"
     data = base64.b64encode(path.read_bytes()).decode("ascii")
     return Markup(f'<img alt="{path.stem.replace("_", " ")}" src="data:image/{kind};base64,{data}">')

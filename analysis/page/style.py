@@ -1,4 +1,4 @@
-"""One look for all pictures: sizes, colours and names of the methods."""
+"""One look for all pictures."""
 
 from __future__ import annotations
 
@@ -47,7 +47,17 @@ TRAFFIC = "#BBBBBB"
 def new_figure(
     width: float = 7.0, height: float = 4.2, *, columns: int = 1, rows: int = 1
 ) -> tuple[Figure, list[Axes]]:
-    """Return a figure (inches) and its axes, without the state of a plotting session."""
+    """Return a figure and its axes.
+
+    It belongs to no plotting session, so nothing has to be closed.
+
+    Parameters
+    ----------
+    width, height : float
+        Inches.
+    columns, rows : int, keyword-only
+        Of axes.
+    """
     figure = Figure(figsize=(width, height), layout="constrained", dpi=130)
     axes = [figure.add_subplot(rows, columns, number + 1) for number in range(rows * columns)]
     for ax in axes:
@@ -57,5 +67,13 @@ def new_figure(
 
 
 def save(figure: Figure, path: Path) -> None:
-    """Write a picture without the date, so that equal runs give equal files."""
+    """Write a picture without the date.
+
+    Equal runs give equal files.
+
+    Parameters
+    ----------
+    figure : matplotlib.figure.Figure
+    path : Path
+    """
     figure.savefig(path, metadata={"Software": None})

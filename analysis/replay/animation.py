@@ -28,7 +28,19 @@ EVERY = 2  # frames a picture: five a second
 def animate(
     recording: Recording, scenes: Scenes, trajectories: Trajectories, path: Path, progress: Progress = silent
 ) -> None:
-    """Write a GIF of the first driver: recorded car black, modelled car coloured, traffic grey."""
+    """Write a GIF of the first driver.
+
+    The recorded car is black, the modelled car coloured, traffic grey.
+
+    Parameters
+    ----------
+    recording : Recording
+    scenes : Scenes
+    trajectories : Trajectories
+    path : Path
+    progress : Progress
+        Called with a stage's name, what is done of it and its total.
+    """
     figure, (ax,) = new_figure(9, 2.6)
     table = recording.of_period(scenes.period).table
     first = int(scenes.first_frame[0]) + scenes.start
@@ -87,7 +99,7 @@ def _road(ax: Axes, middle: float) -> None:
 
 
 def _leader(ax: Axes, scenes: Scenes, frame: int) -> None:
-    """Draw the only other vehicle that such a recording knows of."""
+    """Draw the leader, the only other vehicle known."""
     t = scenes.traffic
     cell = scenes.cell[0] + frame
     for row in range(t.offsets[cell], t.offsets[cell + 1]):
@@ -98,7 +110,7 @@ def _car(
     ax: Axes, x: float, y: float, heading: float, length: float, width: float, colour: str, *,
     label: str | None = None, alpha: float = 1.0,
 ) -> None:  # fmt: skip
-    """Draw a car whose front bumper's centre is at ``x, y``."""
+    """Draw a car; ``x, y`` is its front bumper's centre."""
     body = Rectangle((-length, -width / 2), length, width, facecolor=colour, alpha=alpha, label=label)
     body.set_transform(Affine2D().rotate(heading).translate(x, y) + ax.transData)
     ax.add_patch(body)

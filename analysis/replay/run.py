@@ -1,4 +1,4 @@
-"""One replay to look at: trajectory, scores, time-space picture and animation."""
+"""One replay: trajectory, scores, time-space picture, animation."""
 
 from __future__ import annotations
 
@@ -11,29 +11,28 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 import pandas as pd
-from scipy.optimize import least_squares
 
 from idm_sumo.calibration import calibrate
 from idm_sumo.calibration.driver_table import read_drivers
 from idm_sumo.evaluation.metrics import score
 from idm_sumo.models.effects import ExtendedModel
-from idm_sumo.models.idm import LOWER, UPPER
 from idm_sumo.recordings import columns as c
 from idm_sumo.recordings.columns import FRAME_STEP
 from idm_sumo.recordings.recording import Recording
 from idm_sumo.runtime.errors import InputError
 from idm_sumo.runtime.files import MANIFEST, new_folder
 from idm_sumo.runtime.progress import Progress, silent
+from idm_sumo.runtime.text import ranges
 from idm_sumo.scenes.windows import Scenes, Window, build_scenes
 from idm_sumo.simulation.extended_rollout import drive_extended
 from idm_sumo.simulation.rollout import Trajectories, drive_idm
-from idm_sumo.simulation.surroundings import Others, Twin, what_is_seen
 
 from ..page.manifest import manifest, write_manifest
 from ..page.style import save
 from ..reproduce.figures import time_space
 from ..reproduce.study import PARAMETERS
 from .animation import animate
+from .nearest import nearest
 
 
 @dataclass(frozen=True)
@@ -74,7 +73,23 @@ class Request:
 def replay_one(
     recording: Recording, request: Request, out: Path, *, command: list[str], progress: Progress = silent
 ) -> pd.DataFrame:
-    """Drive one vehicle of a cleaned, smoothed recording and write what happened to a folder; return its scores.
+    """Drive one vehicle and write what happened to a folder.
+
+    Parameters
+    ----------
+    recording : Recording
+        Cleaned and smoothed.
+    request : Request
+    out : Path
+    command : list of str
+        As typed, for the manifest.
+    progress : Progress
+        Called with a stage's name, what is done of it and its total.
+
+    Returns
+    -------
+    pandas.DataFrame
+        The scores, one row a model.
 
     Raises
     ------
@@ -91,7 +106,7 @@ def replay_one(
     parameters = {f"idm_{origin}": theta[0].tolist()}
     if model is not None:
         recorded = recording.of_period(scenes.period)
-        theta, model = _nearest(scenes, recorded, model, theta, refit=request.drivers is None)
+        theta, model = nearest(scenes, recorded, model, theta, refit=request.drivers is None)
         extension = (recorded, model)
         driven["extended"] = _drive(request, scenes, theta, extension)
         parameters["extended"] = theta[0].tolist()
@@ -106,8 +121,16 @@ def replay_one(
         causes = {} if model is None else {"model_file": json.loads(model.to_json())}
         inputs = [request.recording, *([request.model] if request.model else [])]
         last = list(named)[-1]
-        record = manifest(command, asdict(request), inputs, parameters=named[last], parameters_from=origin,
-                          parameters_by_model=named, **causes)  # fmt: skip
+        record = manifest(
+            command,
+            asdict(request),
+            inputs,
+            parameters=named[last],
+            parameters_from=origin,
+            parameters_by_model=named,
+            notes=list(recording.notes),
+            **causes,
+        )
         write_manifest(part / MANIFEST, record)
     columns = [c.PERIOD, c.VEHICLE, "ade_m", "fde_m", "collision", "at_fault", "min_gap_m"]
     return scores[columns if model is None else ["model", *columns]]
@@ -121,70 +144,38 @@ def _check_drivers(model: ExtendedModel, request: Request) -> None:
         )
 
 
-def _nearest(
-    scenes: Scenes, recording: Recording, model: ExtendedModel, start: npt.NDArray[np.float64], *, refit: bool
-) -> tuple[npt.NDArray[np.float64], ExtendedModel]:
-    """Return the driver's parameters, fitted anew if asked, and the model: of causes that only some drivers have, with or without, as is nearer."""
-    kinds = [model] if model.share == 1.0 else [model, model.without_partial_causes()]
-    if len(kinds) == 1 and not refit:
-        return start, model
-    seen = what_is_seen(recording, scenes)
-    each = [(fit_extended(scenes, seen, one, start) if refit else start, one) for one in kinds]
-    return min(each, key=lambda one: _ade(_off(scenes, seen, one[1], one[0])))
-
-
-def _off(
-    scenes: Scenes, seen: tuple[Others, Twin], model: ExtendedModel, theta: npt.NDArray[np.float64]
-) -> npt.NDArray[np.float64]:
-    """Return how far (m) one driver of an extended model is from its recording, at every frame of the horizon."""
-    driven = drive_extended(scenes, seen, model, theta, desired_speed=model.desired_speed)
-    return np.asarray((driven.x - scenes.x[:, scenes.start : scenes.start + scenes.window.horizon + 1])[0])
-
-
-def _ade(off: npt.NDArray[np.float64]) -> float:
-    return float(np.abs(off).mean())
-
-
-def fit_extended(
-    scenes: Scenes, seen: tuple[Others, Twin], model: ExtendedModel, start: npt.NDArray[np.float64]
-) -> npt.NDArray[np.float64]:
-    """Return the parameters, shape (1, 5), with which one driver of an extended model stays nearest to its recording."""
-    lower, upper = np.array(LOWER), np.array(UPPER)
-
-    def off(theta: npt.NDArray[np.float64]) -> npt.NDArray[np.float64]:
-        return _off(scenes, seen, model, theta)
-
-    found = []
-    for begin in (start[0], np.array(model.parameters)):
-        inside = np.clip(begin, lower + 1e-6, upper - 1e-6)
-        # Nearly the sum of distances, as the plain fit: squares would favour the end of the horizon.
-        fit = least_squares(
-            off, inside, bounds=(lower, upper), x_scale=upper - lower, loss="soft_l1", f_scale=0.05, max_nfev=200
-        )
-        found += [inside, fit.x]
-    return np.asarray(min(found, key=lambda theta: _ade(off(theta))))[None]
-
-
 def _scene_of(recording: Recording, request: Request) -> Scenes:
     """Cut the window of the one vehicle."""
     table = recording.table
     holding = [str(p) for p in table.loc[table[c.VEHICLE] == request.vehicle, c.PERIOD].unique()]
     wanted = [p for p in recording.periods if p in holding and (not request.periods or p in request.periods)]
     if not wanted:
-        there = f"it is in {', '.join(holding)}" if holding else "no period has it"
+        there = f"it is in {', '.join(holding)}" if holding else "no period has it on a main lane"
         raise InputError(
-            f"{recording.source}: no vehicle {request.vehicle} in the wanted periods; {there}; see `idm-sumo inspect`"
+            f"{recording.source}: no vehicle {request.vehicle} in the wanted periods; {there}; "
+            f"{_usable(recording, request)}"
         )
     scenes, _ = build_scenes(recording.of_period(wanted[0]), request.window, modelled=[request.vehicle])
     if not len(scenes):
         raise InputError(
-            f"{recording.source}: vehicle {request.vehicle} is recorded for fewer than {request.window.frames} frames; lower --horizon"
+            f"{recording.source}: vehicle {request.vehicle} is recorded for fewer than "
+            f"{request.window.frames} frames in a "
+            f"row; lower --horizon, or choose another: {_usable(recording, request)}"
         )
     return scenes
 
 
+def _usable(recording: Recording, request: Request) -> str:
+    """Say which vehicles can be replayed."""
+    parts = []
+    for period in request.periods or recording.periods:
+        scenes, _ = build_scenes(recording.of_period(period), request.window)
+        parts.append(f"{ranges(scenes.vehicle)} of {period}")
+    return f"vehicles {'; '.join(parts)} can be replayed; `idm-sumo inspect RECORDING --vehicles` lists them all"
+
+
 def _parameters(request: Request, scenes: Scenes) -> tuple[npt.NDArray[np.float64], str]:
-    """Return the driver's parameters, shape (1, 5), and where they come from."""
+    """Return the driver's parameters, shape (1, 5), and their origin."""
     if request.drivers is None:
         fit = calibrate(scenes, desired_speed=request.desired_speed, seed=request.seed)
         if not np.isfinite(fit[PARAMETERS].to_numpy()).all():
@@ -216,14 +207,27 @@ def _drive(
 
 
 def trajectory_table(scenes: Scenes, trajectories: Trajectories) -> pd.DataFrame:
-    """Return the modelled car and its recorded twin frame by frame, SI units, for the first driver."""
+    """Return the modelled and the recorded vehicle frame by frame.
+
+    Parameters
+    ----------
+    scenes : Scenes
+    trajectories : Trajectories
+        Of the first driver are used.
+
+    Returns
+    -------
+    pandas.DataFrame
+        SI units; columns of the recorded vehicle begin with ``recorded_``.
+    """
     steps = trajectories.x.shape[1]
     span = slice(scenes.start, scenes.start + steps)
     values: dict[str, Any] = {
-        c.PERIOD: scenes.period, c.VEHICLE: scenes.vehicle[0],
+        c.PERIOD: scenes.period,
+        c.VEHICLE: scenes.vehicle[0],
         c.FRAME: scenes.first_frame[0] + scenes.start + np.arange(steps),
         "time_s": np.arange(steps) * FRAME_STEP,
-    }  # fmt: skip
+    }
     for name in (c.X, c.Y, c.HEADING, c.SPEED):
         values[name] = getattr(trajectories, name)[0]
         values[f"recorded_{name}"] = getattr(scenes, name)[0, span]

@@ -14,10 +14,9 @@ from idm_sumo.runtime.files import MANIFEST, new_folder
 from idm_sumo.runtime.progress import Progress, silent
 from idm_sumo.scenes.windows import LEADER_OF_TWIN
 from idm_sumo.simulation.rollout import Trajectories, drive_idm
-from idm_sumo.sumo.surrogate.builtin import SURROGATE
 
 from ..page.manifest import manifest, write_manifest
-from ..page.page import render
+from ..page.page import not_measured, render
 from ..page.style import save
 from . import figures, paper, tables
 from .agents import figures as agent_figures
@@ -62,6 +61,13 @@ def reproduce(
         _write_manifest(results, part / MANIFEST, command, time.perf_counter() - begin)
         progress("writing", 1, 1)
     return results.methods
+
+
+def stages(settings: Settings) -> tuple[str, ...]:
+    """Return the names of a run's stages, in order."""
+    training = () if settings.agent else ("tracking the training drivers", "inverse optimal control", "training agents")
+    learned = () if settings.agent_seeds == 0 and not settings.agent else (*training, "driving by agents")
+    return ("reading", "calibration", "driving the test drivers", *learned, "tables", "writing")
 
 
 def compute(settings: Settings, jobs: int = 1, progress: Progress = silent) -> Results:
@@ -218,7 +224,7 @@ def _median_driver(results: Results) -> tuple[int, int]:
 def _write_report(results: Results, part: Path) -> None:
     settings = results.study.settings
     render(
-        part / "report.html", "reproduce/report.html.j2", figures=part / "figures", surrogate=SURROGATE in settings.recordings,
+        part / "report.html", "reproduce/report.html.j2", figures=part / "figures", surrogate=bool(not_measured(results.source.periods)),
         methods=tables.beside_paper(results.methods[["method", *COLUMNS_FIRST]], paper.METHODS, "method"),
         features=tables.beside_paper(results.features[["features", *COLUMNS_FIRST]], paper.FEATURES, "features"),
         frames=tables.beside_paper(results.frames[["frames", *COLUMNS_FIRST]], paper.FRAMES, "frames"),

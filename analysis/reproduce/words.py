@@ -11,6 +11,7 @@ from idm_sumo.recordings import columns as c
 from idm_sumo.scenes.windows import LEADER_OF_TWIN
 from idm_sumo.sumo.surrogate.builtin import SURROGATE
 
+from ..page.page import not_measured
 from .settings import Settings
 
 if TYPE_CHECKING:
@@ -41,6 +42,11 @@ def _provenance(results: Results) -> str:
         return (
             f"Made from the built-in surrogate recording ({settings.minutes:g} minutes, seed {settings.seed}): traffic simulated "
             "in SUMO and written in NGSIM's layout. It is not real traffic; the paper's numbers stand beside for orientation."
+        )
+    if not_measured(results.source.periods):
+        return (
+            f"Made from {results.source.name}, a surrogate recording: traffic simulated in SUMO and written in NGSIM's layout. "
+            "It is not real traffic; the paper's numbers stand beside for orientation."
         )
     return f"Made from {results.source.name}."
 

@@ -1,4 +1,7 @@
-"""The command line: the only place that prints or exits, and the only one that sees `analysis`."""
+"""The command line, the only place that prints or exits.
+
+It is the only room that sees `analysis`.
+"""
 
 from __future__ import annotations
 

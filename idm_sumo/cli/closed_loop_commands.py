@@ -1,4 +1,4 @@
-"""``compare`` and ``interactive``: whole recordings side by side, and vehicles that react."""
+"""``compare`` and ``interactive``: recordings side by side, vehicles that react."""
 
 from __future__ import annotations
 
@@ -11,76 +11,155 @@ from idm_sumo.cli import options as shared
 from idm_sumo.cli.console import progress_bar, say, study_module, text_table
 from idm_sumo.runtime.errors import InputError
 
-SHOWN = ["recording", "period", "vehicles", "mean_speed_m_s", "travel_time_s", "gap_m", "time_headway_s", "lane_changes_per_km",
-         "gap_wasserstein_m", "time_headway_wasserstein_s"]  # fmt: skip
+SHOWN = [
+    "recording",
+    "period",
+    "vehicles",
+    "mean_speed_m_s",
+    "travel_time_s",
+    "gap_m",
+    "time_headway_s",
+    "lane_changes_per_km",
+    "gap_wasserstein_m",
+    "time_headway_wasserstein_s",
+]
 
-SHOWN_LOOP = ["population", "vehicles", "mean_speed_m_s", "flow_veh_h", "travel_time_s", "gap_m", "time_headway_s", "lane_changes_per_km",
-              "late", "never_inserted", "collisions"]  # fmt: skip
+SHOWN_LOOP = [
+    "population",
+    "vehicles",
+    "mean_speed_m_s",
+    "flow_veh_h",
+    "travel_time_s",
+    "gap_m",
+    "time_headway_s",
+    "lane_changes_per_km",
+    "late",
+    "never_inserted",
+    "collisions",
+]
 TYPES = ("drivers", "predicted", "pooled", "default-idm", "krauss")
 
 
+COMPARE = """\
+hold recordings against the first: speeds, gaps, waves, lane changes
+
+reads   RECORDING, the reference, and one OTHER or more, all in any layout
+leaves  DIR/report.html, tables/comparison.csv (one row a recording and period,
+        distances from the reference with 95 % intervals), figures/,
+        manifest.json
+next    open DIR/report.html"""
+INTERACTIVE = """\
+let the recorded demand drive as vehicles that react, and compare
+
+Every recorded vehicle enters at its recorded time, place, lane and speed; from
+there on all of them react to each other. Populations with different parameters
+are held against the recording and ranked.
+
+reads   RECORDING; with --drivers a driver table, without one the drivers are
+        calibrated
+leaves  DIR/report.html, tables/closed_loop.csv (a row `recorded`, one a
+        population and seed), figures/, fcd/ (trajectories), simulation/ (the
+        SUMO runs), manifest.json
+next    open DIR/report.html, or watch one population with --gui"""
+
+
 def add(commands: Any) -> None:
-    """Add the commands of this module."""
+    """Add the commands of this module.
+
+    Parameters
+    ----------
+    commands : action of ``add_subparsers``
+    """
     _add_compare(commands)
     _add_interactive(commands)
 
 
 def _add_compare(commands: Any) -> None:
-    parser = shared.command(commands, "compare", compare, "hold recordings against the first: speeds, gaps, waves, lane changes",
-                            "idm-sumo compare trajectories-0750am-0805am.txt surrogate -o out")  # fmt: skip
-    parser.add_argument(
-        "recording", metavar="RECORDING", help="what the others are held against: NGSIM or SUMO FCD, or `surrogate`"
+    parser = shared.command(
+        commands, "compare", compare, COMPARE, "idm-sumo compare RECORDING surrogate --minutes 1 -o out/comparison"
     )
-    parser.add_argument(
-        "others", metavar="OTHER", nargs="+", help="further recordings; `surrogate` is the built-in one"
-    )
-    parser.add_argument("--location", default="us-101", help="of a file that mixes several (default us-101)")
-    parser.add_argument("--minutes", type=_minutes, default=45.0, help="length of the built-in recording (default 45)")
+    parser.add_argument("recording", metavar="RECORDING", help=f"the reference: {shared.RECORDING_HELP}")
+    parser.add_argument("others", metavar="OTHER", nargs="+", help="further recordings of any such layout")
+    shared.location_argument(parser)
+    shared.minutes_argument(parser, 45.0)
     shared.output_argument(parser, "DIR", "tables/, figures/, report.html, manifest.json go there")
 
 
-def _minutes(text: str) -> float:
-    value = float(text)
-    if not value > 0:
-        raise argparse.ArgumentTypeError("must be above 0")
-    return value
-
-
 def compare(options: argparse.Namespace) -> None:
-    """Compare recordings."""
+    """Compare recordings.
+
+    Parameters
+    ----------
+    options : argparse.Namespace
+    """
     module = study_module("comparison.run")
-    with progress_bar() as report:
+    with progress_bar(module.STAGES) as report:
         table = module.compare_files(
-            [options.recording, *options.others], options.output, minutes=options.minutes, seed=options.seed,
-            location=options.location, command=sys.argv, progress=report,
-        )  # fmt: skip
+            [options.recording, *options.others],
+            options.output,
+            minutes=options.minutes,
+            seed=options.seed,
+            location=options.location,
+            command=sys.argv,
+            progress=report,
+        )
     say(text_table(table[SHOWN]), f"open {options.output / 'report.html'}")
+    shared.note_origin_of(options.output)
 
 
 def _add_interactive(commands: Any) -> None:
-    parser = shared.command(commands, "interactive", interactive, "let the recorded demand drive as vehicles that react, and compare",
-                            "idm-sumo interactive --types drivers --gui -o out")  # fmt: skip
-    parser.add_argument("recording", metavar="RECORDING", nargs="?", default="surrogate",
-                        help="whose demand drives: NGSIM or SUMO FCD (default: the built-in recording)")  # fmt: skip
-    parser.add_argument("--location", default="us-101", help="of a file that mixes several (default us-101)")
-    parser.add_argument("--minutes", type=_minutes, default=45.0, help="length of the built-in recording (default 45)")
-    parser.add_argument("--period", metavar="LABEL", help="recording period to run (default: the first)")
+    parser = shared.command(
+        commands,
+        "interactive",
+        interactive,
+        INTERACTIVE,
+        "idm-sumo interactive RECORDING --types drivers --replay-bias 0 -o out/loop",
+        jobs=None,
+    )
+    parser.add_argument(
+        "recording",
+        metavar="RECORDING",
+        nargs="?",
+        default="surrogate",
+        help=f"whose demand drives: {shared.RECORDING_HELP} (default: that)",
+    )
+    shared.location_argument(parser)
+    shared.minutes_argument(parser, 45.0)
+    parser.add_argument("--period", metavar="PERIOD", help="recording period to run (default: the first)")
     parser.add_argument(
         "--drivers", type=Path, metavar="FILE", help="parameters from `calibrate` (default: calibrated in the run)"
     )
-    parser.add_argument("--types", action="append", choices=TYPES, metavar="POPULATION",
-                        help=f"who drives: {', '.join(TYPES)}; may be repeated (default: all of them, compared)")  # fmt: skip
-    parser.add_argument("--jam-distance", choices=("linearised", "refit"), default="linearised",
-                        help="what stands for d1, which SUMO lacks, in drivers calibrated here (default linearised: quick)")  # fmt: skip
+    parser.add_argument(
+        "--types",
+        action="append",
+        choices=TYPES,
+        metavar="POPULATION",
+        help=f"who drives: {', '.join(TYPES)}; may be repeated (default: all of them, compared)",
+    )
+    parser.add_argument(
+        "--jam-distance",
+        choices=("linearised", "refit"),
+        default="linearised",
+        help="what stands for d1, which SUMO lacks, in drivers calibrated here (default linearised: quick)",
+    )
     parser.add_argument("--lane-change-model", default="LC2013", metavar="MODEL", help="LC2013 (default) or SL2015")
-    parser.add_argument("--lane-change", action="append", default=[], type=_setting, metavar="KEY=VALUE",
-                        help="a parameter of it, such as lcSpeedGain=2; may be repeated")  # fmt: skip
+    parser.add_argument(
+        "--lane-change",
+        action="append",
+        default=[],
+        type=_setting,
+        metavar="KEY=VALUE",
+        help="a parameter of it, such as lcSpeedGain=2; may be repeated",
+    )
     parser.add_argument(
         "--ego", type=int, metavar="ID", help="a vehicle that we drive by our own IDM, steering and bicycle"
     )
     parser.add_argument("--gui", action="store_true", help="watch it in sumo-gui")
-    parser.add_argument("--no-downstream-speed", action="store_true",
-                        help="do not impose the recorded speeds behind the section, where the bottleneck is")  # fmt: skip
+    parser.add_argument(
+        "--no-downstream-speed",
+        action="store_true",
+        help="do not impose the recorded speeds behind the section, where the bottleneck is",
+    )
     parser.add_argument(
         "--seeds",
         type=int,
@@ -88,12 +167,21 @@ def _add_interactive(commands: Any) -> None:
         metavar="N",
         help="runs of each population, with --seed and the next ones (default 1)",
     )
-    parser.add_argument("--replay-bias", type=int, default=150, metavar="N",
-                        help="vehicles driven with replayed and with reacting followers (default 150, 0: none)")  # fmt: skip
-    parser.add_argument("--model", type=Path, metavar="FILE",
-                        help="extended model of `diagnose`: adds populations that our own loop drives, `own-loop` without its causes and `extended`"
-                             " with them, by the drivers that were refitted with them (drivers.parquet beside it)")  # fmt: skip
-    parser.set_defaults(jobs=None)
+    parser.add_argument(
+        "--replay-bias",
+        type=int,
+        default=150,
+        metavar="N",
+        help="vehicles driven with replayed and with reacting followers (default 150, 0: none)",
+    )
+    parser.add_argument(
+        "--model",
+        type=Path,
+        metavar="FILE",
+        help="extended model of `diagnose`: adds populations that our own loop drives, `own-loop` without "
+        "its causes and `extended`"
+        " with them, by the drivers that were refitted with them (drivers.parquet beside it)",
+    )
     shared.output_argument(parser, "DIR", "tables/, figures/, fcd/, simulation/, report.html, manifest.json go there")
 
 
@@ -105,7 +193,12 @@ def _setting(text: str) -> tuple[str, str]:
 
 
 def interactive(options: argparse.Namespace) -> None:
-    """Run the closed loop."""
+    """Run the closed loop.
+
+    Parameters
+    ----------
+    options : argparse.Namespace
+    """
     if options.seeds < 1 or options.replay_bias < 0:
         raise InputError("--seeds must be 1 or more and --replay-bias 0 or more")
     module = study_module("closed_loop.run")
@@ -117,15 +210,29 @@ def interactive(options: argparse.Namespace) -> None:
         ExtendedModel.read(options.model)  # before hours of simulation
         types = ("extended",) if single and not options.types else (*types, "own-loop", "extended")
     settings = study_module("closed_loop.settings").Settings(
-        recording=options.recording, period=options.period, drivers=options.drivers, types=types, refit=options.jam_distance == "refit",
-        lane_change_model=options.lane_change_model, lane_change=dict(options.lane_change), ego=options.ego, gui=options.gui,
-        downstream_speed=not options.no_downstream_speed, seeds=options.seeds, bias_sample=0 if single else options.replay_bias,
-        minutes=options.minutes, location=options.location, seed=options.seed, jobs=options.jobs, model=options.model,
-    )  # fmt: skip
-    with progress_bar() as report:
+        recording=options.recording,
+        period=options.period,
+        drivers=options.drivers,
+        types=types,
+        refit=options.jam_distance == "refit",
+        lane_change_model=options.lane_change_model,
+        lane_change=dict(options.lane_change),
+        ego=options.ego,
+        gui=options.gui,
+        downstream_speed=not options.no_downstream_speed,
+        seeds=options.seeds,
+        bias_sample=0 if single else options.replay_bias,
+        minutes=options.minutes,
+        location=options.location,
+        seed=options.seed,
+        jobs=options.jobs,
+        model=options.model,
+    )
+    with progress_bar(module.stages(settings)) as report:
         table = module.interactive(settings, options.output, command=sys.argv, progress=report)
     say(
         text_table(table[SHOWN_LOOP]),
         study_module("closed_loop.words").in_words(table),
         f"open {options.output / 'report.html'}",
     )
+    shared.note_origin_of(options.output)

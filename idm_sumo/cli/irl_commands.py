@@ -1,4 +1,4 @@
-"""``irl learn``, ``irl train`` and ``irl evaluate``: a reward from recorded drivers, agents trained on it, their errors."""
+"""``irl learn``, ``irl train``, ``irl evaluate``: reward, agents, errors."""
 
 from __future__ import annotations
 
@@ -13,14 +13,42 @@ STEPS = 1_200_000
 SEEDS = 3
 
 
+LEARN = """\
+learn the reward's weights from the training drivers (inverse optimal control)
+
+reads   RECORDING ...
+leaves  FILE, weights with standard errors, as JSON
+next    idm-sumo irl train RECORDING -o agents"""
+TRAIN = """\
+learn the reward, then train agents on it by PPO, and clones beside them
+
+Needs the extra `rl` (torch and stable-baselines3).
+
+reads   RECORDING ...
+leaves  DIR: reward, policies, learning curve, checkpoints
+next    idm-sumo irl evaluate RECORDING --agents DIR -o scores.csv, or reproduce
+        --agents DIR"""
+EVALUATE = """\
+drive the test drivers by trained agents and clones, and score them
+
+reads   RECORDING ..., and the folder of `irl train`
+leaves  FILE, one row a method and seed, as CSV
+next    idm-sumo reproduce --agents DIR -o out sets them beside the other
+        methods"""
+
+
 def add(commands: Any) -> None:
-    """Add the commands of this module."""
+    """Add the commands of this module.
+
+    Parameters
+    ----------
+    commands : action of ``add_subparsers``
+    """
     group = commands.add_parser(
         "irl", help="the paper's less constrained learner: learn a reward, train agents, evaluate them"
     )
     actions = group.add_subparsers(title="commands", metavar="COMMAND", required=True, parser_class=type(group))
-    parser = shared.command(actions, "learn", learn, "learn the reward's weights from the training drivers (inverse optimal control)",
-                            "idm-sumo irl learn surrogate -o reward.json")  # fmt: skip
+    parser = shared.command(actions, "learn", learn, LEARN, "idm-sumo irl learn RECORDING --quick -o reward.json")
     _source_arguments(parser)
     parser.add_argument(
         "--demonstrations", type=int, default=200, metavar="N", help="drivers to learn from (default 200)"
@@ -30,8 +58,7 @@ def add(commands: Any) -> None:
     )
     shared.output_argument(parser, "FILE", "weights with standard errors, as JSON")
 
-    parser = shared.command(actions, "train", train, "learn the reward, then train agents on it by PPO, and clones beside them",
-                            "idm-sumo irl train surrogate -o agents")  # fmt: skip
+    parser = shared.command(actions, "train", train, TRAIN, "idm-sumo irl train RECORDING --quick -o agents")
     _source_arguments(parser)
     parser.add_argument(
         "--agent-steps",
@@ -47,17 +74,16 @@ def add(commands: Any) -> None:
         parser, "DIR", "reward, policies, learning curve; interrupted, the same command goes on from its checkpoints"
     )
 
-    parser = shared.command(actions, "evaluate", evaluate, "drive the test drivers by trained agents and clones, and score them",
-                            "idm-sumo irl evaluate surrogate --agents agents -o scores.csv")  # fmt: skip
+    parser = shared.command(
+        actions, "evaluate", evaluate, EVALUATE, "idm-sumo irl evaluate RECORDING --quick --agents agents -o scores.csv"
+    )
     _source_arguments(parser)
     parser.add_argument("--agents", type=Path, required=True, metavar="DIR", help="folder of `irl train`")
     shared.output_argument(parser, "FILE", "one row a method and seed, as CSV")
 
 
 def _source_arguments(parser: argparse.ArgumentParser) -> None:
-    parser.add_argument(
-        "recording", metavar="RECORDING", nargs="+", help="NGSIM or SUMO FCD, or `surrogate` for the built-in recording"
-    )
+    parser.add_argument("recording", metavar="RECORDING", nargs="+", help=shared.RECORDING_HELP)
     parser.add_argument(
         "--train", action="append", metavar="PERIOD", help="training period; may be repeated (default: the first)"
     )
@@ -75,20 +101,31 @@ def _source_arguments(parser: argparse.ArgumentParser) -> None:
 
 
 def _settings(options: argparse.Namespace) -> Any:
-    """Return the settings of the study these options ask for; the same as those of `reproduce`."""
+    """Return the study's settings that the options ask for."""
+    from idm_sumo.sumo.surrogate.builtin import SURROGATE
+
     module = study_module("reproduce.settings")
-    named = options.recording == [module.SURROGATE]
+    named = options.recording == [SURROGATE]
     overrides = {
-        "recordings": None if named else tuple(options.recording), "train": options.train, "test": options.test,
-        "rollout_start": options.rollout_start, "seed": options.seed, "agent_steps": getattr(options, "agent_steps", None),
+        "recordings": None if named else tuple(options.recording),
+        "train": options.train,
+        "test": options.test,
+        "rollout_start": options.rollout_start,
+        "seed": options.seed,
+        "agent_steps": getattr(options, "agent_steps", None),
         "agent_seeds": getattr(options, "seeds", None),
-    }  # fmt: skip
+    }
     settings = module.load_settings(module.DEFAULT_RUN if named else None, overrides)
     return study_module("reproduce.run").quick(settings) if options.quick else settings
 
 
 def learn(options: argparse.Namespace) -> None:
-    """Learn the reward."""
+    """Learn the reward.
+
+    Parameters
+    ----------
+    options : argparse.Namespace
+    """
     module = study_module("reproduce.agents.study")
     with progress_bar() as report:
         table, words = module.learn(
@@ -102,7 +139,12 @@ def learn(options: argparse.Namespace) -> None:
 
 
 def train(options: argparse.Namespace) -> None:
-    """Train agents."""
+    """Train agents.
+
+    Parameters
+    ----------
+    options : argparse.Namespace
+    """
     from idm_sumo.irl.learning import require_rl
 
     require_rl()
@@ -116,7 +158,12 @@ def train(options: argparse.Namespace) -> None:
 
 
 def evaluate(options: argparse.Namespace) -> None:
-    """Score agents."""
+    """Score agents.
+
+    Parameters
+    ----------
+    options : argparse.Namespace
+    """
     module = study_module("reproduce.agents.study")
     with progress_bar() as report:
         table, missing = module.evaluate(_settings(options), options.agents, options.output, progress=report)

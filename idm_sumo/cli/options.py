@@ -3,45 +3,122 @@
 from __future__ import annotations
 
 import argparse
-from collections.abc import Callable
+import json
+from collections.abc import Callable, Iterable
+from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
+from idm_sumo.cli.console import note, progress_bar
 from idm_sumo.roads import road
 
 if TYPE_CHECKING:
     from idm_sumo.recordings.recording import Recording
     from idm_sumo.scenes.windows import Scenes, Window
 
+MINUTES = 4.0  # of `surrogate`: enough for hundreds of drivers, made in seconds
+RECORDING_HELP = "NGSIM text, portal CSV or Parquet, leader-follower pairs, SUMO FCD, or `surrogate`: the built-in one"
+
 
 def command(
-    commands: Any, name: str, run: Callable[[argparse.Namespace], None], help_text: str, example: str
+    commands: Any,
+    name: str,
+    run: Callable[[argparse.Namespace], None],
+    about: str,
+    *examples: str,
+    jobs: int | None = 1,
 ) -> argparse.ArgumentParser:
-    """Add a command with the options that every command has."""
+    """Add a command with the options that every command has.
+
+    Parameters
+    ----------
+    commands : action of ``add_subparsers``
+    name : str
+    run : callable
+        Called with the parsed options.
+    about : str
+        The description; its first line stands in the list of commands.
+    *examples : str
+        Lines that run as they stand, shown below the options.
+    jobs : int or None
+        Default number of processes; None for as many as the machine has.
+    """
     parser: argparse.ArgumentParser = commands.add_parser(
-        name, help=help_text, description=help_text, epilog=f"example:\n  {example}",
-        formatter_class=argparse.RawDescriptionHelpFormatter,
+        name, help=about.splitlines()[0], description=about,
+        epilog="\n  ".join(["example:", *examples]), formatter_class=argparse.RawDescriptionHelpFormatter,
     )  # fmt: skip
     parser.add_argument("--seed", type=int, default=1, metavar="N", help="of everything random (default 1)")
-    parser.add_argument(
-        "--jobs", type=_positive, default=1, metavar="N", help="processes (default 1; kernels use all cores)"
-    )
+    shown = "1; kernels use all cores" if jobs else "as many as the machine has"
+    parser.add_argument("--jobs", type=_positive, default=jobs, metavar="N", help=f"processes (default {shown})")
     parser.add_argument("-v", "--verbose", action="store_true", help="say more, and show where an error came from")
     parser.set_defaults(run=run)
     return parser
 
 
-def recording_argument(parser: argparse.ArgumentParser, nargs: str | None = None) -> None:
-    """Add RECORDING."""
-    parser.add_argument("recording", type=Path, metavar="RECORDING", nargs=nargs,
-                        help="NGSIM text, portal CSV or Parquet, or SUMO FCD")  # fmt: skip
-    parser.add_argument("--location", default="us-101", help="of a file that mixes several (default us-101)")
+def recording_argument(parser: argparse.ArgumentParser) -> None:
+    """Add RECORDING and what belongs to it.
+
+    Parameters
+    ----------
+    parser : argparse.ArgumentParser
+    """
+    parser.add_argument("recording", metavar="RECORDING", help=RECORDING_HELP)
+    location_argument(parser)
+    minutes_argument(parser)
+
+
+def location_argument(parser: argparse.ArgumentParser) -> None:
+    """Add --location.
+
+    Parameters
+    ----------
+    parser : argparse.ArgumentParser
+    """
+    parser.add_argument(
+        "--location", default="us-101", metavar="NAME", help="which part of a file that mixes several (default us-101)"
+    )
+
+
+def minutes_argument(parser: argparse.ArgumentParser, default: float = MINUTES) -> None:
+    """Add --minutes.
+
+    Parameters
+    ----------
+    parser : argparse.ArgumentParser
+    default : float
+    """
+    parser.add_argument(
+        "--minutes", type=minutes, default=default, metavar="N", help=f"length of `surrogate` (default {default:g})"
+    )
+
+
+def minutes(text: str) -> float:
+    """Return a length in minutes.
+
+    Parameters
+    ----------
+    text : str
+
+    Raises
+    ------
+    argparse.ArgumentTypeError
+        If it is not above 0.
+    """
+    value = float(text)
+    if not value > 0:
+        raise argparse.ArgumentTypeError("must be above 0")
+    return value
 
 
 def window_arguments(parser: argparse.ArgumentParser) -> None:
-    """Add what a driver's window is."""
+    """Add what a driver's window is.
+
+    Parameters
+    ----------
+    parser : argparse.ArgumentParser
+    """
     parser.add_argument(
-        "--period", action="append", metavar="LABEL", help="only this recording period; may be repeated"
+        "--period", action="append", metavar="PERIOD", help="only this recording period; may be repeated"
     )
     parser.add_argument(
         "--observed", type=_positive, default=10, metavar="FRAMES", help="frames the driving code sees (default 10)"
@@ -51,33 +128,90 @@ def window_arguments(parser: argparse.ArgumentParser) -> None:
     )
     parser.add_argument("--rollout-start", choices=("observed", "entry"), default="observed",
                         help="simulate from the last observed frame (default) or from entry")  # fmt: skip
-    parser.add_argument("--desired-speed", type=float, default=road.SPEED_LIMIT, metavar="M_S",
+    parser.add_argument("--desired-speed", type=float, default=road.SPEED_LIMIT, metavar="V",
                         help=f"v0 in m/s (default {road.SPEED_LIMIT:.2f}, 55 mph)")  # fmt: skip
 
 
 def output_argument(parser: argparse.ArgumentParser, metavar: str, help_text: str) -> None:
-    """Add -o."""
+    """Add -o.
+
+    Parameters
+    ----------
+    parser : argparse.ArgumentParser
+    metavar, help_text : str
+    """
     parser.add_argument("-o", "--output", type=Path, required=True, metavar=metavar, help=help_text)
 
 
 def window_of(options: argparse.Namespace, every: int | None = None) -> Window:
-    """Return the window the options ask for."""
+    """Return the window the options ask for.
+
+    Parameters
+    ----------
+    options : argparse.Namespace
+    every : int, optional
+        Frames between windows of the same driver; by default one window each.
+    """
     from idm_sumo.scenes.windows import Window
 
     return Window(options.observed, options.horizon, options.rollout_start == "entry", every)
 
 
+def recording_path(options: argparse.Namespace) -> Path:
+    """Return the path of the RECORDING.
+
+    The built-in one is made now if it is not in the cache.
+
+    Parameters
+    ----------
+    options : argparse.Namespace
+    """
+    from idm_sumo.sumo.surrogate.builtin import recording_path as path_of
+
+    with progress_bar() as report:
+        return path_of(options.recording, minutes=options.minutes, seed=options.seed, progress=report)
+
+
 def load(options: argparse.Namespace) -> Recording:
-    """Read, clean and smooth the RECORDING."""
+    """Read, clean and smooth the RECORDING.
+
+    Parameters
+    ----------
+    options : argparse.Namespace
+    """
     from idm_sumo.recordings.cleaning import clean
     from idm_sumo.recordings.reading import read_recording
     from idm_sumo.recordings.smoothing import smooth
 
-    return smooth(clean(read_recording(options.recording, location=options.location)))
+    return smooth(clean(read_recording(recording_path(options), location=options.location)))
 
 
-def scenes_of(options: argparse.Namespace, window: Window) -> tuple[list[Scenes], dict[str, int]]:
-    """Return the scenes of the wanted periods and how many vehicles were left out, by reason.
+@dataclass(frozen=True)
+class Modelled:
+    """The windows of a recording's drivers.
+
+    Attributes
+    ----------
+    scenes : list of Scenes
+        One a period.
+    left_out : dict of str to int
+        Vehicles without a window, by reason.
+    notes : tuple of str
+        Of the recording.
+    """
+
+    scenes: list[Scenes]
+    left_out: dict[str, int]
+    notes: tuple[str, ...]
+
+
+def scenes_of(options: argparse.Namespace, window: Window) -> Modelled:
+    """Return the windows of the wanted periods' drivers.
+
+    Parameters
+    ----------
+    options : argparse.Namespace
+    window : Window
 
     Raises
     ------
@@ -101,9 +235,37 @@ def scenes_of(options: argparse.Namespace, window: Window) -> tuple[list[Scenes]
             found.append(scenes)
     if not found:
         raise InputError(
-            f"{options.recording}: no vehicle is recorded for {window.frames} frames in a row; lower --observed or --horizon"
+            f"{options.recording}: no vehicle is recorded for {window.frames} frames in a row; "
+            "lower --observed or --horizon"
         )
-    return found, reasons
+    return Modelled(found, reasons, recording.notes)
+
+
+def note_origin(notes: Iterable[str]) -> None:
+    """Say beside a result that its recording is not measured.
+
+    Parameters
+    ----------
+    notes : iterable of str
+        Of the recording; nothing is said without the surrogate's notice among them.
+    """
+    from idm_sumo.recordings.recording import SURROGATE_NOTICE
+
+    if any(SURROGATE_NOTICE in line for line in notes):
+        note(SURROGATE_NOTICE)
+
+
+def note_origin_of(folder: Path) -> None:
+    """Say the same of a folder of results.
+
+    Parameters
+    ----------
+    folder : Path
+        With a manifest, whose notes tell.
+    """
+    from idm_sumo.runtime.files import MANIFEST
+
+    note_origin(json.loads((folder / MANIFEST).read_text(encoding="utf-8")).get("notes", ()))
 
 
 def _positive(text: str) -> int:

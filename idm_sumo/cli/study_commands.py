@@ -13,25 +13,72 @@ from idm_sumo.cli.console import note, progress_bar, say, study_module, text_tab
 SHOWN = ["method", "ade_m", "ade_se_m", "fde_m", "fde_se_m", "collisions", "vehicles"]
 
 
+REPLAY = """\
+drive one recorded vehicle by the model, in its recorded traffic
+
+All other vehicles drive as recorded; this one follows its leader by the IDM
+from its last observed frame on.
+
+reads   RECORDING; with --drivers its parameters, without them it is calibrated
+leaves  DIR/trajectory.parquet (modelled beside recorded, frame by frame),
+        scores.csv, time_space.png, replay.gif, manifest.json
+next    look at DIR/replay.gif; idm-sumo diagnose RECORDING -o out says why the
+        two part"""
+REPRODUCE = """\
+the paper's tables and figures, with report and manifest
+
+reads   RECORDING ..., by default the built-in recording with the settings of
+        runs/paper.toml
+leaves  DIR/report.html, tables/ (methods.csv is the paper's main table),
+        figures/, manifest.json
+next    open DIR/report.html"""
+
+
 def add(commands: Any) -> None:
-    """Add the commands of this module."""
-    parser = shared.command(commands, "replay", replay, "drive one recorded vehicle by the model, in its recorded traffic",
-                            "idm-sumo replay RECORDING --vehicle 515 -o out && open out/replay.gif")  # fmt: skip
+    """Add the commands of this module.
+
+    Parameters
+    ----------
+    commands : action of ``add_subparsers``
+    """
+    _add_replay(commands)
+    _add_reproduce(commands)
+
+
+def _add_replay(commands: Any) -> None:
+    parser = shared.command(commands, "replay", replay, REPLAY, "idm-sumo replay RECORDING --vehicle 20 -o out/replay")
     shared.recording_argument(parser)
-    parser.add_argument("--vehicle", type=int, required=True, metavar="ID")
+    parser.add_argument(
+        "--vehicle",
+        type=int,
+        required=True,
+        metavar="ID",
+        help="its number; `idm-sumo inspect RECORDING --vehicles` lists them",
+    )
     shared.window_arguments(parser)
     parser.add_argument(
         "--backend", choices=("sumo", "kernel"), default="sumo", help="what carries the traffic (default sumo)"
     )
-    parser.add_argument("--drivers", type=Path, metavar="FILE",
-                        help="parameters from `calibrate` or `predict`; by default this driver's own fit (oracle)")  # fmt: skip
-    parser.add_argument("--model", type=Path, metavar="FILE",
-                        help="extended model of `diagnose` (model.json), driven beside the plain one")  # fmt: skip
+    parser.add_argument(
+        "--drivers",
+        type=Path,
+        metavar="FILE",
+        help="parameters from `calibrate` or `predict`; by default this driver's own fit (oracle)",
+    )
+    parser.add_argument(
+        "--model",
+        type=Path,
+        metavar="FILE",
+        help="extended model of `diagnose` (model.json), driven beside the plain one",
+    )
     shared.output_argument(parser, "DIR", "trajectory, picture, animation and scores go there")
 
-    parser = shared.command(commands, "reproduce", reproduce, "the paper's tables and figures, with report and manifest",
-                            "idm-sumo reproduce -c runs/paper.toml -o out")  # fmt: skip
-    shared.recording_argument(parser, nargs="*")
+
+def _add_reproduce(commands: Any) -> None:
+    parser = shared.command(
+        commands, "reproduce", reproduce, REPRODUCE, "idm-sumo reproduce RECORDING --quick --no-agents -o out/study"
+    )
+    parser.add_argument("recording", metavar="RECORDING", nargs="*", help=shared.RECORDING_HELP)
     parser.add_argument(
         "-c",
         "--configuration-file",
@@ -52,45 +99,76 @@ def add(commands: Any) -> None:
     parser.add_argument(
         "--rollout-start", choices=("observed", "entry"), help="simulate from the last observed frame, or from entry"
     )
-    parser.add_argument("--neighbours", type=int, metavar="K")
-    parser.add_argument("--desired-speed", type=float, metavar="M_S", help="v0 (default: the speed limit)")
+    parser.add_argument("--neighbours", type=int, metavar="K", help="drivers that a prediction averages (default 8)")
+    parser.add_argument("--desired-speed", type=float, metavar="V", help="v0 in m/s (default: the speed limit)")
     parser.add_argument("--backend", choices=("sumo", "kernel"), help="what drives the table of methods (default sumo)")
     learner = parser.add_mutually_exclusive_group()
-    learner.add_argument("--agents", type=Path, metavar="DIR",
-                         help="drive by the agents of `irl train` there (default: train them, kept in the user's cache)")  # fmt: skip
+    learner.add_argument(
+        "--agents",
+        type=Path,
+        metavar="DIR",
+        help="drive by the agents of `irl train` there (default: train them, kept in the user's cache)",
+    )
     learner.add_argument("--no-agents", action="store_true", help="leave the learned agents and clones out")
     parser.set_defaults(seed=None)
 
 
 def replay(options: argparse.Namespace) -> None:
-    """Replay one vehicle."""
+    """Replay one vehicle.
+
+    Parameters
+    ----------
+    options : argparse.Namespace
+    """
     module = study_module("replay.run")
     request = module.Request(
-        options.recording, options.vehicle, tuple(options.period or ()), shared.window_of(options), options.backend,
-        options.drivers, options.desired_speed, options.seed, options.model,
-    )  # fmt: skip
+        shared.recording_path(options),
+        options.vehicle,
+        tuple(options.period or ()),
+        shared.window_of(options),
+        options.backend,
+        options.drivers,
+        options.desired_speed,
+        options.seed,
+        options.model,
+    )
     recording = shared.load(options)
     with progress_bar() as report:
         scores = module.replay_one(recording, request, options.output, command=sys.argv, progress=report)
     say(text_table(scores), f"wrote {options.output}")
+    shared.note_origin(recording.notes)
 
 
 def reproduce(options: argparse.Namespace) -> None:
-    """Run the study."""
+    """Run the study.
+
+    Parameters
+    ----------
+    options : argparse.Namespace
+    """
+    from idm_sumo.sumo.surrogate.builtin import SURROGATE
+
     settings_module, module = study_module("reproduce.settings"), study_module("reproduce.run")
+    named = options.recording and options.recording != [SURROGATE]
     overrides = {
-        "recordings": tuple(str(path) for path in options.recording) or None,
-        "train": options.train, "test": options.test, "rollout_start": options.rollout_start,
-        "neighbours": options.neighbours, "desired_speed": options.desired_speed, "backend": options.backend,
-        "seed": options.seed, "agent": str(options.agents) if options.agents else None,
+        "recordings": tuple(options.recording) if named else None,
+        "train": options.train,
+        "test": options.test,
+        "rollout_start": options.rollout_start,
+        "neighbours": options.neighbours,
+        "desired_speed": options.desired_speed,
+        "backend": options.backend,
+        "seed": options.seed,
+        "agent": str(options.agents) if options.agents else None,
         "agent_seeds": 0 if options.no_agents else None,
-    }  # fmt: skip
-    run = options.configuration_file or (None if options.recording else settings_module.DEFAULT_RUN)
+    }
+    run = options.configuration_file or (None if named else settings_module.DEFAULT_RUN)
     settings = settings_module.load_settings(run, overrides)
     if options.quick:
         settings = module.quick(settings)
-    with progress_bar() as report:
+    with progress_bar(module.stages(settings)) as report:
         table = module.reproduce(settings, options.output, command=sys.argv, jobs=options.jobs, progress=report)
     if not options.no_agents and (missing := study_module("reproduce.agents.rows").missing_row(table)):
         note(missing)
     say(text_table(table[SHOWN]), f"open {options.output / 'report.html'}")
+    shared.note_origin_of(options.output)

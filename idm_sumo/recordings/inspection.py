@@ -8,6 +8,7 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
+import pandas as pd
 
 from idm_sumo.recordings import columns as c
 from idm_sumo.recordings.accounting import Accounting
@@ -94,7 +95,8 @@ class Inspection:
         out += ["period       vehicles        rows   start s (of file)     end s   mean speed m/s"]
         begin = min(p.start for p in self.periods)
         out += [
-            f"{p.period:<12}{p.vehicles:>9,}{p.rows:>12,}{p.start - begin:>20.1f}{p.end - begin:>10.1f}{p.mean_speed:>17.2f}"
+            f"{p.period:<12}{p.vehicles:>9,}{p.rows:>12,}{p.start - begin:>20.1f}{p.end - begin:>10.1f}"
+            f"{p.mean_speed:>17.2f}"
             for p in self.periods
         ]
         out += ["rows by lane     " + ", ".join(f"{lane}: {rows:,}" for lane, rows in self.lanes.items())]
@@ -142,6 +144,39 @@ def summarise(read: Recording, cleaned: Recording, source: str) -> Inspection:
         has_leader_rows=read.has_leader_rows,
         notes=tuple(dict.fromkeys((*cleaned.notes, *rows.notes))),
     )
+
+
+def vehicle_table(read: Recording, cleaned: Recording, *, least_frames: int) -> pd.DataFrame:
+    """List the vehicles of a recording and why some cannot be modelled.
+
+    Parameters
+    ----------
+    read, cleaned : Recording
+        The recording as it was read, and what cleaning made of it.
+    least_frames : int
+        Frames in a row that a vehicle needs.
+
+    Returns
+    -------
+    pandas.DataFrame
+        One row a vehicle: ``period, vehicle, first_frame, last_frame, frames, start_s, end_s, eligible,
+        reason``. Frames and times are those of its longest unbroken run on the main lanes, times in
+        seconds since the recording begins; missing for a vehicle without one.
+    """
+    if cleaned.vehicles is None:
+        raise ValueError("not cleaned; see idm_sumo.recordings.cleaning.clean")
+    table = read.table
+    time = table.set_index(list(c.KEYS))[c.TIME] - table[c.TIME].min()
+    out = cleaned.vehicles[[c.PERIOD, c.VEHICLE, "first_frame", "last_frame"]].copy()
+    exists = out["first_frame"] >= 0
+    out["frames"] = np.where(exists, out["last_frame"] - out["first_frame"] + 1, 0)
+    for name, frame in (("start_s", "first_frame"), ("end_s", "last_frame")):
+        wanted = pd.MultiIndex.from_frame(out[[c.PERIOD, c.VEHICLE, frame]])
+        out[name] = time.reindex(wanted).to_numpy()
+    short = (cleaned.vehicles["reason"] == "") & (out["frames"] < least_frames)
+    reason = cleaned.vehicles["reason"].mask(short, f"fewer than {least_frames} frames in a row")
+    out[["first_frame", "last_frame"]] = out[["first_frame", "last_frame"]].where(exists).astype("Int64")
+    return out.assign(**{c.PERIOD: out[c.PERIOD].astype(str)}, eligible=reason == "", reason=reason)
 
 
 def _periods(recording: Recording) -> tuple[PeriodSummary, ...]:

@@ -16,13 +16,15 @@ import pyarrow.parquet
 from idm_sumo.recordings import columns as c
 from idm_sumo.recordings.accounting import Accounting, Ledger
 from idm_sumo.recordings.readers import delimited, fcd, ngsim, pairs
-from idm_sumo.recordings.recording import Recording
+from idm_sumo.recordings.recording import SURROGATE_NOTICE, Recording
 from idm_sumo.roads import DEFAULT, Road, road_at
 from idm_sumo.runtime.errors import InputError
 
 PARQUET = b"PAR1"
 ZIP = b"PK\x03\x04"
 METADATA = b"idm_sumo"  # where a Parquet of ours keeps what is not in the table
+NOTICE = b"notice"  # metadata of a Parquet that says what kind of recording it is
+SURROGATE_COLUMN = "Surrogate"  # the same for a CSV, which has no metadata: a column of that name
 
 
 def read_recording(
@@ -98,7 +100,14 @@ def _from_text(path: Path, start: bytes, ledger: Ledger, location: str, road: Ro
     else:
         _check_header(path, line)
         raw = delimited.read_portal(path, ledger, location=location)
-    return _accounted(*ngsim.to_recording(raw, ledger, road=road, source=path.name))
+    recording = _accounted(*ngsim.to_recording(raw, ledger, road=road, source=path.name))
+    return _noted(recording, SURROGATE_NOTICE if SURROGATE_COLUMN in line.split(",") else "")
+
+
+def _noted(recording: Recording, notice: str) -> Recording:
+    """Return the recording with the file's own notice as first of its notes."""
+    known = not notice or notice in recording.notes
+    return recording if known else replace(recording, notes=(notice, *recording.notes))
 
 
 def _pairs_of_csv(path: Path) -> pd.DataFrame:
@@ -127,6 +136,11 @@ def _check_header(path: Path, line: str) -> None:
 
 def _from_parquet(path: Path, ledger: Ledger, location: str, road: Road | None) -> Recording:
     table = _load_parquet(path)
+    notice = (table.schema.metadata or {}).get(NOTICE, b"").decode("utf-8", errors="replace")
+    return _noted(_from_arrow(table, path, ledger, location, road), notice)
+
+
+def _from_arrow(table: pa.Table, path: Path, ledger: Ledger, location: str, road: Road | None) -> Recording:
     names = list(table.column_names)
     if {*c.KEYS, c.X, c.Y} <= set(names):
         return _own(table, ledger, path, location, road)

@@ -25,6 +25,9 @@ DTYPES = {
     c.LANE: "int8", c.LEADER: "int64", c.HEADWAY: "float64",
 }  # fmt: skip
 
+# A surrogate's file holds this, and so do the notes of every recording made from it.
+SURROGATE_NOTICE = "Surrogate recording: simulated with SUMO in NGSIM's layout. Not measured."
+
 
 @cache
 def schema(last_lane: int) -> pa.DataFrameSchema:
@@ -188,6 +191,11 @@ class Recording:
             return pd.DataFrame({c.PERIOD: pd.Series(dtype=str), c.VEHICLE: pd.Series(dtype=int), "reason": ""})
         chosen = self.vehicles["reason"] != ""
         return self.vehicles.loc[chosen, [c.PERIOD, c.VEHICLE, "reason"]].reset_index(drop=True)
+
+    @property
+    def is_measured(self) -> bool:
+        """Whether it was recorded on a road; the surrogate was not, and its notes say so."""
+        return SURROGATE_NOTICE not in self.notes
 
     @property
     def vehicle_count(self) -> int:

@@ -21,6 +21,8 @@ import pyarrow.csv
 import pyarrow.parquet as pq
 
 from idm_sumo.recordings.columns import FRAME_STEP
+from idm_sumo.recordings.reading import NOTICE, SURROGATE_COLUMN
+from idm_sumo.recordings.recording import SURROGATE_NOTICE
 from idm_sumo.runtime.errors import InputError
 from idm_sumo.runtime.files import new_file
 from idm_sumo.sumo.surrogate import demand as surrogate_demand
@@ -31,7 +33,6 @@ from idm_sumo.sumo.surrogate.traffic import STEP, Trajectories
 
 WARM_UP = 180.0  # s, until the road is full
 SHORTEST, LONGEST = 0.5, 180.0  # minutes
-NOTICE = "Surrogate recording: simulated with SUMO in NGSIM's layout. Not measured."
 
 Progress = Callable[[float, float], None]
 
@@ -43,7 +44,8 @@ def make_surrogate(path: Path | str, *, minutes: float = 45.0, seed: int = 1, pr
     ----------
     path : Path or str
         Official whitespace text if it ends in ``.txt``, the data portal's CSV if in ``.csv``,
-        otherwise Parquet with the official names.
+        otherwise Parquet with the official names. Parquet and CSV say that nothing was measured;
+        the official text has no place for that.
     minutes, seed, progress
         See :func:`surrogate_table`.
 
@@ -118,9 +120,12 @@ def write_layout(tables: Iterable[pd.DataFrame], path: Path, suffix: str) -> Non
     with ExitStack() as stack:
         writer = None
         for table in tables:
-            arrow = pa.Table.from_pandas(table, preserve_index=False).replace_schema_metadata({"notice": NOTICE})
+            arrow = pa.Table.from_pandas(table, preserve_index=False).replace_schema_metadata(
+                {NOTICE: SURROGATE_NOTICE}
+            )
             if suffix == ".csv":
                 arrow = arrow.append_column("Location", pa.array(["us-101"] * len(table)))
+                arrow = arrow.append_column(SURROGATE_COLUMN, pa.array(["not measured"] * len(table)))
             writer = writer or stack.enter_context(_writer(path, suffix, arrow.schema))
             writer.write_table(arrow)
 

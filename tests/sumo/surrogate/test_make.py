@@ -158,6 +158,7 @@ def test_text_and_csv_hold_the_same_rows(table, tmp_path):
     surrogate.write_layout([few], tmp_path / "us101.csv", ".csv")
     portal = pd.read_csv(io.StringIO((tmp_path / "us101.csv").read_text()))
     assert (portal.pop("Location") == "us-101").all()
+    assert (portal.pop("Surrogate") == "not measured").all()
     pd.testing.assert_frame_equal(portal, few, check_dtype=False)
 
 

@@ -1,0 +1,120 @@
+"""``export``: drivers as SUMO vehicle types."""
+
+from __future__ import annotations
+
+import argparse
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+from idm_sumo.cli import options as shared
+from idm_sumo.cli.console import note, say, text_table
+
+if TYPE_CHECKING:
+    import pandas as pd
+
+EXPORT = """\
+write drivers as SUMO vehicle types that drive as calibrated
+
+reads   DRIVERS, the table of `calibrate` or `predict`
+leaves  FILE.rou.xml with a vType, a route and a departure for each driver, the
+        network and a configuration beside it
+next    sumo -c FILE.sumocfg, or include the vTypes in a simulation of your own"""
+
+
+def add(commands: Any) -> None:
+    """Add the command of this module.
+
+    Parameters
+    ----------
+    commands : action of ``add_subparsers``
+    """
+    parser = shared.command(commands, "export", export, EXPORT, "idm-sumo export drivers.parquet -o drivers.rou.xml")
+    parser.add_argument("drivers", type=Path, metavar="DRIVERS", help="table of `calibrate` or `predict`")
+    shared.output_argument(parser, "FILE.rou.xml", "FILE.sumocfg and FILE.net.xml are written beside it")
+    parser.add_argument(
+        "--jam-distance",
+        choices=("refit", "linearised", "none"),
+        default="refit",
+        help="what stands for d1, which SUMO's IDM lacks: a refit without it (default), its tangent at the "
+        "driver's mean speed, or nothing",
+    )
+    parser.add_argument(
+        "--integration", choices=("euler", "ballistic"), default="euler", help="of the SUMO run (default euler)"
+    )
+    parser.add_argument(
+        "-n", "--net-file", type=Path, metavar="FILE", help="another build of our network, say with another speed limit"
+    )
+    parser.add_argument(
+        "--distribution",
+        action="store_true",
+        help="write a vTypeDistribution of the population instead, for any network (FILE.add.xml)",
+    )
+    parser.add_argument(
+        "--representatives", type=int, metavar="N", help="with --distribution: only so many typical drivers"
+    )
+    parser.add_argument(
+        "--model",
+        type=Path,
+        metavar="FILE",
+        help="extended model of `diagnose`: what SUMO's types can hold of it goes into them, the rest is said",
+    )
+    parser.add_argument("--no-check", action="store_true", help="do not run SUMO once to see who departs late")
+
+
+def export(options: argparse.Namespace) -> None:
+    """Write vehicle types, vehicles and a SUMO configuration.
+
+    Parameters
+    ----------
+    options : argparse.Namespace
+    """
+    from idm_sumo.calibration.driver_table import read_drivers
+    from idm_sumo.calibration.without_d1 import cost_summary
+    from idm_sumo.models.effects import ExtendedModel
+    from idm_sumo.runtime.errors import InputError
+    from idm_sumo.sumo.closed_loop.insertion import departure_delays
+    from idm_sumo.sumo.export.distribution import export_distribution
+    from idm_sumo.sumo.export.routes import export_routes
+
+    drivers, shared_options = (
+        read_drivers(options.drivers),
+        {"jam_distance": options.jam_distance, "integration": options.integration},
+    )
+    model = None if options.model is None else ExtendedModel.read(options.model)
+    if options.distribution:
+        if model is not None:
+            raise InputError("--model: a distribution is for any network and time; leave out --distribution")
+        written = export_distribution(
+            drivers,
+            options.output,
+            representatives=options.representatives,
+            seed=options.seed,
+            source=str(options.drivers),
+            **shared_options,
+        )
+        say(f"wrote {written}")
+        return
+    exported = export_routes(
+        drivers, options.output, net_file=options.net_file, model=model, source=str(options.drivers), **shared_options
+    )
+    for line in exported.notes:
+        note(line)
+    say(
+        f"wrote {exported.route_file}: {len(exported.vehicles)} drivers; run them with `sumo -c {exported.config_file}`"
+    )
+    if {"ade_m", "ade_exact_m"} <= set(drivers.columns):
+        say(
+            "what each way to do without d1 costs (m of ADE over the calibration window):",
+            text_table(cost_summary(_costs(drivers))),
+        )
+    if not options.no_check:
+        delays = departure_delays(exported.config_file)
+        late = delays[delays["delay_s"] > 0]
+        say(f"{len(late)} of {len(delays)} departures are late, for want of room behind the vehicle ahead")
+        if len(late):
+            say(text_table(late))
+
+
+def _costs(drivers: pd.DataFrame) -> pd.DataFrame:
+    """Return the columns with the errors of doing without d1."""
+    return drivers[[name for name in drivers.columns if name.startswith("ade_")]]
