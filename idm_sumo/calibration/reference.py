@@ -1,7 +1,7 @@
-"""What others calibrate with, on the same compiled objective: scipy's L-BFGS-B and differential evolution.
+"""The paper's solver on the same compiled objective: scipy's L-BFGS-B.
 
-L-BFGS-B with bounds, finite differences and several random starts is the paper's solver. A
-fit costs a thousand times a rollout; these are references, to be compared with.
+It searches within the bounds by finite differences, from several random starts. A fit costs a
+thousand times a rollout; it is a reference, to be compared with.
 """
 
 from __future__ import annotations
@@ -11,7 +11,7 @@ from collections.abc import Callable
 import numpy as np
 import numpy.typing as npt
 from numba import njit
-from scipy.optimize import differential_evolution, minimize
+from scipy.optimize import minimize
 from threadpoolctl import threadpool_limits
 
 from idm_sumo.calibration.kernel import LOWER, PARAMETERS, UPPER, cost_and_derivatives, costs_of
@@ -94,28 +94,3 @@ def _from_starts(
             if found.fun < value[q]:
                 z[q], value[q] = found.x, found.fun
     return z, value
-
-
-def evolve(problem: Problem, which: npt.NDArray[np.int64], *, seed: int = 0, first: int = 0) -> tuple[Floats, Floats]:
-    """Fit drivers ``which`` by scipy's differential evolution, as :func:`l_bfgs_b`."""
-    z, value = np.empty((len(which), PARAMETERS)), np.empty(len(which))
-    bounds = list(zip(LOWER, UPPER, strict=True))
-    for q, i in enumerate(which):
-        one = only(problem, np.array([i]))
-        found = differential_evolution(
-            lambda at, one=one: _costs_of_columns(one, at),
-            bounds,
-            rng=np.random.default_rng([seed, first + int(i)]),
-            vectorized=True,
-            updating="deferred",
-        )
-        z[q], value[q] = found.x, found.fun
-    return z, value
-
-
-def _costs_of_columns(problem: Problem, at: Floats) -> Floats:
-    """Return the first driver's cost at every column of ``at``, shape ``(5, m)``; or at ``(5,)`` itself."""
-    z = np.ascontiguousarray(np.atleast_2d(at.T))
-    values = np.empty(len(z))
-    costs_of(problem, 0, z, 0.0, values)
-    return values if at.ndim == 2 else values[0]

@@ -28,8 +28,8 @@ Floats = npt.NDArray[np.float64]
 Integers = npt.NDArray[np.int64]
 NAMES = list(idm.IDMParameters._fields)
 
-GAUSS_NEWTON, L_BFGS_B, EVOLUTION = SOLVERS = ("gauss-newton", "l-bfgs-b", "differential-evolution")
-SLOW_CHUNK = 64  # windows at a time for scipy's solvers, which take a thousand times longer
+GAUSS_NEWTON, L_BFGS_B = SOLVERS = ("gauss-newton", "l-bfgs-b")
+SLOW_CHUNK = 64  # windows at a time for scipy's solver, which takes a thousand times longer
 REFERENCE_STARTS = 10
 
 
@@ -55,12 +55,12 @@ def calibrate(
         What is minimised: the mean over the simulated frames.
     loss : {"squared", "huber", "soft-l1"}, optional
         Of the gap, speed and log-gap errors.
-    solver : {"gauss-newton", "l-bfgs-b", "differential-evolution"}
-        Ours (:mod:`idm_sumo.calibration.solver`), the paper's, or a global search.
+    solver : {"gauss-newton", "l-bfgs-b"}
+        Ours (:mod:`idm_sumo.calibration.solver`), or the paper's.
     starts : int, optional
         Starts that ours screens (64), or that L-BFGS-B goes through (10).
     seed : int
-        Of L-BFGS-B's random starts and of differential evolution; ours draws nothing.
+        Of L-BFGS-B's random starts; ours draws nothing.
     desired_speed : array_like, shape (vehicles,) or ()
         :math:`v_0` in m/s, by default the speed limit.
     mask : bool, shape (vehicles, frames), optional
@@ -151,10 +151,7 @@ def _fit(
     if name == GAUSS_NEWTON:
         z, value, rested = solver.fit_all(problem, which, solver.design_of_starts(starts or solver.STARTS))
         return z, value, rested
-    if name == L_BFGS_B:
-        z, value = reference.l_bfgs_b(problem, which, starts=starts or REFERENCE_STARTS, seed=seed, first=first)
-    else:
-        z, value = reference.evolve(problem, which, seed=seed, first=first)
+    z, value = reference.l_bfgs_b(problem, which, starts=starts or REFERENCE_STARTS, seed=seed, first=first)
     return z, value, np.isfinite(value)
 
 

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import json
-from collections.abc import Callable
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -121,36 +120,13 @@ def drive_policy(scenes: Scenes, policy: Policy) -> Trajectories:
         By the paper's transition model, Euler with the old speed. ``gap`` is infinite and ``leader`` is
         ``NOBODY`` throughout, since the policy does not follow a single leader.
     """
-    return _driven(scenes, lambda _, simulation: simulation.advance(policy(simulation.observation)))
-
-
-def drive_controls(scenes: Scenes, acceleration: Floats, steering: Floats) -> Trajectories:
-    """Drive every vehicle by given controls.
-
-    Parameters
-    ----------
-    scenes : Scenes
-        Windows of the drivers.
-    acceleration, steering : float64, shape (vehicles, horizon)
-        Controls (m/s², rad).
-
-    Returns
-    -------
-    Trajectories
-        As in :func:`drive_policy`.
-    """
-    control = np.stack([acceleration, steering], axis=2)
-    return _driven(scenes, lambda step, simulation: simulation.advance_by(np.ascontiguousarray(control[:, step])))
-
-
-def _driven(scenes: Scenes, advance: Callable[[int, Simulation], None]) -> Trajectories:
     episodes, around = episodes_of([scenes])
     simulation = Simulation(episodes, around, np.arange(len(scenes)))
     out = Trajectories.empty(len(scenes), scenes.window.horizon)
     out.gap[:], out.leader[:] = np.inf, NOBODY
     _write(out, 0, simulation, scenes.length)
     for step in range(scenes.window.horizon):
-        advance(step, simulation)
+        simulation.advance(policy(simulation.observation))
         out.acceleration[:, step], out.steering[:, step] = simulation.control.T
         _write(out, step + 1, simulation, scenes.length)
     return out

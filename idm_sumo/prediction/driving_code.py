@@ -23,9 +23,9 @@ import numpy as np
 import numpy.typing as npt
 import pandas as pd
 
+from idm_sumo.prediction.observation import watched
 from idm_sumo.roads import road
 from idm_sumo.runtime.errors import InputError
-from idm_sumo.scenes.perception import leaders_along
 from idm_sumo.scenes.windows import Scenes
 
 SPEED = "mean_speed_m_s"  # not the speed at departure, which a driver table holds too
@@ -85,11 +85,7 @@ def driving_code(scenes: Scenes, frames: int | None = None) -> pd.DataFrame:
     InputError
         If the window has fewer frames than are to be observed.
     """
-    n = scenes.window.frames if frames is None else frames
-    if not 1 <= n <= scenes.window.frames:
-        raise InputError(f"frames = {n}: must be between 1 and the window's {scenes.window.frames}")
-    x, y, speed = (values[:, :n] for values in (scenes.x, scenes.y, scenes.speed))
-    leader = leaders_along(scenes, x, y, 0)
+    _, y, speed, leader = watched(scenes, scenes.window.frames if frames is None else frames)
     seen = np.isfinite(leader.gap)
     headway = np.maximum(leader.gap, 0.0) / np.maximum(speed, SLOWEST)
     return pd.DataFrame({

@@ -9,7 +9,7 @@ import pandas as pd
 from idm_sumo.recordings.columns import FRAME_STEP
 from idm_sumo.roads import road
 from idm_sumo.runtime.errors import InputError
-from idm_sumo.scenes.perception import leaders_along
+from idm_sumo.scenes.perception import LeadersAlong, leaders_along
 from idm_sumo.scenes.windows import Scenes
 
 Floats = npt.NDArray[np.float64]
@@ -24,6 +24,31 @@ COLUMNS = (
 )  # fmt: skip
 FEWEST_FRAMES = 2  # for a rate of change
 NEW_LEADER = 3.0  # m, a leader's rear that moves by more between two frames, beyond its speed, is another leader
+
+
+def watched(scenes: Scenes, frames: int) -> tuple[Floats, Floats, Floats, LeadersAlong]:
+    """Return positions, speeds and leaders of the window's first frames.
+
+    Parameters
+    ----------
+    scenes : Scenes
+    frames : int
+
+    Returns
+    -------
+    x, y, speed : float64, shape (vehicles, frames)
+        m, m, m/s.
+    leader : LeadersAlong
+
+    Raises
+    ------
+    InputError
+        If the window has fewer frames.
+    """
+    if not 1 <= frames <= scenes.window.frames:
+        raise InputError(f"frames = {frames}: must be between 1 and the window's {scenes.window.frames}")
+    x, y, speed = (np.asarray(values[:, :frames]) for values in (scenes.x, scenes.y, scenes.speed))
+    return x, y, speed, leaders_along(scenes, x, y, 0)
 
 
 def first_second(scenes: Scenes, frames: int | None = None) -> pd.DataFrame:
@@ -49,11 +74,7 @@ def first_second(scenes: Scenes, frames: int | None = None) -> pd.DataFrame:
     InputError
         If the window has fewer frames than are to be observed.
     """
-    n = scenes.window.observed if frames is None else frames
-    if not 1 <= n <= scenes.window.frames:
-        raise InputError(f"frames = {n}: must be between 1 and the window's {scenes.window.frames}")
-    x, y, speed = (np.asarray(values[:, :n]) for values in (scenes.x, scenes.y, scenes.speed))
-    leader = leaders_along(scenes, x, y, 0)
+    x, y, speed, leader = watched(scenes, scenes.window.observed if frames is None else frames)
     seen = np.isfinite(leader.gap)
     gap = np.where(seen, leader.gap, np.nan)
     lane = road.lane_at(y[:, -1])

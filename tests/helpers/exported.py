@@ -6,6 +6,7 @@ import importlib.util
 import os
 import subprocess
 from pathlib import Path
+from xml.etree.ElementTree import Element, parse
 
 import numpy as np
 import pandas as pd
@@ -27,6 +28,11 @@ def drivers(n: int = 30, seed: int = 1, **columns: object) -> pd.DataFrame:
         "vehicle_class": rng.integers(0, 4, n),
     })  # fmt: skip
     return table.assign(**columns)
+
+
+def read_types(route_file: Path) -> dict[str, Element]:
+    """Return the vehicle types of an exported file by their names, as they stand there."""
+    return {element.attrib["id"]: element for element in parse(route_file).getroot().iter("vType")}
 
 
 def sumo(config: Path, *options: str) -> subprocess.CompletedProcess[str]:

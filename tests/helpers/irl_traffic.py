@@ -4,8 +4,11 @@ from __future__ import annotations
 
 import numpy as np
 
+from idm_sumo.irl.policy import drive_policy
+from idm_sumo.irl.simulation import actions_of
 from idm_sumo.roads import US101
 from idm_sumo.scenes.windows import Scenes, Window
+from idm_sumo.simulation.rollout import Trajectories
 from tests.helpers.builders import Car, scenes
 
 FRAMES = 40
@@ -30,3 +33,9 @@ def busy(cars: int = 6, *, horizon: int = 30, seed: int = 1, has_leader_rows: bo
     return scenes(
         *all_cars, window=Window(4, horizon), modelled=tuple(range(1, cars + 1)), has_leader_rows=has_leader_rows
     )
+
+
+def drive_controls(some: Scenes, acceleration: np.ndarray, steering: np.ndarray) -> Trajectories:
+    """Drive every vehicle by given controls, arrays of shape (vehicles, horizon) in m/s² and rad."""
+    actions = iter(actions_of(np.stack([acceleration, steering], axis=2).swapaxes(0, 1)))
+    return drive_policy(some, lambda _: next(actions))

@@ -12,11 +12,10 @@ pytest.importorskip("stable_baselines3", reason="needs the extra rl: pip install
 from gymnasium.utils.env_checker import check_env
 from stable_baselines3.common.env_checker import check_env as check_for_baselines
 
-from idm_sumo.irl.environment import ReplayEnv
+from idm_sumo.irl import ReplayEnv, ReplayVecEnv
 from idm_sumo.irl.episodes import episodes_of
 from idm_sumo.irl.features import COUNT
 from idm_sumo.irl.reward import PENALTY, Reward
-from idm_sumo.irl.vec_environment import ReplayVecEnv
 from tests.helpers.builders import Car, scenes
 from tests.helpers.irl_traffic import busy
 

@@ -8,7 +8,7 @@ import pytest
 from idm_sumo.irl import simulation as sim
 from idm_sumo.irl.episodes import episodes_of
 from idm_sumo.irl.features import ROAD_WIDTH
-from idm_sumo.irl.policy import Policy, drive_controls, drive_policy
+from idm_sumo.irl.policy import Policy, drive_policy
 from idm_sumo.irl.reward import ALIVE, PENALTY, WORST, Reward
 from idm_sumo.recordings.columns import FRAME_STEP
 from idm_sumo.roads import US101
@@ -16,7 +16,7 @@ from idm_sumo.scenes.windows import Scenes
 from idm_sumo.simulation.rollout import drive_constant_velocity
 from idm_sumo.sumo.replay.actions import replay_controls
 from tests.helpers.builders import Car, scenes
-from tests.helpers.irl_traffic import busy
+from tests.helpers.irl_traffic import busy, drive_controls
 
 
 def _start(chosen: Scenes) -> sim.Simulation:
@@ -73,7 +73,8 @@ def test_side_by_side_is_what_each_is_alone() -> None:
 def test_sumo_agrees_on_the_same_actions_within_a_millimetre(has_leader_rows: bool) -> None:
     chosen = busy(3, has_leader_rows=has_leader_rows)
     rng = np.random.default_rng(1)
-    acceleration, steering = rng.normal(0, 1.5, (3, 30)), rng.normal(0, 0.02, (3, 30))
+    acceleration = np.clip(rng.normal(0, 1.5, (3, 30)), -sim.ACCELERATION_LIMIT, sim.ACCELERATION_LIMIT)
+    steering = np.clip(rng.normal(0, 0.02, (3, 30)), -sim.STEERING_LIMIT, sim.STEERING_LIMIT)
     steering[2] = 0.02  # leaves its lane
     ours, theirs = (drive(chosen, acceleration, steering) for drive in (drive_controls, replay_controls))
     assert np.abs(ours.y[2] - ours.y[2, 0]).max() > US101.widths[0] / 2

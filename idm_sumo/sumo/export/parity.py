@@ -3,10 +3,10 @@
 from __future__ import annotations
 
 import tempfile
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 from pathlib import Path
 from typing import Any, Protocol
-from xml.etree.ElementTree import Element, ElementTree, SubElement, parse
+from xml.etree.ElementTree import Element, ElementTree, SubElement
 
 import numpy as np
 import numpy.typing as npt
@@ -216,11 +216,6 @@ def types_of(parameters: Floats, problem: Problem, length: Floats, width: Floats
         driver = DriverType(f"type{i}", a, b, T, d0, limit, float(length[i]), float(width[i]), 0)
         types.append(type_element(driver, None, **extra))
     return types
-
-
-def read_types(route_file: Path | str) -> Mapping[str, Element]:
-    """Return the vehicle types of an exported file by their names, as they stand there."""
-    return {element.attrib["id"]: element for element in parse(route_file).getroot().iter("vType")}
 
 
 def take(problem: Problem, rows: npt.NDArray[np.int64]) -> Problem:

@@ -42,11 +42,8 @@ def replay_ghosts(
 
     Parameters
     ----------
-    scenes : Scenes
-    parameters : array_like, shape (vehicles, 5) or (5,)
-        ``a, b, T, d0, d1`` in SI units.
-    desired_speed : array_like, shape (vehicles,) or ()
-        m/s.
+    scenes, parameters, desired_speed
+        As of :func:`idm_sumo.simulation.rollout.drive_idm`.
     jobs : int
         Processes; each plays its share of the recording. The results do not depend on it.
     progress : Progress

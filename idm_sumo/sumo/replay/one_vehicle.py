@@ -55,11 +55,8 @@ def replay(
 
     Parameters
     ----------
-    scenes : Scenes
-    parameters : array_like, shape (vehicles, 5) or (5,)
-        ``a, b, T, d0, d1`` in SI units.
-    desired_speed : array_like, shape (vehicles,) or ()
-        m/s.
+    scenes, parameters, desired_speed
+        As of :func:`idm_sumo.simulation.rollout.drive_idm`.
     which : array, optional
         Mask or numbers of the windows to replay; by default all.
     extension : tuple of Recording and ExtendedModel, optional

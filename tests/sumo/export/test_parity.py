@@ -23,6 +23,7 @@ from idm_sumo.roads.us101 import OFF_RAMP, ON_RAMP
 from idm_sumo.scenes.windows import Scenes, Window, build_scenes
 from idm_sumo.sumo.export import parity as p
 from idm_sumo.sumo.export.routes import export_routes
+from tests.helpers.exported import read_types
 
 MILLIMETRE = 1e-3  # m
 SCHEMES = ("euler", "ballistic")
@@ -146,7 +147,7 @@ def test_the_types_as_they_stand_in_the_exported_file(traffic: Scenes, integrati
     result = export_routes(
         drivers, tmp_path / "x.rou.xml", departures=departures(traffic).assign(x_m=1.0), integration=integration
     )
-    written = p.read_types(result.route_file)
+    written = read_types(result.route_file)
     problem = prepare(traffic)
     types = [written[f"{traffic.period}.{number}"] for number in traffic.vehicle]
     x, _ = p.drive_natively(problem, types, integration=integration)

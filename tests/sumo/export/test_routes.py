@@ -21,9 +21,8 @@ from idm_sumo.sumo import network, session
 from idm_sumo.sumo.closed_loop.insertion import departure_delays
 from idm_sumo.sumo.export.courses import StraightRoads
 from idm_sumo.sumo.export.distribution import export_distribution
-from idm_sumo.sumo.export.parity import read_types
 from idm_sumo.sumo.export.routes import Exported, export_routes
-from tests.helpers.exported import PERIODS, drivers, sumo
+from tests.helpers.exported import PERIODS, drivers, read_types, sumo
 
 
 @pytest.fixture(scope="module")
