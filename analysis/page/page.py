@@ -105,7 +105,8 @@ def html_table(table: pd.DataFrame) -> Markup:
             if se in table.columns and se != name
             else [_cell(name, value) for value in table[name]]
         )
-    return Markup(shown.to_html(index=False, border=0, classes="numbers", escape=True))
+    text = shown.to_html(index=False, border=0, classes="numbers", escape=True)
+    return Markup(f'<div class="scroll">{text}</div>')
 
 
 def _cell(name: str, value: Any) -> str:

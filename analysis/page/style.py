@@ -41,7 +41,27 @@ METHOD_COLOURS = {
     "extended": "#332288",
 }
 RECORDED = "#000000"
+OTHER = "#0072B2"  # of a model that has no colour of its own
+LIGHTER = 0.45  # share of white in a colour that is drawn on a dark page
+DASHES = ([], [8, 4], [2, 3], [10, 3, 2, 3])  # px: lines are told apart without colour
 TRAFFIC = "#BBBBBB"
+
+
+def method_colour(method: str) -> str:
+    """Return the colour of a method as ``#rrggbb``."""
+    return METHOD_COLOURS.get(method, OTHER)
+
+
+def dark_colour(method: str) -> str:
+    """Return the colour of a method on a dark page: the same hue, lighter."""
+    colour = method_colour(method)
+    parts = (int(colour[k : k + 2], 16) for k in (1, 3, 5))
+    return "#" + "".join(f"{round(part + LIGHTER * (255 - part)):02x}" for part in parts)
+
+
+def line_dash(number: int) -> list[int]:
+    """Return lengths of strokes and blanks (px) of the line number ``number`` of a picture."""
+    return list(DASHES[number % len(DASHES)])
 
 
 def new_figure(

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+from collections.abc import Mapping
 from dataclasses import asdict, dataclass
 from dataclasses import replace as changed
 from pathlib import Path
@@ -25,7 +26,7 @@ from idm_sumo.runtime.progress import Progress, silent
 from idm_sumo.runtime.text import ranges
 from idm_sumo.scenes.windows import Scenes, Window, build_scenes
 from idm_sumo.simulation.extended_rollout import drive_extended
-from idm_sumo.simulation.rollout import Trajectories, drive_idm
+from idm_sumo.simulation.rollout import Trajectories, drive_constant_velocity, drive_idm
 
 from ..page.manifest import manifest, write_manifest
 from ..page.style import save
@@ -33,6 +34,9 @@ from ..reproduce.figures import time_space
 from ..reproduce.study import PARAMETERS
 from .animation import animate
 from .nearest import nearest
+from .player import Played, write_player
+
+CONSTANT_VELOCITY = "constant_velocity"
 
 
 @dataclass(frozen=True)
@@ -117,6 +121,7 @@ def replay_one(
         scores.to_csv(part / "scores.csv", index=False)
         save(time_space(scenes, 0, driven), part / "time_space.png")
         animate(recording, scenes, shown, part / "replay.gif", progress)
+        _write_page(part / "replay.html", recording, scenes, driven, scores)
         named = {name: dict(zip(PARAMETERS, values, strict=True)) for name, values in parameters.items()}
         causes = {} if model is None else {"model_file": json.loads(model.to_json())}
         inputs = [request.recording, *([request.model] if request.model else [])]
@@ -134,6 +139,28 @@ def replay_one(
         write_manifest(part / MANIFEST, record)
     columns = [c.PERIOD, c.VEHICLE, "ade_m", "fde_m", "collision", "at_fault", "min_gap_m"]
     return scores[columns if model is None else ["model", *columns]]
+
+
+def _write_page(
+    path: Path, recording: Recording, scenes: Scenes, driven: Mapping[str, Trajectories], scores: pd.DataFrame
+) -> None:
+    """Write the page that plays the modelled cars, a car at constant velocity with them."""
+    played = [Played(name, one) for name, one in driven.items()]
+    if CONSTANT_VELOCITY not in driven:
+        still = drive_constant_velocity(scenes)
+        played.append(Played(CONSTANT_VELOCITY, still, shown=False))
+        scores = pd.concat([scores, score(scenes, still).assign(model=CONSTANT_VELOCITY)], ignore_index=True)
+    last = scores[scores["model"] == list(driven)[-1]].iloc[0]
+    seconds = scenes.window.horizon * c.FRAME_STEP
+    table = scores.rename(columns={"model": "method"})[["method", "ade_m", "fde_m", "min_gap_m"]]
+    write_player(
+        path, recording, scenes, played, table,
+        title=f"Vehicle {scenes.vehicle[0]} of period {scenes.period}, replayed",
+        answer=f"Over {seconds:g} s the modelled car is {last['ade_m']:.2f} m from the recorded one on average, "
+        f"and {last['fde_m']:.2f} m at the end.",
+        notes=[note for note in recording.notes if "surrogate" in note.lower()],
+        footnote="ADE and FDE: mean and final distance between modelled and recorded front bumper.",
+    )  # fmt: skip
 
 
 def _check_drivers(model: ExtendedModel, request: Request) -> None:
