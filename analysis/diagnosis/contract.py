@@ -1,4 +1,4 @@
-"""What ``diagnosis.json`` may hold: checked before the file is moved into place."""
+"""The schema of ``diagnosis.json``, checked before it is written."""
 
 from __future__ import annotations
 
@@ -18,7 +18,17 @@ class _Part(BaseModel):
 
 
 class Parameter(_Part):
-    """One parameter of a cause, in SI units, with its 95 % interval."""
+    """One parameter of a cause, with its 95 % interval.
+
+    Attributes
+    ----------
+    value : float
+        Estimate in SI units.
+    unit : str
+        Its unit.
+    ci95 : (float, float)
+        Ends of the interval.
+    """
 
     value: Number
     unit: str
@@ -32,7 +42,15 @@ class Parameter(_Part):
 
 
 class Where(_Part):
-    """A part of the road and of the recording; lanes are numbered as in the recording, null for all."""
+    """A part of the road and of the recording.
+
+    Attributes
+    ----------
+    position_m, time_s : (float, float) or None
+        Intervals of position and time.
+    lanes : list of int or None
+        Lane numbers as in the recording; None for all.
+    """
 
     position_m: Interval | None = None
     time_s: Interval | None = None
@@ -40,7 +58,7 @@ class Where(_Part):
 
 
 class Cause(_Part):
-    """A cause: its size, its significance and its share of the gain."""
+    """A cause: its size, significance and share of the gain."""
 
     name: str
     parameters: dict[str, Parameter]
@@ -61,7 +79,7 @@ class Unexplained(_Part):
 
 
 class Gain(_Part):
-    """What the extended model buys on drivers that were never touched."""
+    """The gain of the extended model on held-out drivers."""
 
     metric: Literal["ade_m"]
     base: Number
@@ -73,7 +91,7 @@ class Gain(_Part):
 
 
 class RuledOut(_Part):
-    """A hypothesis that was tested and not kept, and why not."""
+    """A hypothesis that was tested and not kept."""
 
     name: str
     p_value: Probability
@@ -82,7 +100,7 @@ class RuledOut(_Part):
 
 
 class Power(_Part):
-    """The size of an effect that would have been seen with a probability."""
+    """An effect's size that would be found with a probability."""
 
     name: str
     symbol: str
@@ -92,7 +110,10 @@ class Power(_Part):
 
 
 class Diagnosis(_Part):
-    """The whole of ``diagnosis.json``; ``law`` is the car-following that causes are beyond."""
+    """The content of ``diagnosis.json``.
+
+    ``law`` is the car-following law to which the causes are added.
+    """
 
     verdict: Literal["named", "none", "unknown"]
     causes: list[Cause]
@@ -109,17 +130,24 @@ class Diagnosis(_Part):
         if (self.verdict == "named") != bool(self.causes):
             raise ValueError(f"verdict {self.verdict!r} with {len(self.causes)} causes")
         if self.verdict == "unknown" and not self.unexplained:
-            raise ValueError("verdict 'unknown' must say where in `unexplained`")
+            raise ValueError("verdict 'unknown' needs an entry in `unexplained`")
         return self
 
 
 def write_diagnosis(path: Path, content: dict[str, Any]) -> None:
-    """Check the content against the contract and write it as JSON; what does not fit is a defect of ours.
+    """Check the content against the schema and write it.
+
+    Parameters
+    ----------
+    path : Path
+        JSON file to write.
+    content : dict
+        As :func:`analysis.diagnosis.report.contract` returns it.
 
     Raises
     ------
     pydantic.ValidationError
-        If it does not fit.
+        If the content does not fit the schema, which is a defect of this program.
     """
     checked = Diagnosis.model_validate(content).model_dump(mode="json")
     path.write_text(json.dumps(checked, indent=2, allow_nan=False) + "\n", encoding="utf-8")

@@ -1,4 +1,4 @@
-"""Residuals against what a driver saw, with uncertainty over drivers: tables that figures draw."""
+"""Mean residuals by covariate, with intervals over drivers."""
 
 from __future__ import annotations
 
@@ -12,18 +12,18 @@ from scipy.stats import t as student
 Floats = npt.NDArray[np.float64]
 
 BINS = 9
-FEWEST_DRIVERS = 3  # below, no interval over drivers can be stated
+FEWEST_DRIVERS = 3  # least number of drivers for an interval over drivers
 
 
 class Covariate(NamedTuple):
-    """What a residual is held against.
+    """A quantity against which residuals are shown.
 
     Attributes
     ----------
     name : str
         Column of the samples.
     label : str
-        For the axis, with its unit.
+        Label of the axis, with the unit.
     scale : str
         ``"quantiles"``, ``"even"`` bins, or ``"labels"``: the values themselves.
     limits : tuple of float
@@ -65,8 +65,8 @@ def curves(samples: pd.DataFrame, models: tuple[str, ...]) -> pd.DataFrame:
     Returns
     -------
     pandas.DataFrame
-        ``covariate, model, low, centre, high, mean, ci_low, ci_high, drivers``: 95 % intervals, the drivers being
-        what varies. Covariates that are unknown or never vary are left out.
+        ``covariate, model, low, centre, high, mean, ci_low, ci_high, drivers``, with 95 % intervals over drivers.
+        Covariates that are unknown or constant are left out.
     """
     parts = []
     for covariate in COVARIATES:
@@ -87,7 +87,10 @@ _COLUMNS = ["covariate", "model", "low", "centre", "high", "mean", "ci_low", "ci
 
 
 def _edges(values: Floats, scale: str) -> Floats:
-    """Return the edges of the bins; fewer than three mean that there is nothing to compare."""
+    """Return the edges of the bins.
+
+    Fewer than three mean that there is nothing to compare.
+    """
     if not len(values):
         return np.empty(0)
     if scale == "labels":
@@ -108,21 +111,48 @@ def _curve(
     )
     labels = covariate.scale == "labels"
     centre = edges[:-1] if labels else 0.5 * (edges[1:] + edges[:-1])
-    table = pd.DataFrame({
-        "covariate": covariate.name, "model": model, "low": edges[:-1], "centre": centre,
-        "high": edges[:-1] if labels else edges[1:], "mean": mean, "ci_low": mean - half, "ci_high": mean + half,
-        "drivers": drivers,
-    })  # fmt: skip
+    table = pd.DataFrame(
+        {
+            "covariate": covariate.name,
+            "model": model,
+            "low": edges[:-1],
+            "centre": centre,
+            "high": edges[:-1] if labels else edges[1:],
+            "mean": mean,
+            "ci_low": mean - half,
+            "ci_high": mean + half,
+            "drivers": drivers,
+        }
+    )
     return table[table["drivers"] >= FEWEST_DRIVERS]
 
 
 def clustered_mean(
     values: Floats, driver: npt.NDArray[np.int64], number: npt.NDArray[np.int64], bins: int
 ) -> tuple[Floats, Floats, npt.NDArray[np.int64]]:
-    """Return the mean of each bin, half its 95 % interval, and the drivers in it; each of shape (bins,).
+    """Return each bin's mean with its 95 % interval.
 
-    The sums of a driver's deviations are what is independent, not its frames (the cluster-robust variance of a
-    mean; Cameron and Miller 2015, eq. 11), with Student's t at one degree of freedom less than there are drivers.
+    The sums of a driver's deviations are independent, its frames are not. So the interval uses the
+    cluster-robust variance of a mean (Cameron and Miller 2015, eq. 11) and Student's t with one degree of
+    freedom less than there are drivers.
+
+    Parameters
+    ----------
+    values : float64, shape (samples,)
+        Values; NaN is left out.
+    driver : array, shape (samples,)
+        Label of each value's driver.
+    number : int64, shape (samples,)
+        Bin of each value.
+    bins : int
+        Number of bins.
+
+    Returns
+    -------
+    mean, half : float64, shape (bins,)
+        Mean and half the width of its interval.
+    drivers : int64, shape (bins,)
+        Drivers in each bin.
     """
     used = np.isfinite(values)
     values, number = values[used], number[used]
@@ -141,7 +171,22 @@ def clustered_mean(
 
 
 def map_of(samples: pd.DataFrame, model: str, places: Floats, times: Floats) -> Floats:
-    """Return the mean residual by place and time, shape (places - 1, times - 1), NaN where nobody was."""
+    """Return the mean residual by position and time.
+
+    Parameters
+    ----------
+    samples : pandas.DataFrame
+        As in :func:`curves`, with ``position`` (m) and ``time`` (s).
+    model : str
+        Column of the residuals.
+    places, times : float64 array
+        Edges of the cells (m, s).
+
+    Returns
+    -------
+    float64, shape (places - 1, times - 1)
+        Means, NaN in cells without samples.
+    """
     sums, _, _ = np.histogram2d(samples["position"], samples["time"], bins=[places, times], weights=samples[model])
     count, _, _ = np.histogram2d(samples["position"], samples["time"], bins=[places, times])
     with np.errstate(invalid="ignore"):
@@ -151,19 +196,26 @@ def map_of(samples: pd.DataFrame, model: str, places: Floats, times: Floats) -> 
 def lag_response(
     residual: Floats, leader_acceleration: Floats, driver: npt.NDArray[np.int64], lags: npt.NDArray[np.int64]
 ) -> tuple[Floats, Floats]:
-    """Return the correlation of a residual with the leader's acceleration some samples ago, and half its 95 % interval.
+    """Return the residual's correlation with the leader's earlier acceleration.
 
     Parameters
     ----------
-    residual, leader_acceleration : array, shape (windows, samples)
+    residual, leader_acceleration : float64, shape (windows, samples)
+        Residuals, and acceleration of the leader (m/s²).
     driver : array, shape (windows,)
-    lags : array of int, shape (lags,)
-        Samples; positive: the leader moved first.
+        Label of each window's driver.
+    lags : int64, shape (lags,)
+        Lags in samples; positive where the leader moved first.
+
+    Returns
+    -------
+    mean, half : float64, shape (lags,)
+        Correlation and half the width of its 95 % interval.
 
     Notes
     -----
-    A driver who reacts late leaves a residual that follows the leader at positive lags, one who looks farther
-    ahead one at negative lags.
+    A driver who reacts late leaves a residual that follows the leader at positive lags; one who looks
+    farther ahead, at negative lags.
     """
     whole = np.isfinite(residual).all(axis=1) & np.isfinite(leader_acceleration).all(axis=1)
     r = residual[whole] - residual[whole].mean(axis=1, keepdims=True)

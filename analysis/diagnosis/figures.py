@@ -1,4 +1,4 @@
-"""The pictures of a diagnosis: what is wrong against what the driver saw, where and when, and what the extension buys."""
+"""Figures of a diagnosis: residuals, evidence and gains."""
 
 from __future__ import annotations
 
@@ -23,14 +23,25 @@ BASE, EXTENDED = "base", "extended"
 COLOURS = {BASE: "#D55E00", EXTENDED: "#0072B2"}
 NAMES = {BASE: "base model", EXTENDED: "extended model"}
 SCANNED = {"position_m": "position along the road (m)", "time_s": "time since the period began (s)"}
-UNSURE = 4.0  # times the median standard error
+UNSURE = 4.0  # bins with so many times the median standard error do not set the axis
 KINDS = {"named": COLOURS[EXTENDED], "present without gain": "#56B4E9", "ruled out": "0.7"}
 MARKED = "#F0E442"  # where a named or unexplained place or time lies
 SIGN = "measured minus simulated (m)"
 
 
 def residual_curves(curves: pd.DataFrame) -> Figure:
-    """Draw the residual against each covariate, base and extended, with 95 % bands over drivers."""
+    """Draw the residuals against each covariate.
+
+    Parameters
+    ----------
+    curves : pandas.DataFrame
+        As :func:`analysis.diagnosis.curves.curves` returns it.
+
+    Returns
+    -------
+    matplotlib.figure.Figure
+        One panel a covariate, base and extended model, with 95 % bands over drivers.
+    """
     shown = [covariate for covariate in COVARIATES if (curves["covariate"] == covariate.name).any()]
     rows = max(1, -(-len(shown) // 3))
     figure, axes = new_figure(11, 2.6 * rows + 0.4, columns=3, rows=rows)
@@ -40,7 +51,7 @@ def residual_curves(curves: pd.DataFrame) -> Figure:
         ax.set(xlabel=covariate.label)
     for ax in axes[len(shown) :]:
         ax.axis("off")
-    figure.supylabel(f"{SIGN}; below 0 the simulated car is too far ahead", fontsize=9)
+    figure.supylabel(f"{SIGN}; below 0 the simulated vehicle is too far ahead", fontsize=9)
     if shown:
         _legend(figure, axes[0])
     return figure
@@ -72,16 +83,21 @@ def where_and_when(
     times: Floats,
     marks: list[tuple[tuple[float, float] | None, tuple[float, float] | None]],
 ) -> Figure:
-    """Draw the mean residual by place and time; named and unexplained places and times are framed.
+    """Draw the mean residual by position and time.
 
     Parameters
     ----------
-    maps : dict of str to array, shape (places - 1, times - 1)
+    maps : dict of str to float64, shape (places - 1, times - 1)
         By model.
-    places, times : array
-        Edges (m, s).
+    places, times : float64 array
+        Edges of the cells (m, s).
     marks : list of pairs
-        Position and time intervals, None for everywhere or always.
+        Intervals of position and time that are framed; None for everywhere or always.
+
+    Returns
+    -------
+    matplotlib.figure.Figure
+        One panel a model.
     """
     figure, axes = new_figure(11, 3.6, columns=len(maps))
     known = np.abs(np.concatenate([field[np.isfinite(field)] for field in maps.values()]))
@@ -107,20 +123,30 @@ def _frame(ax: Axes, position: tuple[float, float], time: tuple[float, float]) -
 
 
 def gain_per_driver(gains: pd.DataFrame) -> Figure:
-    """Draw ADE of base and extended model of every held-out driver, and the sorted gains.
+    """Draw the gain of every held-out driver.
 
     Parameters
     ----------
     gains : pandas.DataFrame
         ``base_ade, extended_ade`` (m), one row a held-out driver.
+
+    Returns
+    -------
+    matplotlib.figure.Figure
+        ADE of both models, and the sorted gains.
     """
     figure, axes = new_figure(10, 3.8, columns=2)
     base, extended = gains["base_ade"].to_numpy(), gains["extended_ade"].to_numpy()
     top = float(np.nanmax([base.max(initial=0.1), extended.max(initial=0.1)])) * 1.05
     axes[0].plot([0, top], [0, top], color="black", linewidth=0.8)
     axes[0].scatter(base, extended, s=9, alpha=0.6, color=COLOURS[EXTENDED], linewidths=0)
-    axes[0].set(xlabel="ADE of the base model (m)", ylabel="ADE of the extended model (m)", xlim=(0, top), ylim=(0, top),
-                title="below the line: better")  # fmt: skip
+    axes[0].set(
+        xlabel="ADE of the base model (m)",
+        ylabel="ADE of the extended model (m)",
+        xlim=(0, top),
+        ylim=(0, top),
+        title="below the line: better",
+    )
     gain = np.sort(base - extended)[::-1]
     better = gain > 0
     share = np.arange(1, len(gain) + 1)
@@ -129,32 +155,55 @@ def gain_per_driver(gains: pd.DataFrame) -> Figure:
     mean, half, _ = clustered_mean(base - extended, np.arange(len(base)), np.zeros(len(base), dtype=np.int64), 1)
     axes[1].axhline(0, color="black", linewidth=0.8)
     axes[1].axhspan(mean[0] - half[0], mean[0] + half[0], color="0.5", alpha=0.3)
-    axes[1].set(xlabel="held-out drivers, best gain first", ylabel="gain in ADE (m)",
-                title=f"{better.mean():.0%} of {len(gain)} drivers gain; grey: mean, 95 %")  # fmt: skip
+    axes[1].set(
+        xlabel="held-out drivers, best gain first",
+        ylabel="gain in ADE (m)",
+        title=f"{better.mean():.0%} of {len(gain)} drivers gain; grey: mean, 95 %",
+    )
     return figure
 
 
 def lag_figure(lags: Floats, responses: dict[str, tuple[Floats, Floats]]) -> Figure:
-    """Draw how the residual follows the leader's acceleration at each lag."""
+    """Draw the residual's correlation with the leader's acceleration.
+
+    Parameters
+    ----------
+    lags : float64 array
+        Lags (s).
+    responses : dict of str to (mean, half)
+        By model, as :func:`analysis.diagnosis.curves.lag_response` returns it.
+
+    Returns
+    -------
+    matplotlib.figure.Figure
+        The figure.
+    """
     figure, (ax,) = new_figure(7, 3.4)
     ax.axhline(0, color="black", linewidth=0.8)
     ax.axvline(0, color="0.7", linewidth=0.8)
     for model, (mean, half) in responses.items():
         ax.plot(lags, mean, color=COLOURS[model], label=NAMES[model])
         ax.fill_between(lags, mean - half, mean + half, color=COLOURS[model], alpha=0.2, linewidth=0)
-    ax.set(xlabel="lag behind the leader's acceleration (s); positive: the leader moved first",
-           ylabel="correlation of the residual")  # fmt: skip
+    ax.set(
+        xlabel="lag behind the leader's acceleration (s); positive: the leader moved first",
+        ylabel="correlation of the residual",
+    )
     ax.legend(fontsize=8)
     return figure
 
 
 def evidence(tests: pd.DataFrame) -> Figure:
-    """Draw every hypothesis by its p-value and by what became of it.
+    """Draw every hypothesis by its p-value and its outcome.
 
     Parameters
     ----------
     tests : pandas.DataFrame
-        ``name, p_value, kind``, of :data:`KINDS`.
+        ``name, p_value, kind``, the latter of :data:`KINDS`.
+
+    Returns
+    -------
+    matplotlib.figure.Figure
+        One bar a hypothesis.
     """
     ordered = tests.sort_values("p_value", ascending=False)
     figure, (ax,) = new_figure(7.5, 0.28 * len(ordered) + 1.0)
@@ -166,13 +215,24 @@ def evidence(tests: pd.DataFrame) -> Figure:
             ax.barh(y[of_kind], strength[of_kind], color=colour, label=kind)
     ax.axvline(-np.log10(SIGNIFICANT), color="black", linestyle="--", linewidth=0.8)
     ax.set_yticks(y, [str(name).replace("_", " ") for name in ordered["name"]], fontsize=8)
-    ax.set(xlabel=f"−log10 of p, corrected for the number of hypotheses (dashed: {SIGNIFICANT:g}, which a cause needs)")
+    ax.set(xlabel=f"−log10 of p, corrected for the number of hypotheses (dashed: {SIGNIFICANT:g}, required of a cause)")
     ax.legend(loc="lower right", fontsize=8)
     return figure
 
 
 def free_accelerations(scans: Sequence[Scan]) -> Figure:
-    """Draw the acceleration that the base model lacks along position and time, with 95 % intervals."""
+    """Draw the acceleration that the base model lacks.
+
+    Parameters
+    ----------
+    scans : sequence of Scan
+        Estimates along position and time.
+
+    Returns
+    -------
+    matplotlib.figure.Figure
+        One panel a scan, with 95 % intervals.
+    """
     figure, axes = new_figure(11, 3.2, columns=max(len(scans), 1))
     for ax, scan in zip(axes, scans, strict=False):
         centre = 0.5 * (scan.edges[1:] + scan.edges[:-1])
@@ -184,7 +244,7 @@ def free_accelerations(scans: Sequence[Scan]) -> Figure:
         )
         ax.set(xlabel=SCANNED.get(scan.covariate, scan.covariate), ylabel="acceleration the base model lacks (m/s²)")
         sure = scan.standard_error <= UNSURE * np.nanmedian(scan.standard_error)
-        if sure.any():  # a bin of a few vehicles must not flatten all others
+        if sure.any():  # bins of a few vehicles must not compress all others
             ax.set_ylim(
                 float((scan.estimate - 1.2 * half)[sure].min()), float((scan.estimate + 1.2 * half)[sure].max())
             )
@@ -192,7 +252,18 @@ def free_accelerations(scans: Sequence[Scan]) -> Figure:
 
 
 def power_sizes(power: pd.DataFrame) -> Figure:
-    """Draw the size from which on each effect would have been seen: ``name, share``, the latter of its typical size."""
+    """Draw the size at which each effect is found.
+
+    Parameters
+    ----------
+    power : pandas.DataFrame
+        ``name, share, probability``; the share is that of the effect's typical size.
+
+    Returns
+    -------
+    matplotlib.figure.Figure
+        One row an effect.
+    """
     ordered = power.sort_values("share", ascending=False)
     y = np.arange(len(ordered))
     figure, (ax,) = new_figure(7.5, 0.28 * len(ordered) + 1.0)
@@ -202,5 +273,5 @@ def power_sizes(power: pd.DataFrame) -> Figure:
     ax.set_yticks(y, [str(name).replace("_", " ") for name in ordered["name"]], fontsize=8)
     low, high = ordered["share"].min(), ordered["share"].max()
     ax.set(xscale="log", xlim=(0.7 * min(low, 0.3), 1.4 * max(high, 1.0)))
-    ax.set_xlabel(f"seen with probability {power['probability'].iloc[0]:.2g} from so many times a typical size on")
+    ax.set_xlabel(f"size found with probability {power['probability'].iloc[0]:.2g} (multiples of a typical size)")
     return figure

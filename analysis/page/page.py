@@ -15,34 +15,7 @@ from idm_sumo.recordings.recording import Recording
 from idm_sumo.runtime.text import number
 
 from .style import METHOD_NAMES
-
-TITLES = {
-    "method": "method",
-    "ade_m": "ADE (m)",
-    "fde_m": "FDE (m)",
-    "collisions": "at-fault collisions",
-    "vehicles": "vehicles",
-    "paper_ade_m": "paper: ADE",
-    "paper_fde_m": "paper: FDE",
-    "paper_collisions": "paper: collisions",
-    "min_gap_m": "smallest gap (m)",
-    "critical_ttc_share": "TTC < 1.5 s",
-    "hard_acceleration_share": "|a| > 3 m/s²",
-    "jerk_rms_m_s3": "jerk (m/s³)",
-    "lane_departure_share": "outside lane",
-    "gap_rmse_m": "gap RMSE (m)",
-    "speed_rmse_m_s": "speed RMSE (m/s)",
-    "contacts": "all contacts",
-    "brushes": "brushes",
-    "ade_10th_m": "ADE, 10th percentile",
-    "ade_90th_m": "90th",
-    "ade_largest_m": "largest",
-    "features": "driving code",
-    "frames": "observed frames",
-    "k": "k",
-    "base_ade_m": "ADE, IDM (m)",
-    "extended_ade_m": "ADE, extended (m)",
-}
+from .titles import TITLES
 
 
 def render(path: Path, template: str, **content: Any) -> None:

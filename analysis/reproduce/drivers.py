@@ -1,4 +1,4 @@
-"""The drivers of one side of the study, training or test, over one or more periods."""
+"""Drivers of one side of the study, over several periods."""
 
 from __future__ import annotations
 
@@ -20,7 +20,13 @@ Drive = Callable[[Scenes, npt.NDArray[np.float64]], Trajectories]
 
 @dataclass(frozen=True)
 class Drivers:
-    """Windows of several periods, handled as one long list in the order of ``scenes``."""
+    """Windows of several periods as one long list.
+
+    Attributes
+    ----------
+    scenes : tuple of Scenes
+        One a period; they give the order of the windows.
+    """
 
     scenes: tuple[Scenes, ...]
 
@@ -29,22 +35,69 @@ class Drivers:
         return sum(len(scenes) for scenes in self.scenes)
 
     def parts(self, rows: npt.NDArray[np.float64]) -> list[npt.NDArray[np.float64]]:
-        """Split rows that belong to the windows, period by period."""
+        """Split rows that belong to the windows, period by period.
+
+        Parameters
+        ----------
+        rows : float64, shape (windows, ...)
+            One row a window.
+
+        Returns
+        -------
+        list of float64 arrays
+            One a period.
+        """
         return list(np.split(rows, np.cumsum([len(scenes) for scenes in self.scenes])[:-1]))
 
     def code(self, frames: int | None = None) -> pd.DataFrame:
-        """Return the driving codes, seen in the first ``frames`` frames or in all."""
+        """Return the driving codes.
+
+        Parameters
+        ----------
+        frames : int, optional
+            Number of observed frames; all by default.
+
+        Returns
+        -------
+        pandas.DataFrame
+            One row a window.
+        """
         return pd.concat([driving_code(s, frames) for s in self.scenes], ignore_index=True)
 
     def drive(self, parameters: npt.ArrayLike, drive: Drive = drive_idm) -> list[Trajectories]:
-        """Drive all windows; ``parameters`` has shape (windows, 5) or (5,)."""
+        """Drive all windows by one set of parameters each.
+
+        Parameters
+        ----------
+        parameters : array_like, shape (windows, 5) or (5,)
+            ``a, b, T, d0, d1``.
+        drive : callable
+            Drives scenes by parameters.
+
+        Returns
+        -------
+        list of Trajectories
+            One a period.
+        """
         theta = np.broadcast_to(np.asarray(parameters, dtype=np.float64), (len(self), 5))
         return [drive(s, part) for s, part in zip(self.scenes, self.parts(theta), strict=True)]
 
     def drive_each(self, methods: dict[str, npt.NDArray[np.float64]], drive: Drive) -> dict[str, list[Trajectories]]:
-        """Drive all windows by several methods at once, so that the traffic is played once a period.
+        """Drive all windows by several methods at once.
 
-        ``methods`` holds parameters of shape (windows, 5) by name.
+        The traffic is then played once a period.
+
+        Parameters
+        ----------
+        methods : dict of str to float64, shape (windows, 5)
+            Parameters by method.
+        drive : callable
+            Drives scenes by parameters.
+
+        Returns
+        -------
+        dict of str to list of Trajectories
+            By method, one a period.
         """
         driven: dict[str, list[Trajectories]] = {name: [] for name in methods}
         by_period = zip(*(self.parts(theta) for theta in methods.values()), strict=True)
@@ -55,7 +108,18 @@ class Drivers:
         return driven
 
     def score(self, trajectories: list[Trajectories]) -> pd.DataFrame:
-        """Score trajectories, one row a window."""
+        """Score trajectories.
+
+        Parameters
+        ----------
+        trajectories : list of Trajectories
+            One a period.
+
+        Returns
+        -------
+        pandas.DataFrame
+            :func:`idm_sumo.evaluation.metrics.score`, one row a window.
+        """
         rows = [metrics.score(s, t) for s, t in zip(self.scenes, trajectories, strict=True)]
         return pd.concat(rows, ignore_index=True)
 
@@ -70,7 +134,20 @@ class Drivers:
         )
 
     def sample(self, most: int | None, rng: np.random.Generator) -> Drivers:
-        """Return at most ``most`` windows, drawn without replacement, in their order."""
+        """Return some windows, drawn without replacement, in their order.
+
+        Parameters
+        ----------
+        most : int or None
+            Largest number of windows; None for all.
+        rng : numpy.random.Generator
+            Source of the draws.
+
+        Returns
+        -------
+        Drivers
+            At most so many windows.
+        """
         if most is None or len(self) <= most:
             return self
         kept = np.zeros(len(self))

@@ -1,4 +1,4 @@
-"""The paper's figures and the ones that explain the tables."""
+"""The paper's figures, and figures that explain the tables."""
 
 from __future__ import annotations
 
@@ -10,6 +10,7 @@ import pandas as pd
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
+from idm_sumo.evaluation.metrics import displacement
 from idm_sumo.models.idm import LOWER, UPPER
 from idm_sumo.recordings.columns import FRAME_STEP
 from idm_sumo.scenes.windows import LEADER_FROM_LANE, Scenes
@@ -23,7 +24,22 @@ LEVELS = ("idm_average", "idm_pooled", "idm_oracle")
 
 
 def accuracy_against_neighbours(table: pd.DataFrame, methods: pd.DataFrame) -> Figure:
-    """Draw ADE against the number of neighbours (the paper's figure, left), with what it should be held against."""
+    """Draw ADE against the number of neighbours.
+
+    This is the paper's figure, left, with levels for comparison.
+
+    Parameters
+    ----------
+    table : pandas.DataFrame
+        The table of neighbours.
+    methods : pandas.DataFrame
+        The table of methods.
+
+    Returns
+    -------
+    matplotlib.figure.Figure
+        The figure.
+    """
     figure, (ax,) = new_figure()
     ax.errorbar(table["k"], table["ade_m"], table["ade_se_m"], color=METHOD_COLOURS["idm_prediction"],
                 marker="o", markersize=3, capsize=2, label=METHOD_NAMES["idm_prediction"])  # fmt: skip
@@ -39,7 +55,20 @@ def accuracy_against_neighbours(table: pd.DataFrame, methods: pd.DataFrame) -> F
 
 
 def oracle_parameters(fits: pd.DataFrame) -> Figure:
-    """Draw where the oracle's parameters end (the paper's figure, middle): histograms, d0 against d1, bound hits."""
+    """Draw histograms of the oracle's parameters.
+
+    This is the paper's figure, middle, with d0 against d1 and the shares at a bound.
+
+    Parameters
+    ----------
+    fits : pandas.DataFrame
+        Oracle calibrations, one row a window.
+
+    Returns
+    -------
+    matplotlib.figure.Figure
+        The figure.
+    """
     figure, axes = new_figure(10, 5.4, columns=3, rows=2)
     hits = fits["at_bound"].fillna("").str.split(",")
     for ax, name in zip(axes, LOWER._fields, strict=False):
@@ -59,7 +88,18 @@ def oracle_parameters(fits: pd.DataFrame) -> Figure:
 
 
 def flat_directions(moves: pd.DataFrame) -> Figure:
-    """Draw how little ADE it costs to leave the oracle along the direction its window says least about."""
+    """Draw the cost of moves along each oracle's flattest direction.
+
+    Parameters
+    ----------
+    moves : pandas.DataFrame
+        As :func:`analysis.reproduce.tables.flat_directions` returns it.
+
+    Returns
+    -------
+    matplotlib.figure.Figure
+        The figure.
+    """
     figure, (ax,) = new_figure(7, 3.6)
     by_share = moves.groupby("share")["increase"]
     shares = by_share.median().index.to_numpy()
@@ -69,7 +109,7 @@ def flat_directions(moves: pd.DataFrame) -> Figure:
     ax.plot(
         shares, by_share.median(), color=METHOD_COLOURS["idm_oracle"], marker="o", markersize=3, label="median driver"
     )
-    ax.set(xlabel="distance from the oracle along its flattest direction (share of the box of bounds)",
+    ax.set(xlabel="distance from the oracle along its flattest direction (share of the range between the bounds)",
            ylabel="ADE above the oracle's (m)", ylim=(0, None), xlim=(0, None))  # fmt: skip
     ax.legend(fontsize=8)
     return figure
@@ -80,10 +120,26 @@ def _axis(name: str) -> str:
 
 
 def error_growth(study: Study, driven: dict[str, list[Trajectories]]) -> Figure:
-    """Draw how the mean displacement error grows over the horizon, with standard errors over vehicles."""
+    """Draw the mean displacement error over the horizon.
+
+    Bands are standard errors over vehicles.
+
+    Parameters
+    ----------
+    study : Study
+        Training and test drivers.
+    driven : dict of str to list of Trajectories
+        By method, one a period.
+
+    Returns
+    -------
+    matplotlib.figure.Figure
+        The figure.
+    """
     figure, (ax,) = new_figure()
     for name, trajectories in driven.items():
-        error = np.concatenate([_errors(s, t) for s, t in zip(study.test.scenes, trajectories, strict=True)])
+        parts = [displacement(s, t) for s, t in zip(study.test.scenes, trajectories, strict=True)]
+        error = np.pad(np.concatenate(parts), ((0, 0), (1, 0)))  # no error at the start
         seconds = np.arange(error.shape[1]) * FRAME_STEP
         mean, se = error.mean(axis=0), error.std(axis=0, ddof=1) / np.sqrt(len(error))
         ax.plot(seconds, mean, color=METHOD_COLOURS[name], label=METHOD_NAMES[name])
@@ -98,14 +154,23 @@ def error_growth(study: Study, driven: dict[str, list[Trajectories]]) -> Figure:
     return figure
 
 
-def _errors(scenes: Scenes, trajectories: Trajectories) -> npt.NDArray[np.float64]:
-    """Return the distance (m) to the recorded car, shape (windows, T + 1)."""
-    span = slice(scenes.start, scenes.start + trajectories.x.shape[1])
-    return np.hypot(trajectories.x - scenes.x[:, span], trajectories.y - scenes.y[:, span])
-
-
 def time_space(scenes: Scenes, which: int, driven: dict[str, Trajectories]) -> Figure:
-    """Draw one replay: the recorded car, the modelled ones, and the traffic of its lane."""
+    """Draw one replay as positions over time.
+
+    Parameters
+    ----------
+    scenes : Scenes
+        Windows of one period.
+    which : int
+        Row of the driver.
+    driven : dict of str to Trajectories
+        Trajectories of the period by method.
+
+    Returns
+    -------
+    matplotlib.figure.Figure
+        The recorded vehicle, the modelled ones, and the traffic of its lane.
+    """
     figure, (ax,) = new_figure(7.5, 4.6)
     steps = scenes.window.horizon + 1
     seconds = np.arange(steps) * FRAME_STEP
@@ -124,7 +189,7 @@ def time_space(scenes: Scenes, which: int, driven: dict[str, Trajectories]) -> F
 def _draw_lane(
     ax: Axes, scenes: Scenes, which: int, seconds: npt.NDArray[np.floating[Any]], limits: tuple[float, float]
 ) -> None:
-    """Draw the other vehicles of the driver's lane, frame by frame."""
+    """Draw the other vehicles of the driver's lane."""
     t = scenes.traffic
     points = []
     for k, second in enumerate(seconds):
@@ -132,6 +197,6 @@ def _draw_lane(
         rows = slice(t.offsets[cell], t.offsets[cell + 1])
         others = t.x[rows][t.vehicle[rows] != scenes.vehicle[which]]
         points += [(second, x) for x in others if limits[0] < x < limits[1]]
-    label = "others in its lane" if scenes.leader_source == LEADER_FROM_LANE else "its recorded leader"
+    label = "other vehicles in its lane" if scenes.leader_source == LEADER_FROM_LANE else "its recorded leader"
     where = np.array(points).reshape(-1, 2)
     ax.scatter(where[:, 0], where[:, 1], s=2, color=TRAFFIC, label=label)

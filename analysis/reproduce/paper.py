@@ -1,4 +1,4 @@
-"""The paper's printed results, to stand beside ours: value and standard error, in metres."""
+"""The paper's printed results: value and standard error in metres."""
 
 from __future__ import annotations
 

@@ -1,4 +1,7 @@
-"""What replayed followers cost: the same modelled vehicles with followers that react."""
+"""The effect of replayed followers, which cannot react.
+
+The same modelled vehicles are driven with followers that react.
+"""
 
 from __future__ import annotations
 
@@ -16,17 +19,29 @@ from ..closed_loop.populations import PARAMETERS, Drivers
 
 Floats = npt.NDArray[np.float64]
 
-REACTING = (0, 1, 3)  # how many of the vehicles behind react
+REACTING = (0, 1, 3)  # numbers of followers that react
 
 
 def replay_bias(drivers: Drivers, sample: int, seed: int, progress: Progress = silent) -> pd.DataFrame:
-    """Drive a sample of the drivers with replayed and with reacting followers.
+    """Drive some drivers with replayed and with reacting followers.
+
+    Parameters
+    ----------
+    drivers : Drivers
+        Drivers of the closed loop, with their parameters.
+    sample : int
+        Largest number of drivers, drawn at random.
+    seed : int
+        For the draw.
+    progress : Progress
+        Called as the work proceeds.
 
     Returns
     -------
     pandas.DataFrame
         One row a model and number of reacting followers: ``model, reacting, vehicles, collisions`` (at fault),
-        ``contacts`` (all), ``struck_from_behind``, ``ade_m, ade_se_m, min_gap_m, mean_followers``.
+        ``contacts`` (all), ``struck_from_behind``, ``ade_m, ade_se_m, min_gap_m, mean_followers``. Empty if the
+        recording does not hold the surroundings.
     """
     scenes = drivers.scenes
     if scenes.leader_source != LEADER_FROM_LANE:
@@ -47,7 +62,10 @@ def replay_bias(drivers: Drivers, sample: int, seed: int, progress: Progress = s
 
 
 def _own(table: pd.DataFrame, drivers: Drivers, scenes: Scenes) -> Floats:
-    """Return the drivers' own parameters, the pooled ones where a fit failed; shape ``(vehicles, 5)``."""
+    """Return the drivers' own parameters, shape ``(vehicles, 5)``.
+
+    Where a fit failed they are the pooled ones.
+    """
     row = pd.Index(table[c.VEHICLE]).get_indexer(pd.Index(scenes.vehicle))
     theta = np.tile(np.asarray(drivers.pooled, dtype=np.float64), (len(scenes), 1))
     theta[row >= 0] = table[PARAMETERS].to_numpy(np.float64)[row[row >= 0]]
@@ -55,7 +73,10 @@ def _own(table: pd.DataFrame, drivers: Drivers, scenes: Scenes) -> Floats:
 
 
 def _followers(drivers: Drivers) -> pd.DataFrame:
-    """Return the calibrated parameters of all drivers; those who have none drive by the pooled ones (vehicle 0)."""
+    """Return the calibrated parameters of all drivers.
+
+    Others drive by the pooled ones (vehicle 0).
+    """
     rest = pd.DataFrame([{c.VEHICLE: 0, **drivers.pooled._asdict()}])
     return pd.concat([drivers.table[[c.VEHICLE, *PARAMETERS]], rest], ignore_index=True)
 
@@ -68,7 +89,18 @@ def _figures(scores: pd.DataFrame) -> dict[str, float]:
 
 
 def in_words(table: pd.DataFrame) -> str:
-    """Say what the replayed followers cost, every number computed."""
+    """Describe the effect of the replayed followers.
+
+    Parameters
+    ----------
+    table : pandas.DataFrame
+        As :func:`replay_bias` returns it.
+
+    Returns
+    -------
+    str
+        A sentence, empty without rows.
+    """
     if table.empty:
         return ""
     parts = []
@@ -76,8 +108,10 @@ def in_words(table: pd.DataFrame) -> str:
         by = rows.set_index("reacting")
         replayed, reacting = by.loc[0], by.loc[max(REACTING)]
         parts.append(
-            f"{model}: {replayed['contacts']:.0f} contacts ({replayed['collisions']:.0f} at fault, {replayed['struck_from_behind']:.0f} struck "
+            f"{model}: {replayed['contacts']:.0f} contacts ({replayed['collisions']:.0f} at fault, "
+            f"{replayed['struck_from_behind']:.0f} struck "
             f"from behind) with replayed followers, {reacting['contacts']:.0f} ({reacting['collisions']:.0f}, "
-            f"{reacting['struck_from_behind']:.0f}) with {max(REACTING)} that react; ADE {replayed['ade_m']:.2f} and {reacting['ade_m']:.2f} m"
+            f"{reacting['struck_from_behind']:.0f}) with {max(REACTING)} that react; "
+            f"ADE {replayed['ade_m']:.2f} and {reacting['ade_m']:.2f} m"
         )
     return f"Of {table['vehicles'].iloc[0]:.0f} modelled vehicles: " + "; ".join(parts) + "."

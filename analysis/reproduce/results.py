@@ -1,4 +1,4 @@
-"""Everything that one run of the study computes."""
+"""All results of one run of the study."""
 
 from __future__ import annotations
 
@@ -15,7 +15,31 @@ from .study import Study
 
 @dataclass(frozen=True)
 class Results:
-    """Everything that the report shows."""
+    """All results of one run.
+
+    Attributes
+    ----------
+    source : Source
+        Recordings, split into training and test.
+    study : Study
+        Training and test drivers.
+    methods : pandas.DataFrame
+        The table of methods.
+    scores : dict of str to pandas.DataFrame
+        By method, one row a window.
+    driven : dict of str to list of Trajectories
+        By method, one a period.
+    features, frames, neighbours : pandas.DataFrame
+        Accuracy by features, observed frames and number of neighbours.
+    other_methods : pandas.DataFrame
+        The table of methods for the other start of the simulation.
+    backend_difference_m : float
+        Largest distance between SUMO's and the kernel's oracles (m).
+    agents : Agents or None
+        Learned agents, if the run has them.
+    prediction : dict of str to pandas.DataFrame
+        Tables on prediction by the name of their file.
+    """
 
     source: Source
     study: Study

@@ -1,4 +1,4 @@
-"""What one run of the study is: a frozen record, read from a TOML file of `runs/`."""
+"""Settings of a run of the study, from TOML files."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ from idm_sumo.runtime.errors import InputError
 from idm_sumo.scenes.windows import Window
 from idm_sumo.sumo.surrogate.builtin import SURROGATE
 
-DEFAULT_RUN = Path(__file__).parents[2] / "runs" / "paper.toml"  # beside us in a clone and in a wheel
+DEFAULT_RUN = Path(__file__).parents[2] / "runs" / "paper.toml"  # at the same relative place in a clone and in a wheel
 
 
 @dataclass(frozen=True, config=ConfigDict(extra="forbid"))
@@ -27,9 +27,9 @@ class Settings:
     recordings : tuple of str
         Files, or ``"surrogate"`` for the built-in recording.
     train, test : tuple of str
-        Labels of recording periods; empty for the first period and all later ones.
+        Labels of recording periods; if empty, the first period trains and all later ones test.
     observed : int
-        Frames of a test driver that the driving code sees.
+        Observed frames of a test driver.
     horizon : int
         Simulated frames, 0.1 s each.
     rollout_start : str
@@ -39,25 +39,29 @@ class Settings:
     code_speed : str
         The driving code's speed: ``"own"``, or ``"relative"`` to the leader.
     desired_speed : float
-        m/s, the speed limit.
-    feature_sets, frame_counts, neighbour_counts
-        Rows of the tables.
+        Desired speed (m/s), the speed limit.
+    frame_counts : tuple of int
+        Observed frames in the rows of the table of frames.
+    neighbour_counts : tuple of int
+        Neighbours in the rows of the table of neighbours.
     backend : str
-        What drives the vehicles of the table of methods.
+        ``"sumo"`` or ``"kernel"``, which drives the vehicles of the table of methods.
     agent_seeds : int
-        Agents (IRL + PPO) and clones to train, with ``seed`` and the next ones; 0 for none.
+        Number of agents (IRL + PPO) and clones to train, from ``seed`` on; 0 for none.
     agent_steps : int
         Environment steps of each agent's training.
     agent_demonstrations : int
-        Drivers at most that the agents' reward is learned from.
+        Largest number of drivers from which the agents' reward is learned.
     agent : str
         Folder of ``idm-sumo irl train`` whose agents are driven; empty to train them.
     max_drivers : int or None
-        At most so many drivers on each side, drawn with ``seed``.
+        Largest number of drivers on each side, drawn at random.
     minutes : float
-        Length of the built-in recording.
+        Length of the built-in recording (min).
     seed : int
-        Of the built-in recording and of every draw.
+        For the built-in recording and all random draws.
+    title : str
+        Title of the report; empty for the default.
     """
 
     recordings: tuple[str, ...] = (SURROGATE,)
@@ -83,21 +87,39 @@ class Settings:
 
     @property
     def window(self) -> Window:
-        """Observed and simulated frames."""
+        """Observed and simulated frames of a driver."""
         return Window(observed=self.observed, horizon=self.horizon, from_entry=self.rollout_start == "entry")
 
     def as_dict(self) -> dict[str, Any]:
-        """Return plain values, for the manifest."""
+        """Return plain values for the manifest.
+
+        Returns
+        -------
+        dict
+            Values by attribute.
+        """
         return asdict(self)
 
 
 def load_settings(path: Path | None, overrides: dict[str, Any]) -> Settings:
-    """Read a run file and apply what the command line says on top.
+    """Read a run file and apply the command line's options.
+
+    Parameters
+    ----------
+    path : Path or None
+        TOML file; None for the defaults.
+    overrides : dict
+        Values by attribute that replace those of the file; None for no change.
+
+    Returns
+    -------
+    Settings
+        Checked settings.
 
     Raises
     ------
     InputError
-        If the file is missing, is not TOML, has an unknown key or an impossible value; names it.
+        If the file is missing or not TOML, or has an unknown key or a value out of range; names it.
     """
     values = _read_toml(path) if path else {}
     values.update({key: value for key, value in overrides.items() if value is not None})
@@ -123,4 +145,4 @@ def _read_toml(path: Path) -> dict[str, Any]:
             f"{path}: cannot be read ({error.strerror}); name a run file such as runs/paper.toml"
         ) from None
     except (tomllib.TOMLDecodeError, UnicodeDecodeError) as error:
-        raise InputError(f"{path}: is not TOML: {error}") from None
+        raise InputError(f"{path}: not a TOML file: {error}") from None

@@ -1,4 +1,4 @@
-"""What a run works on: recordings read, cleaned, smoothed and split into training and test."""
+"""Recordings of a run: read, cleaned, smoothed and split."""
 
 from __future__ import annotations
 
@@ -29,20 +29,20 @@ ByPeriod = dict[str, frozenset[int]]
 
 @dataclass(frozen=True)
 class Source:
-    """Cleaned, smoothed periods and who of them trains and who tests.
+    """Cleaned and smoothed periods, split into training and test.
 
     Attributes
     ----------
     name : str
         What was read.
     periods : dict of str to Recording
-        One recording a period that is used.
+        One recording a period in use.
     files : tuple of Path
-        What the periods were read from.
+        Files of the periods.
     train, test : dict of str to frozenset of int
         Vehicles to model, by period.
     accounts : dict of str to Accounting
-        Row accounting of reading and cleaning, by file.
+        Accounting of rows in reading and cleaning, by file.
     not_modelled : pandas.DataFrame
         Vehicles that are traffic only: ``period, vehicle, reason``.
     notes : tuple of str
@@ -59,12 +59,28 @@ class Source:
     notes: tuple[str, ...]
 
     def drivers(self, side: ByPeriod, name: str, window: Window) -> tuple[Drivers, pd.DataFrame]:
-        """Cut the windows of one side; also return the vehicles without one (``period, vehicle, reason``).
+        """Cut the windows of one side.
+
+        Parameters
+        ----------
+        side : dict of str to frozenset of int
+            Vehicles to model, by period.
+        name : str
+            Name of the side, for messages.
+        window : Window
+            Observed and simulated frames.
+
+        Returns
+        -------
+        drivers : Drivers
+            The windows.
+        excluded : pandas.DataFrame
+            Vehicles without a window: ``period, vehicle, reason``.
 
         Raises
         ------
         InputError
-            If not one vehicle has a whole window.
+            If no vehicle has a whole window.
         """
         scenes, excluded = [], []
         for period, modelled in side.items():
@@ -81,12 +97,24 @@ class Source:
 
 
 def load_source(settings: Settings, progress: Progress = silent) -> Source:
-    """Read, clean, smooth and split the recordings of a run, file by file.
+    """Read, clean, smooth and split the recordings of a run.
+
+    Parameters
+    ----------
+    settings : Settings
+        Settings of the run.
+    progress : Progress
+        Called as the work proceeds.
+
+    Returns
+    -------
+    Source
+        Training and test side.
 
     Raises
     ------
     InputError
-        If a file cannot be used, a period is named that no file has, or one vehicle is all there is.
+        If a file cannot be used, a named period is in no file, or there are fewer than two vehicles to model.
     """
     files = _files(settings, progress)
     periods: dict[str, Recording] = {}
@@ -98,12 +126,12 @@ def load_source(settings: Settings, progress: Progress = silent) -> Source:
         left_out.append(recording.ineligible[NOT_MODELLED])
         for period in recording.periods:
             if period in periods:
-                raise InputError(f"{file}: period {period!r} is in an earlier file too; leave one of them out")
+                raise InputError(f"{file}: period {period!r} is also in an earlier file; leave one of them out")
             periods[period] = recording.of_period(period)
     progress("reading", len(files), len(files))
     name = ", ".join(SURROGATE if name == SURROGATE else Path(name).name for name in settings.recordings)
     if len({recording.has_leader_rows for recording in periods.values()}) > 1:
-        raise InputError(f"{name}: some have the vehicles ahead and some have not; run them apart")
+        raise InputError(f"{name}: only some of them hold the vehicles ahead; run them separately")
     not_modelled = pd.concat(left_out, ignore_index=True)
     periods = dict(sorted(periods.items(), key=lambda item: float(item[1].table[c.TIME].min())))
     train, test, split_note = _split(name, periods, not_modelled, settings)
@@ -113,7 +141,10 @@ def load_source(settings: Settings, progress: Progress = silent) -> Source:
 
 
 def _files(settings: Settings, progress: Progress) -> list[Path]:
-    """Return the files to read; of the built-in recording only the periods that are needed."""
+    """Return the files to read.
+
+    Of the built-in recording only the periods in use are read.
+    """
     files = []
     wanted = {*settings.train, *settings.test}
     for name in settings.recordings:
@@ -126,7 +157,10 @@ def _files(settings: Settings, progress: Progress) -> list[Path]:
 
 
 def _surrogate(settings: Settings, progress: Progress) -> Path:
-    """Return the built-in recording; while SUMO makes it on one core, the kernels are compiled on another."""
+    """Return the built-in recording.
+
+    While SUMO makes it on one core, the kernels are compiled on another.
+    """
     if surrogate_folder(settings.minutes, settings.seed).is_dir():
         return surrogate(minutes=settings.minutes, seed=settings.seed)
     compiling = compile_beside()
@@ -140,7 +174,10 @@ def _surrogate(settings: Settings, progress: Progress) -> Path:
 def _split(
     name: str, periods: dict[str, Recording], not_modelled: pd.DataFrame, settings: Settings
 ) -> tuple[ByPeriod, ByPeriod, tuple[str, ...]]:
-    """Choose training and test drivers: by period, or within a single one by time of entry."""
+    """Choose training and test drivers.
+
+    They are split by period, or by time of entry within a single one.
+    """
     for wanted in (*settings.train, *settings.test):
         if wanted not in periods:
             raise InputError(f"{name}: no period {wanted!r}; it has {', '.join(periods) or 'none of those named'}")
@@ -148,25 +185,28 @@ def _split(
         raise InputError(f"period {sorted(both)[0]!r} is both in `train` and in `test`; drivers may not be in both")
     entries = {period: _by_entry(recording, period, not_modelled) for period, recording in periods.items()}
     if (count := sum(map(len, entries.values()))) < 2:
-        raise InputError(f"{name}: {count} vehicle(s) to model; training and test need one each at least")
+        raise InputError(f"{name}: {count} vehicle(s) to model; training and test need at least one each")
     if len(periods) == 1:
         return _split_by_entry(*entries.popitem())
     train = settings.train or tuple(p for p in periods if p not in settings.test)[:1]
     test = settings.test or tuple(p for p in periods if p not in train)
     if not train or not test:
-        raise InputError(f"{name}: training and test need a period each; give --train and --test")
+        raise InputError(f"{name}: training and test need one period each; give --train and --test")
     return {p: frozenset(entries[p]) for p in train}, {p: frozenset(entries[p]) for p in test}, ()
 
 
 def _by_entry(recording: Recording, period: str, not_modelled: pd.DataFrame) -> list[int]:
-    """Return the vehicles of a period that may be modelled, in the order they entered."""
+    """Return a period's vehicles that may be modelled, by entry."""
     barred = not_modelled.loc[not_modelled[c.PERIOD] == period, c.VEHICLE]
     entry = recording.table.groupby(c.VEHICLE)[c.FRAME].min().drop(barred, errors="ignore")
     return [int(vehicle) for vehicle in entry.sort_values(kind="stable").index]
 
 
 def _split_by_entry(period: str, ordered: list[int]) -> tuple[ByPeriod, ByPeriod, tuple[str, ...]]:
-    """Train on the half that entered first, test on the other."""
+    """Train on the half that entered first, test on others."""
     half = len(ordered) // 2
-    note = f"one period only: trained on the {half} vehicles that entered first, tested on the {len(ordered) - half} others"
+    note = (
+        f"one period only: trained on the {half} vehicles that entered first, "
+        f"tested on the {len(ordered) - half} others"
+    )
     return {period: frozenset(ordered[:half])}, {period: frozenset(ordered[half:])}, (note,)

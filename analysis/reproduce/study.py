@@ -1,4 +1,4 @@
-"""The study's spine: scenes of training and test drivers, their oracles, and every prediction."""
+"""Scenes of training and test drivers, their oracles, and predictions."""
 
 from __future__ import annotations
 
@@ -17,7 +17,7 @@ from idm_sumo.runtime.progress import Progress, silent
 from idm_sumo.scenes.windows import Window
 
 from .drivers import Drivers
-from .prediction.share import Learned, learn
+from .prediction.learned import Learned, learn
 from .settings import Settings
 from .source import Source
 
@@ -27,18 +27,20 @@ PARAMETERS = list(IDMParameters._fields)
 
 @dataclass(frozen=True)
 class Study:
-    """Training and test drivers with everything learned from the training side.
+    """Training and test drivers with all that was learned.
 
     Attributes
     ----------
     settings : Settings
+        Settings of the run.
     train, test : Drivers
+        Windows of both sides.
     train_fits, test_fits : pandas.DataFrame
         Oracle calibrations, one row a window, in the windows' order.
     pooled : IDMParameters
         The one set that minimises the training drivers' mean ADE.
     population : Population
-        What the training drivers say of drivers at large.
+        Distribution of the training drivers' parameters.
     learned : Learned
         The predictor that was fitted through the rollout, and its windows.
     drawn_fits : pandas.DataFrame
@@ -60,16 +62,28 @@ class Study:
 
     @cached_property
     def library(self) -> tuple[pd.DataFrame, Floats]:
-        """Codes over the whole window and oracle parameters of the training drivers that could be fitted."""
+        """Codes and oracle parameters of the fitted training drivers."""
         theta = self.train_fits[PARAMETERS].to_numpy()
         fitted = np.isfinite(theta).all(axis=1)
         codes = self.train.code()
         return codes[fitted].reset_index(drop=True), theta[fitted]
 
     def neighbours(self, codes: pd.DataFrame, k: int, features: tuple[str, ...] = tuple(FEATURES)) -> Floats:
-        """Predict parameters for test drivers with these codes by the paper's averaging of ``k`` neighbours.
+        """Predict parameters by the paper's averaging of neighbours.
 
-        ``features`` are the paper's symbols; a library smaller than ``k`` is averaged whole.
+        Parameters
+        ----------
+        codes : pandas.DataFrame
+            Driving codes of the test drivers, one row a window.
+        k : int
+            Number of neighbours; a library smaller than that is averaged whole.
+        features : tuple of str
+            The paper's symbols of the features in use.
+
+        Returns
+        -------
+        float64, shape (windows, 5)
+            ``a, b, T, d0, d1``.
         """
         train_codes, theta = self.library
         columns = features_of(features, speed=self.settings.code_speed)
@@ -79,10 +93,26 @@ class Study:
 def prepare(source: Source, settings: Settings, window: Window, progress: Progress = silent) -> Study:
     """Cut the windows of both sides and calibrate every driver.
 
+    Parameters
+    ----------
+    source : Source
+        Recordings, split into training and test.
+    settings : Settings
+        Settings of the run.
+    window : Window
+        Observed and simulated frames.
+    progress : Progress
+        Called as the work proceeds.
+
+    Returns
+    -------
+    Study
+        Ready for the tables.
+
     Raises
     ------
     InputError
-        If one side has no driver with a whole window.
+        If a side has no driver with a whole window.
     """
     rng = np.random.default_rng(settings.seed)
     train, excluded_train = source.drivers(source.train, "train", window)
@@ -105,13 +135,24 @@ def prepare(source: Source, settings: Settings, window: Window, progress: Progre
 
 
 def _fits(drivers: Drivers, settings: Settings) -> pd.DataFrame:
-    """Calibrate all drivers of one side, in the order of their windows."""
+    """Calibrate all drivers of one side, in their windows' order."""
     fits = [calibrate(s, desired_speed=settings.desired_speed, seed=settings.seed) for s in drivers.scenes]
     return pd.concat(fits, ignore_index=True)
 
 
 def predictions(study: Study) -> dict[str, Floats]:
-    """Return every IDM method's parameters of the test drivers, shape (windows, 5), by method name."""
+    """Return every IDM method's parameters of the test drivers.
+
+    Parameters
+    ----------
+    study : Study
+        Training and test drivers.
+
+    Returns
+    -------
+    dict of str to float64, shape (windows, 5)
+        ``a, b, T, d0, d1`` by name of the method.
+    """
     s = study.settings
     seen = study.test.code(s.observed)
     _, theta = study.library
@@ -121,7 +162,7 @@ def predictions(study: Study) -> dict[str, Floats]:
     first_seconds = pd.concat([first_second(scenes, s.observed) for scenes in study.test.scenes])
 
     def or_pooled(fits: pd.DataFrame) -> Floats:
-        """Return the fits; a driver whose fit failed keeps the pooled parameters, its status says so."""
+        """Return the fits, pooled parameters where one failed."""
         theta = fits[PARAMETERS].to_numpy()
         return np.where(np.isfinite(theta), theta, one_for_all)
 

@@ -1,4 +1,4 @@
-"""The paper's tables, and the rows it lacks."""
+"""The paper's tables, and further rows."""
 
 from __future__ import annotations
 
@@ -22,7 +22,7 @@ from . import paper
 from .drivers import Drive, Drivers
 from .study import Study, predictions
 
-SHARES = (0.02, 0.05, 0.1, 0.2, 0.3, 0.4)  # of the box of parameters, along the flattest direction
+SHARES = (0.02, 0.05, 0.1, 0.2, 0.3, 0.4)  # moves along the flattest direction, in ranges between the bounds
 FEATURE_SETS = tuple(chosen for size in (1, 2, 3) for chosen in combinations(FEATURES, size))
 
 
@@ -31,12 +31,23 @@ def methods(
 ) -> tuple[pd.DataFrame, dict[str, list[Trajectories]], dict[str, pd.DataFrame]]:
     """Drive the test drivers by every method.
 
+    Parameters
+    ----------
+    study : Study
+        Training and test drivers.
+    drive : callable
+        Drives scenes by parameters.
+    progress : Progress
+        Called as the work proceeds.
+
     Returns
     -------
     table : pandas.DataFrame
         One row a method: ``method, ade_m, ade_se_m, fde_m, fde_se_m, collisions, vehicles`` and further metrics.
-    trajectories, scores : dict
-        By method: what was driven, and its score window by window.
+    trajectories : dict of str to list of Trajectories
+        By method, one a period.
+    scores : dict of str to pandas.DataFrame
+        By method, one row a window.
     """
     progress("driving the test drivers", 0, 2)
     driven = {"constant_velocity": [drive_constant_velocity(scenes) for scenes in study.test.scenes]}
@@ -49,7 +60,18 @@ def methods(
 
 
 def features(study: Study) -> pd.DataFrame:
-    """Return the effect of each combination of the driving code's features on the prediction."""
+    """Return the accuracy for each combination of features.
+
+    Parameters
+    ----------
+    study : Study
+        Training and test drivers.
+
+    Returns
+    -------
+    pandas.DataFrame
+        One row a combination of the driving code's features.
+    """
     codes = study.test.code(study.settings.observed)
     k = study.settings.neighbours
     return pd.DataFrame(
@@ -61,7 +83,18 @@ def features(study: Study) -> pd.DataFrame:
 
 
 def neighbours(study: Study) -> pd.DataFrame:
-    """Return the effect of the number of neighbours."""
+    """Return the accuracy for each number of neighbours.
+
+    Parameters
+    ----------
+    study : Study
+        Training and test drivers.
+
+    Returns
+    -------
+    pandas.DataFrame
+        One row a number ``k``.
+    """
     codes = study.test.code(study.settings.observed)
     most = len(study.library[1])
     counts = [k for k in study.settings.neighbour_counts if k <= most]
@@ -69,16 +102,39 @@ def neighbours(study: Study) -> pd.DataFrame:
 
 
 def frame_window(study: Study) -> Window:
-    """Return the window in which the largest number of frames can be observed before the common start."""
+    """Return the window for the largest number of observed frames.
+
+    Parameters
+    ----------
+    study : Study
+        Training and test drivers.
+
+    Returns
+    -------
+    Window
+        All rows of :func:`frames` start at its common start.
+    """
     s = study.settings
     return Window(observed=max(s.frame_counts), horizon=s.horizon, from_entry=s.rollout_start == "entry")
 
 
 def frames(study: Study, test: Drivers) -> pd.DataFrame:
-    """Return the effect of the number of observed frames; ``test`` has windows of :func:`frame_window`.
+    """Return the accuracy for each number of observed frames.
 
-    Every row starts at the same moment, after the largest number of frames, so that the rows
-    differ in what was observed and in nothing else.
+    Every row starts at the same moment, after the largest number of frames, so that only the
+    observation differs.
+
+    Parameters
+    ----------
+    study : Study
+        Training and test drivers.
+    test : Drivers
+        Test drivers with windows of :func:`frame_window`.
+
+    Returns
+    -------
+    pandas.DataFrame
+        One row a number of frames.
     """
     s = study.settings
     rows = []
@@ -95,7 +151,22 @@ def _score(drivers: Drivers, theta: npt.NDArray[np.float64]) -> dict[str, float]
 def beside_paper(
     table: pd.DataFrame, printed: dict[str, paper.Printed] | dict[int, paper.Printed], key: str
 ) -> pd.DataFrame:
-    """Return the table with the paper's ADE, FDE and collisions beside ours, where it has them."""
+    """Return a table with the paper's numbers added.
+
+    Parameters
+    ----------
+    table : pandas.DataFrame
+        Results of this run.
+    printed : dict
+        Rows of the paper's table.
+    key : str
+        Column whose values are the keys of ``printed``.
+
+    Returns
+    -------
+    pandas.DataFrame
+        With the paper's ADE, FDE and collisions, NaN where it has none.
+    """
     ours = table.copy()
     for name in ("ade_m", "fde_m", "collisions"):
         ours[f"paper_{name}"] = [getattr(printed[k], name) if k in printed else np.nan for k in table[key]]
@@ -103,7 +174,18 @@ def beside_paper(
 
 
 def flat_directions(study: Study) -> pd.DataFrame:
-    """Return what it costs every test driver's oracle to move along its flattest direction; see the figure of it."""
+    """Return the cost of moves along each oracle's flattest direction.
+
+    Parameters
+    ----------
+    study : Study
+        Training and test drivers.
+
+    Returns
+    -------
+    pandas.DataFrame
+        See :func:`idm_sumo.calibration.identifiability.along_flat_direction`.
+    """
     tables = []
     for scenes, theta in zip(study.test.scenes, study.test.parts(predictions(study)["idm_oracle"]), strict=True):
         problem = calibration_problem(scenes, desired_speed=study.settings.desired_speed)
@@ -112,17 +194,33 @@ def flat_directions(study: Study) -> pd.DataFrame:
 
 
 def at_bound(study: Study) -> pd.DataFrame:
-    """Return in how many oracle fits each parameter sits at a bound of the search, or is not determined."""
+    """Return how often parameters are at a bound or undetermined.
+
+    Parameters
+    ----------
+    study : Study
+        Training and test drivers.
+
+    Returns
+    -------
+    pandas.DataFrame
+        One row a parameter, over all oracle fits.
+    """
     fits = pd.concat([study.train_fits, study.test_fits])
     hits, vague = (fits[name].fillna("").str.split(",") for name in ("at_bound", "undetermined"))
     rows = []
     for name in IDMParameters._fields:
         values = fits[name].dropna()
-        rows.append({
-            "parameter": name, "lower bound": getattr(LOWER, name), "upper bound": getattr(UPPER, name),
-            "share at a bound": float(hits.map(lambda found, name=name: name in found).mean()),
-            "share not determined": float(vague.map(lambda found, name=name: name in found).mean()),
-            "median": float(values.median()), "mean": float(values.mean()),
-            "pooled": getattr(study.pooled, name),
-        })  # fmt: skip
+        rows.append(
+            {
+                "parameter": name,
+                "lower bound": getattr(LOWER, name),
+                "upper bound": getattr(UPPER, name),
+                "share at a bound": float(hits.map(lambda found, name=name: name in found).mean()),
+                "share not determined": float(vague.map(lambda found, name=name: name in found).mean()),
+                "median": float(values.median()),
+                "mean": float(values.mean()),
+                "pooled": getattr(study.pooled, name),
+            }
+        )
     return pd.DataFrame(rows)

@@ -1,4 +1,7 @@
-"""Compile the kernels beside other work, so that a first run does not wait for it."""
+"""Compilation of the kernels beside other work.
+
+A first run so does not wait for it.
+"""
 
 from __future__ import annotations
 
@@ -23,15 +26,23 @@ ROAD = Road("warm-up", widths=(3.5, 3.5, 3.5), length=1000.0, speed_limit=30.0)
 
 
 def compile_beside() -> Future[None]:
-    """Compile in another process, into the cache on disk that all processes share; wait with ``.result()``."""
+    """Compile the kernels in another process.
+
+    They go into the cache on disk that all processes share.
+
+    Returns
+    -------
+    concurrent.futures.Future
+        Wait for the end with ``.result()``.
+    """
     pool = ProcessPoolExecutor(1, mp_context=get_context("spawn"))
     compiled = pool.submit(compile_kernels)
-    pool.shutdown(wait=False)  # ends once it has compiled
+    pool.shutdown(wait=False)  # the process ends after compiling
     return compiled
 
 
 def compile_kernels() -> None:
-    """Call every kernel of the study once, on a few cars that follow each other."""
+    """Call every kernel of the study once."""
     scenes, _ = build_scenes(_platoon(), Window(observed=5, horizon=20))
     pooled(scenes)
     fits = calibrate(scenes)
@@ -40,7 +51,7 @@ def compile_kernels() -> None:
 
 
 def _platoon() -> Recording:
-    """Return a few cars in one lane, each faster than the one behind it."""
+    """Return a few vehicles that follow each other."""
     frame = np.tile(np.arange(FRAMES), CARS)
     car = np.repeat(np.arange(CARS), FRAMES)
     speed = 12.0 - car

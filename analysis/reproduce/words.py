@@ -1,4 +1,4 @@
-"""What the report says in words; every number in a sentence is computed."""
+"""Sentences of the report; every number in them is computed."""
 
 from __future__ import annotations
 
@@ -19,7 +19,18 @@ if TYPE_CHECKING:
 
 
 def describe(results: Results) -> dict[str, str | tuple[str, ...]]:
-    """Return the report's sentences by the name they have in its template."""
+    """Return the report's sentences by their name in the template.
+
+    Parameters
+    ----------
+    results : Results
+        Results of the run.
+
+    Returns
+    -------
+    dict
+        Sentences, or tuples of them.
+    """
     settings = results.study.settings
     started = "the simulation starts at the last observed frame"
     if settings.rollout_start == "entry":
@@ -40,35 +51,48 @@ def _provenance(results: Results) -> str:
     settings = results.study.settings
     if SURROGATE in settings.recordings:
         return (
-            f"Made from the built-in surrogate recording ({settings.minutes:g} minutes, seed {settings.seed}): traffic simulated "
-            "in SUMO and written in NGSIM's layout. It is not real traffic; the paper's numbers stand beside for orientation."
+            f"Made from the built-in surrogate recording ({settings.minutes:g} minutes, seed {settings.seed}): "
+            "traffic simulated in SUMO and written in NGSIM's layout. It is not real traffic; the paper's numbers "
+            "are shown for orientation only."
         )
     if not_measured(results.source.periods):
         return (
-            f"Made from {results.source.name}, a surrogate recording: traffic simulated in SUMO and written in NGSIM's layout. "
-            "It is not real traffic; the paper's numbers stand beside for orientation."
+            f"Made from {results.source.name}, a surrogate recording: traffic simulated in SUMO and written in "
+            "NGSIM's layout. It is not real traffic; the paper's numbers are shown for orientation only."
         )
     return f"Made from {results.source.name}."
 
 
 def _findings(results: Results) -> str:
-    """Say what the table of methods shows, with paired differences over the same vehicles."""
+    """Describe the table of methods, with paired differences over vehicles."""
     ade = results.methods.set_index("method")["ade_m"]
     mean, error = paired_difference(results.scores["idm_prediction"], results.scores["idm_pooled"])
     better = "better" if mean < 0 else "worse"
     average, error_average = paired_difference(results.scores["idm_prediction"], results.scores["idm_average"])
     versus = "below" if average < 0 else "above"
     return (
-        f"ADE over {results.study.settings.horizon / 10:g} s: oracle {ade['idm_oracle']:.2f} m, one pooled parameter set "
-        f"{ade['idm_pooled']:.2f} m, the paper's prediction {ade['idm_prediction']:.2f} m, the average of the oracles "
-        f"{ade['idm_average']:.2f} m, constant velocity {ade['constant_velocity']:.2f} m. Driver by driver the prediction is "
-        f"{abs(average):.2f} ± {error_average:.2f} m {versus} the average of the oracles and {abs(mean):.2f} ± {error:.2f} m "
-        f"{better} than the pooled set, which needs no observation of the driver at all."
+        f"ADE over {results.study.settings.horizon / 10:g} s: oracle {ade['idm_oracle']:.2f} m, one pooled "
+        f"parameter set {ade['idm_pooled']:.2f} m, the paper's prediction {ade['idm_prediction']:.2f} m, the "
+        f"average of the oracles {ade['idm_average']:.2f} m, constant velocity {ade['constant_velocity']:.2f} m. "
+        f"Driver by driver the prediction is {abs(average):.2f} ± {error_average:.2f} m {versus} the average of the "
+        f"oracles and {abs(mean):.2f} ± {error:.2f} m {better} than the pooled set, which needs no observation of "
+        "the driver at all."
     )
 
 
 def paired_difference(one: pd.DataFrame, other: pd.DataFrame) -> tuple[float, float]:
-    """Return mean and standard error over vehicles of the difference in ADE (m), one minus other."""
+    """Return the mean difference in ADE and its standard error.
+
+    Parameters
+    ----------
+    one, other : pandas.DataFrame
+        Scores of two methods on the same windows, in the same order.
+
+    Returns
+    -------
+    mean, error : float
+        Of one minus other, over vehicles (m).
+    """
     difference = one[[c.PERIOD, c.VEHICLE]].assign(d=one["ade_m"].to_numpy() - other["ade_m"].to_numpy())
     by_vehicle = difference.groupby([c.PERIOD, c.VEHICLE], observed=True)["d"].mean().to_numpy()
     error = by_vehicle.std(ddof=1) / np.sqrt(len(by_vehicle)) if len(by_vehicle) > 1 else np.nan
@@ -83,33 +107,34 @@ def _on_agents(results: Results) -> str:
         return f"{learned.learners.missing}."
     steps = int(learned.learners.curve["steps"].max())
     short = (
-        " (a short training: it shows that it runs, not how well an agent drives)"
+        " (a short training, which shows that the method runs, not how well an agent drives)"
         if steps < Settings.agent_steps
         else ""
     )
     return (
-        f"Learned agents and clones are means over {len(learned.scores['irl_rl'])} training seeds; an agent's training took "
-        f"{steps:,} steps{short}. They are driven by the compiled kernel; SUMO differs by "
-        f"{learned.sumo_difference_m * 1000:.2g} mm at most on the same actions."
+        f"Learned agents and clones are means over {len(learned.scores['irl_rl'])} training seeds; an agent's "
+        f"training took {steps:,} steps{short}. They are driven by the compiled kernel; SUMO differs by at most "
+        f"{learned.sumo_difference_m * 1000:.2g} mm on the same actions."
     )
 
 
 def _caption(results: Results) -> str:
     settings = results.study.settings
     leaders = {scenes.leader_source for scenes in results.study.test.scenes}
-    leader = "the modelled car follows whoever is recorded ahead in its lane at its simulated position"
+    leader = "the modelled vehicle follows the recorded vehicle ahead in its lane at its simulated position"
     if leaders == {LEADER_OF_TWIN}:
         leader = (
-            "the recording holds no vehicles but the modelled ones, so the modelled car follows its recorded twin's leader, "
-            "through the twin's lane changes, and the leader's length is assumed"
+            "the recording holds only the modelled vehicles, so a modelled vehicle follows the leader of its "
+            "recorded one, also through recorded lane changes, and the leader's length is assumed"
         )
     driver: dict[str, Any] = {"sumo": "SUMO", "kernel": "the compiled kernel"}
     parts = [
-        f"Trained on {len(results.study.train)} drivers of {', '.join(results.source.train)}; tested on {len(results.study.test)} "
-        f"of {', '.join(results.source.test)}. Mean ± standard error over vehicles. Driven in {driver[settings.backend]}, Euler with "
-        f"the old speed; {leader}. Collisions are those the modelled car is at fault for.",
+        f"Trained on {len(results.study.train)} drivers of {', '.join(results.source.train)}; tested on "
+        f"{len(results.study.test)} of {', '.join(results.source.test)}. Mean ± standard error over vehicles. "
+        f"Driven in {driver[settings.backend]}, Euler with the old speed; {leader}. Collisions are those at the "
+        "modelled vehicle's fault.",
     ]
     if settings.backend == "sumo":
-        parts.append(f"SUMO and the compiled kernel differ by {results.backend_difference_m * 1000:.2g} mm at most.")
+        parts.append(f"SUMO and the compiled kernel differ by at most {results.backend_difference_m * 1000:.2g} mm.")
     parts.append(_on_agents(results))
     return " ".join(parts)

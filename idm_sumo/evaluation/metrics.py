@@ -46,7 +46,7 @@ def displacement(scenes: Scenes, trajectories: Trajectories) -> Floats:
     float64, shape (vehicles, T)
         Distance (m), from step 1 on.
     """
-    x, y = _recorded(scenes, scenes.x), _recorded(scenes, scenes.y)
+    x, y = recorded_from_start(scenes, scenes.x), recorded_from_start(scenes, scenes.y)
     return np.asarray(np.hypot(trajectories.x - x, trajectories.y - y)[:, 1:])
 
 
@@ -86,7 +86,7 @@ def score(scenes: Scenes, trajectories: Trajectories) -> pd.DataFrame:
             Over the steps in which both have a leader; NaN without any.
     """
     error = displacement(scenes, trajectories)
-    speed_error = (trajectories.speed - _recorded(scenes, scenes.speed))[:, 1:]
+    speed_error = (trajectories.speed - recorded_from_start(scenes, scenes.speed))[:, 1:]
     keys = {c.PERIOD: scenes.period, c.VEHICLE: scenes.vehicle, "first_frame": scenes.first_frame}
     errors = {"ade_m": error.mean(axis=1), "fde_m": error[:, -1], "speed_rmse_m_s": _root_mean_square(speed_error)}
     conduct = _gap_metrics(scenes, trajectories) | _motion_metrics(scenes, trajectories)
@@ -151,8 +151,21 @@ def _mean_and_error(values: Floats) -> tuple[float, float]:
     return float(values.mean()), error
 
 
-def _recorded(scenes: Scenes, values: Floats) -> Floats:
-    """Return recorded values from the start over the horizon."""
+def recorded_from_start(scenes: Scenes, values: Floats) -> Floats:
+    """Return recorded values from the start over the horizon.
+
+    Parameters
+    ----------
+    scenes : Scenes
+        Windows of the drivers.
+    values : float64, shape (vehicles, frames)
+        A recorded quantity by frame of the window.
+
+    Returns
+    -------
+    float64, shape (vehicles, T + 1)
+        From the start of the simulation.
+    """
     return values[:, scenes.start : scenes.start + scenes.window.horizon + 1]
 
 
@@ -162,7 +175,9 @@ def _root_mean_square(values: Floats) -> Floats:
 
 def _gap_metrics(scenes: Scenes, trajectories: Trajectories) -> dict[str, Floats]:
     own = leaders_along(scenes, trajectories.x, trajectories.y, scenes.start)
-    recorded = leaders_along(scenes, _recorded(scenes, scenes.x), _recorded(scenes, scenes.y), scenes.start)
+    recorded = leaders_along(
+        scenes, recorded_from_start(scenes, scenes.x), recorded_from_start(scenes, scenes.y), scenes.start
+    )
     gap, recorded_gap = own.gap[:, 1:], recorded.gap[:, 1:]
     critical = is_critical(gap, trajectories.speed[:, 1:] - own.speed[:, 1:])
     smallest = gap.min(axis=1)

@@ -1,1 +1,1 @@
-"""The learned agent in the study."""
+"""Learned agents in the study."""

@@ -1,4 +1,7 @@
-"""Pictures of the learner: what it is rewarded for, how it learned, and how close it comes to others."""
+"""Figures of the learned agents.
+
+They show the reward, the learning curve, and the distances to other vehicles.
+"""
 
 from __future__ import annotations
 
@@ -19,17 +22,35 @@ from idm_sumo.simulation.rollout import Trajectories
 
 from ...page.style import METHOD_COLOURS, METHOD_NAMES, RECORDED, TRAFFIC, new_figure
 from ..drivers import Drivers
-from .rows import AGENT, Agents, clearances, recorded_paths
+from .learners import AGENT
+from .rows import Agents, clearances, recorded_paths
 
 Floats = npt.NDArray[np.float64]
 
 BEHIND, AHEAD, GRID = 30.0, 45.0, 0.5  # m
 MAPS = ("lane", "boundary", "collision")  # the paper's three
-NEAR = 25.0  # m, around a closest approach
+NEAR = 25.0  # m, half length of the drawn road
 
 
 def reward_maps(scenes: Scenes, which: int, weights: Floats) -> Figure:
-    """Draw the features that depend on the place (the paper's figure), seen from one modelled vehicle, and their sum."""
+    """Draw the position's features and their weighted sum.
+
+    This is the paper's figure, around one modelled vehicle.
+
+    Parameters
+    ----------
+    scenes : Scenes
+        Windows of one period.
+    which : int
+        Row of the driver.
+    weights : float64, shape (features,)
+        Learned weights.
+
+    Returns
+    -------
+    matplotlib.figure.Figure
+        The figure.
+    """
     x, y, found = _on_grid(scenes, which)
     figure, axes = new_figure(11, 6.4, columns=2, rows=2)
     panels = [(name, found[:, :, features.NAMES.index(name)]) for name in MAPS]
@@ -49,7 +70,10 @@ def reward_maps(scenes: Scenes, which: int, weights: Floats) -> Figure:
 
 
 def _on_grid(scenes: Scenes, which: int) -> tuple[Floats, Floats, Floats]:
-    """Return all features with the vehicle's middle put on a grid, its heading and speed kept."""
+    """Return all features with the vehicle's middle on a grid.
+
+    Heading and speed are those of the start.
+    """
     episodes, around = episodes_of([scenes.subset(np.array([which]))])
     psi, v = float(scenes.heading[which, scenes.start]), float(scenes.speed[which, scenes.start])
     front = float(scenes.x[which, scenes.start])
@@ -66,7 +90,7 @@ def _on_grid(scenes: Scenes, which: int) -> tuple[Floats, Floats, Floats]:
 
 
 def _outline(x: float, y: float, heading: float, length: float, width: float, **style: object) -> Polygon:
-    """Return a vehicle's rectangle, given by its front bumper."""
+    """Return a vehicle's rectangle from its front bumper."""
     cx, cy = bicycle.center_of_front(x, y, heading, length)
     along = 0.5 * length * np.array([np.cos(heading), np.sin(heading)])
     across = 0.5 * width * np.array([-np.sin(heading), np.cos(heading)])
@@ -76,7 +100,18 @@ def _outline(x: float, y: float, heading: float, length: float, width: float, **
 
 
 def learning_curve(curve: pd.DataFrame) -> Figure:
-    """Draw return and how episodes end against steps, one line a seed."""
+    """Draw returns and outcomes of episodes over the training.
+
+    Parameters
+    ----------
+    curve : pandas.DataFrame
+        Learning curves, with a column ``seed``.
+
+    Returns
+    -------
+    matplotlib.figure.Figure
+        One line a seed.
+    """
     figure, axes = new_figure(9, 3.4, columns=2)
     for number, (seed, rows) in enumerate(curve.groupby("seed")):
         smooth = rows.rolling(8, min_periods=1, on="steps").mean()
@@ -91,18 +126,30 @@ def learning_curve(curve: pd.DataFrame) -> Figure:
             label=f"seed {seed}: off the road",
         )
     axes[0].set(xlabel="environment steps (million)", ylabel="return of an episode", xlim=(0, None))
-    axes[1].set(
-        xlabel="environment steps (million)", ylabel="share of episodes that end so", ylim=(0, 1), xlim=(0, None)
-    )
+    axes[1].set(xlabel="environment steps (million)", ylabel="share of episodes", ylim=(0, 1), xlim=(0, None))
     for ax in axes:
         ax.legend(fontsize=7)
     return figure
 
 
 def approaches(test: Drivers, agents: Agents, others: dict[str, tuple[list[Trajectories], pd.DataFrame]]) -> Figure:
-    """Draw how runs are spread: errors, closest approaches, and the nearest brush that is no collision.
+    """Draw the distributions of errors and closest approaches.
 
-    ``others`` holds trajectories and scores of methods to hold the learners against, by name.
+    A panel shows the closest approach without contact, another one the smallest gaps.
+
+    Parameters
+    ----------
+    test : Drivers
+        Test drivers.
+    agents : Agents
+        Their runs by agents.
+    others : dict of str to (list of Trajectories, pandas.DataFrame)
+        Trajectories and scores of methods for comparison.
+
+    Returns
+    -------
+    matplotlib.figure.Figure
+        The figure.
     """
     figure, axes = new_figure(11, 7, columns=2, rows=2)
     shown = {name: (agents.driven[name][0], agents.scores[name][0]) for name in agents.driven} | others
@@ -130,9 +177,23 @@ def _cumulative(ax: Axes, values: Floats, name: str | None) -> None:
 
 
 def nearest_brush(test: Drivers, driven: list[Trajectories], score: pd.DataFrame) -> tuple[int, int, pd.Series]:
-    """Return period, row and closest approach of the run that comes nearest to another without contact.
+    """Return the run with the closest approach without contact.
 
-    If all runs touch, the first one.
+    Parameters
+    ----------
+    test : Drivers
+        Test drivers.
+    driven : list of Trajectories
+        One a period.
+    score : pandas.DataFrame
+        Scores of the runs.
+
+    Returns
+    -------
+    period, row : int
+        Position of the run; the first run if all have contacts.
+    approach : pandas.Series
+        Its closest approach.
     """
     close = clearances(test, driven)
     apart = close["clearance_m"].where(~score["collision"].to_numpy() & (close["clearance_m"] > 0), np.inf)
@@ -146,7 +207,7 @@ def nearest_brush(test: Drivers, driven: list[Trajectories], score: pd.DataFrame
 
 
 def _draw_brush(ax: Axes, test: Drivers, driven: list[Trajectories], score: pd.DataFrame) -> None:
-    """Draw the road around the nearest brush, seen from above, at its moment."""
+    """Draw the road around the closest approach, from above."""
     part, i, close = nearest_brush(test, driven, score)
     scenes, path, k = test.scenes[part], driven[part], int(close["step"])
     x, y, heading = path.x[i, k], path.y[i, k], path.heading[i, k]
@@ -176,11 +237,12 @@ def _draw_brush(ax: Axes, test: Drivers, driven: list[Trajectories], score: pd.D
         ax.axhline(-lane * road.LANE_WIDTH, color="0.7", linewidth=0.8)
     ax.grid(visible=False)
     ax.set(xlim=(-NEAR, NEAR), ylim=(y - 7, y + 7), aspect="equal", xlabel="along the road (m)", ylabel="y (m)",
-           title=f"nearest without contact: {close['clearance_m']:.2f} m, vehicle {scenes.vehicle[i]}, {k * FRAME_STEP:.1f} s")  # fmt: skip
+           title=f"closest without contact: {close['clearance_m']:.2f} m, vehicle {scenes.vehicle[i]}, "
+                 f"{k * FRAME_STEP:.1f} s")  # fmt: skip
 
 
 def _draw_gap(ax: Axes, test: Drivers, driven: list[Trajectories], score: pd.DataFrame, name: str) -> None:
-    """Draw the smallest gap to the leader against the run's error at the end, along the road."""
+    """Draw the smallest gap against the final error."""
     late = [path.x[:, -1] - s.x[:, s.start + s.window.horizon] for s, path in zip(test.scenes, driven, strict=True)]
     ax.scatter(np.concatenate(late), score["min_gap_m"], s=5, alpha=0.5, linewidths=0, color=METHOD_COLOURS[name])
     ax.axhline(0, color="0.6", linewidth=0.8)

@@ -1,4 +1,4 @@
-"""The learner by itself: what `idm-sumo irl` does."""
+"""The learner by itself, as `idm-sumo irl` runs it."""
 
 from __future__ import annotations
 
@@ -19,10 +19,24 @@ from ..settings import Settings
 from ..source import load_source
 from . import figures as agent_figures
 from . import rows as agents
+from .learners import fingerprint, learners_of, read_learners
 
 
 def sides(settings: Settings, progress: Progress = silent) -> tuple[Drivers, Drivers]:
-    """Return the training and the test drivers, the same ones as `reproduce` takes."""
+    """Return the training and the test drivers of `reproduce`.
+
+    Parameters
+    ----------
+    settings : Settings
+        Settings of the run.
+    progress : Progress
+        Called as the work proceeds.
+
+    Returns
+    -------
+    train, test : Drivers
+        Both sides.
+    """
     source = load_source(settings, progress)
     rng = np.random.default_rng(settings.seed)
     train, test = (
@@ -35,7 +49,33 @@ def sides(settings: Settings, progress: Progress = silent) -> tuple[Drivers, Dri
 def learn(
     settings: Settings, out: Path, *, demonstrations: int, steps: int, progress: Progress = silent
 ) -> tuple[pd.DataFrame, str]:
-    """Learn the reward, write it as JSON, return its weights as a table and the rest in words."""
+    """Learn the reward and write it as JSON.
+
+    Parameters
+    ----------
+    settings : Settings
+        Settings of the run.
+    out : Path
+        File to write.
+    demonstrations : int
+        Largest number of drivers to learn from.
+    steps : int
+        Steps of each, 0.1 s.
+    progress : Progress
+        Called as the work proceeds.
+
+    Returns
+    -------
+    weights : pandas.DataFrame
+        One row a feature.
+    text : str
+        A description of the fit.
+
+    Raises
+    ------
+    InputError
+        If a number is out of range, or too few drivers keep moving.
+    """
     if demonstrations < 1 or not 1 <= steps <= settings.horizon:
         raise InputError(
             f"--demonstrations must be 1 or more, and --steps from 1 to the horizon of {settings.horizon} frames"
@@ -47,14 +87,31 @@ def learn(
     with new_file(out) as part:
         part.write_text(json.dumps(report.to_json(), indent=2) + "\n", encoding="utf-8")
     words = (
-        f"{report.wanted.demonstrations} demonstrations, mean log-likelihood {report.wanted.log_likelihood:.2f}, of unseen ones "
+        f"{report.wanted.demonstrations} demonstrations, mean log-likelihood {report.wanted.log_likelihood:.2f}, "
+        "of held-out ones "
         f"{report.held_out:.2f}; {report.standing} drivers left out because they (almost) stand"
     )
     return agents.weights_table(report.to_json()), words
 
 
 def train(settings: Settings, out: Path, *, progress: Progress = silent) -> pd.DataFrame:
-    """Learn reward and agents into a folder, from its checkpoints if it was interrupted; return the ends of the curves.
+    """Learn reward and agents into a folder.
+
+    An interrupted training continues from the folder's checkpoints.
+
+    Parameters
+    ----------
+    settings : Settings
+        Settings of the run.
+    out : Path
+        Folder of the results.
+    progress : Progress
+        Called as the work proceeds.
+
+    Returns
+    -------
+    pandas.DataFrame
+        The last rows of the learning curves.
 
     Raises
     ------
@@ -63,23 +120,42 @@ def train(settings: Settings, out: Path, *, progress: Progress = silent) -> pd.D
     """
     train_drivers, _ = sides(settings, progress)
     if out.exists() and not out.is_dir():
-        raise InputError(f"{out}: is a file; name a folder")
+        raise InputError(f"{out}: not a folder; name a folder")
     mark = out / "drivers.json"
-    identity = {"drivers": agents.fingerprint(train_drivers, settings)}
+    identity = {"drivers": fingerprint(train_drivers, settings)}
     if mark.is_file() and json.loads(mark.read_text(encoding="utf-8")) != identity:
         raise InputError(f"{out}: holds agents of other drivers, settings or another version; choose another folder")
     out.mkdir(parents=True, exist_ok=True)
     with new_file(mark) as part:
         part.write_text(json.dumps(identity) + "\n", encoding="utf-8")
-    learners = agents.learners_of(train_drivers, settings, out, progress)
+    learners = learners_of(train_drivers, settings, out, progress)
     with new_file(out / "learning_curve.png") as part:
         save(agent_figures.learning_curve(learners.curve), part)
     return learners.curve.groupby("seed").tail(1).drop(columns="seconds")
 
 
 def evaluate(settings: Settings, folder: Path, out: Path, *, progress: Progress = silent) -> tuple[pd.DataFrame, str]:
-    """Drive and score the test drivers by the policies of a folder; also return what is missing, in words."""
-    learners = agents.read_learners(folder)
+    """Drive and score the test drivers by a folder's policies.
+
+    Parameters
+    ----------
+    settings : Settings
+        Settings of the run.
+    folder : Path
+        Folder of `idm-sumo irl train`.
+    out : Path
+        CSV file to write.
+    progress : Progress
+        Called as the work proceeds.
+
+    Returns
+    -------
+    table : pandas.DataFrame
+        One row a method and seed.
+    missing : str
+        How to install what a missing row needs, or empty.
+    """
+    learners = read_learners(folder)
     _, test = sides(settings, progress)
     table = agents.by_seed(test, agents.drive_agents(test, learners, in_sumo=False, progress=progress))
     with new_file(out) as part:

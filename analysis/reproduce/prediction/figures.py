@@ -1,4 +1,4 @@
-"""The fan: where a driver will be, given its first second; and what it is worth to watch it for longer."""
+"""Figures on prediction: its intervals, and longer observation."""
 
 from __future__ import annotations
 
@@ -21,13 +21,24 @@ from ..study import Study
 from .seconds import ORACLE, OWN_PAST, POOLED, SECONDS, WATCHED
 
 QUARTILES = (0.25, 0.5, 0.75)
-DRAWN = 20  # rollouts a driver
+DRAWN = 20  # rollouts with drawn parameters for each driver
 
 
 def fan(study: Study) -> Figure:
-    """Draw three test drivers, at the quartiles of the error: intervals, rollouts of drawn parameters, and what was recorded.
+    """Draw predicted intervals and recorded positions of three drivers.
 
-    All as distance along the road from the predicted rollout.
+    They are test drivers at the quartiles of the error. Intervals, rollouts of drawn parameters and recorded
+    positions are shown as distance along the road from the predicted rollout.
+
+    Parameters
+    ----------
+    study : Study
+        Training and test drivers.
+
+    Returns
+    -------
+    matplotlib.figure.Figure
+        One panel a driver.
     """
     scenes, predictor = max(study.test.scenes, key=len), study.learned.predictor
     found = predictor.predict_with_spread(first_second(scenes))
@@ -54,7 +65,18 @@ def fan(study: Study) -> Figure:
 
 
 def seconds(table: pd.DataFrame) -> Figure:
-    """Draw the error over what follows, and the share of the way to the oracle, against the seconds observed."""
+    """Draw accuracy against the seconds observed.
+
+    Parameters
+    ----------
+    table : pandas.DataFrame
+        As :func:`analysis.reproduce.prediction.seconds.table` returns it.
+
+    Returns
+    -------
+    matplotlib.figure.Figure
+        ADE on the left, share of the way from pooled to oracle on the right.
+    """
     figure, (left, right) = new_figure(9.0, 3.6, columns=2)
     for name in (WATCHED, OWN_PAST):
         rows = table[table["method"] == name]
@@ -86,7 +108,10 @@ def seconds(table: pd.DataFrame) -> Figure:
 
 
 def _drawn(one: Scenes, prediction: Prediction) -> npt.NDArray[np.float64]:
-    """Return positions of rollouts with parameters drawn from the prediction, less the predicted one."""
+    """Return positions of rollouts with drawn parameters.
+
+    They are relative to the predicted rollout.
+    """
     rng = np.random.default_rng(0)
     u = rng.multivariate_normal(logarithms(prediction.theta)[0], prediction.covariance[0], DRAWN)
     many = one.subset(np.zeros(DRAWN, dtype=np.int64))

@@ -1,4 +1,4 @@
-"""Why averaging fitted parameters fails, and what a prediction could reach at most: numbers for the report's sentences."""
+"""Why averaging fitted parameters fails, and what prediction can reach."""
 
 from __future__ import annotations
 
@@ -24,40 +24,82 @@ from ..source import Source
 from ..study import Study
 from . import seconds as prediction_seconds
 from . import share as prediction_share
-from .share import fits_or, share_closed
+from .black_box import explained
+from .intervals import share_closed
+from .learned import fits_or
 
 Floats = npt.NDArray[np.float64]
 Integers = npt.NDArray[np.int64]
 
 PARAMETERS = list(IDMParameters._fields)
 NORMAL_95 = 1.96
-LIBRARY_DRIVERS = 40  # whose neighbours are looked at
-HINDSIGHT_DRIVERS = 40  # who get one set for all their windows
+LIBRARY_DRIVERS = 40  # test drivers whose neighbours are evaluated
+HINDSIGHT_DRIVERS = 40  # drivers with one set fitted to all their windows
 
 
 def prediction_tables(source: Source, study: Study) -> dict[str, pd.DataFrame]:
-    """Return the tables of what predicting is worth, by the name of their file."""
+    """Return the tables on prediction by their file's name.
+
+    Parameters
+    ----------
+    source : Source
+        Recordings, split into training and test.
+    study : Study
+        Training and test drivers.
+
+    Returns
+    -------
+    dict of str to pandas.DataFrame
+        Tables by name.
+    """
     windows = prediction_share.test_windows(source, study.settings)
     share, coverage = prediction_share.tables(windows, study.settings, study.learned, study.neighbours)
     return {
-        "prediction_share": share, "prediction_coverage": coverage,
-        "prediction_explained": prediction_share.explained(study.learned, study.train_fits, study.train),
+        "prediction_share": share,
+        "prediction_coverage": coverage,
+        "prediction_explained": explained(study.learned, study.train_fits, study.train),
         "prediction_reasons": reasons(study, windows),
         "prediction_seconds": prediction_seconds.table(source, study.settings, study.learned),
-    }  # fmt: skip
+    }
 
 
 def reasons(study: Study, windows: Drivers) -> pd.DataFrame:
-    """Return one row a number: ``what, value``. ``windows`` are the test drivers' all along their way."""
+    """Return numbers for the report's sentences.
+
+    Parameters
+    ----------
+    study : Study
+        Training and test drivers.
+    windows : Drivers
+        Windows at entry and along the test drivers' way.
+
+    Returns
+    -------
+    pandas.DataFrame
+        ``what, value``.
+    """
     found = directions(study.test, study.test_fits) | averaging(study) | cleaner_library(study)
     found |= hindsight(windows, study.learned.predictor.pooled_, study.settings.seed)
     return pd.DataFrame({"what": list(found), "value": list(found.values())})
 
 
 def directions(drivers: Drivers, fits: pd.DataFrame) -> dict[str, Any]:
-    """Return how many of the five directions in the box of parameters a window determines, and what the flattest is.
+    """Return how many directions in parameter space a window determines.
 
-    A direction is determined if its 95 % interval is no wider than half of the box, as for single parameters.
+    A direction is determined if its 95 % interval is at most half as wide as the range between the bounds, as
+    for single parameters.
+
+    Parameters
+    ----------
+    drivers : Drivers
+        Drivers.
+    fits : pandas.DataFrame
+        Their oracle calibrations, one row a window.
+
+    Returns
+    -------
+    dict
+        Means over the drivers, and the flattest direction.
     """
     fitted = fits[PARAMETERS].to_numpy(np.float64)
     known, width, flattest = np.isfinite(fitted).all(axis=1), [], []
@@ -78,17 +120,29 @@ def directions(drivers: Drivers, fits: pd.DataFrame) -> dict[str, Any]:
         "directions determined": float((widths <= UNDETERMINED_SHARE).sum(axis=1).mean()),
         "share of directions not determined": float((widths > UNDETERMINED_SHARE).mean()),
         "share of drivers with a direction not determined": float((widths[:, -1] > UNDETERMINED_SHARE).mean()),
-        "flattest direction, first": PARAMETERS[first], "flattest direction, second": PARAMETERS[second],
+        "flattest direction, first": PARAMETERS[first],
+        "flattest direction, second": PARAMETERS[second],
         "share of the flattest direction in the first": float(loading[first]),
         "share of the flattest direction in the second": float(loading[second]),
         "share of drivers in whom both grow together": together,
-    }  # fmt: skip
+    }
 
 
 def averaging(study: Study) -> dict[str, float]:
-    """Return what averaging the parameters of neighbours costs the neighbours themselves, and the driver they are to foretell.
+    """Return the cost of averaging the parameters of neighbours.
 
-    Beside it: one set fitted to the same neighbours' rollouts together.
+    It is measured on the neighbours themselves and on the driver to be predicted, beside one set that is fitted to
+    the same neighbours' rollouts together.
+
+    Parameters
+    ----------
+    study : Study
+        Training and test drivers.
+
+    Returns
+    -------
+    dict of str to float
+        ADE (m) and distances between the sets.
     """
     codes, theta = study.library
     rows = np.flatnonzero(np.isfinite(study.train_fits[PARAMETERS].to_numpy(np.float64)).all(axis=1))
@@ -127,7 +181,20 @@ def averaging(study: Study) -> dict[str, float]:
 
 
 def cleaner_library(study: Study) -> dict[str, float]:
-    """Return the ADE of the paper's prediction with a library of free fits and with one drawn to the population."""
+    """Return the paper's prediction with two libraries of fits.
+
+    One holds free fits, the other fits drawn to the population.
+
+    Parameters
+    ----------
+    study : Study
+        Training and test drivers.
+
+    Returns
+    -------
+    dict of str to float
+        ADE (m).
+    """
     s = study.settings
     drawn, _ = hierarchical(study.train.scenes, population=study.population, desired_speed=s.desired_speed)
     theta = drawn[PARAMETERS].to_numpy(np.float64)
@@ -142,10 +209,24 @@ def cleaner_library(study: Study) -> dict[str, float]:
 
 
 def hindsight(windows: Drivers, one_for_all: IDMParameters, seed: int) -> dict[str, float]:
-    """Return what knowing the driver could be worth: one set a driver, fitted in hindsight to all windows of its way.
+    """Return what one lasting parameter set a driver can reach.
 
-    Nothing that gives a driver lasting parameters can do better; the rest of the way to the oracle, which is fitted window by
-    window, is the same driver in another window.
+    It is fitted in hindsight to all windows of the driver's way, so that no prediction of lasting parameters can do
+    better. The rest of the way to the oracle, which is fitted window by window, is variation within a driver.
+
+    Parameters
+    ----------
+    windows : Drivers
+        Windows along the drivers' way.
+    one_for_all : IDMParameters
+        The pooled set.
+    seed : int
+        For the draw of drivers.
+
+    Returns
+    -------
+    dict of str to float
+        Share of the way from pooled to oracle, with its interval; empty without drivers of several windows.
     """
     keys = windows.keys()
     several = keys.groupby([c.PERIOD, c.VEHICLE]).filter(lambda own: len(own) > 1)
@@ -170,7 +251,7 @@ def hindsight(windows: Drivers, one_for_all: IDMParameters, seed: int) -> dict[s
 
 
 def _only(drivers: Drivers, rows: Integers) -> Drivers:
-    """Return the windows at rows, which are in order."""
+    """Return some windows; ``rows`` are in order."""
     kept = np.zeros(len(drivers))
     kept[rows] = 1
     parts = zip(drivers.scenes, drivers.parts(kept), strict=True)

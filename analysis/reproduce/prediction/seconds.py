@@ -1,4 +1,4 @@
-"""What it is worth to watch a driver for longer: errors over what follows against the seconds observed."""
+"""Accuracy of prediction against the seconds observed."""
 
 from __future__ import annotations
 
@@ -18,16 +18,17 @@ from idm_sumo.simulation.rollout import drive_idm
 from ..drivers import Drivers
 from ..settings import Settings
 from ..source import Source
-from .share import Learned, drawn_anew, fits_or, share_closed, some_drivers
+from .intervals import resampled_drivers, share_closed
+from .learned import Learned, fits_or, some_drivers
 
 Floats = npt.NDArray[np.float64]
 
 SECONDS = (0.2, 0.5, 1.0, 2.0, 5.0, 10.0, 20.0)
-FITTED = (5.0, 10.0, 20.0)  # long enough to fit a driver to
+FITTED = (5.0, 10.0, 20.0)  # observations that are long enough for a fit
 STEP = 60  # frames between windows
-MOST_DRIVERS = 100  # of a period, drawn
-THINNED = 2  # one in so many windows trains the predictors for less than a second
-SHORT_FOLDS = 2  # of the predictors for less than a second, whose spread is not used
+MOST_DRIVERS = 100  # largest number of drivers of a period, drawn at random
+THINNED = 2  # predictors for less than a second are trained on every second window
+SHORT_FOLDS = 2  # folds of these predictors, whose spread is not used
 WATCHED, OWN_PAST, POOLED, ORACLE = "idm_watched", "idm_own_past", "idm_pooled", "idm_oracle"
 COLUMNS = (
     "observed_s",
@@ -44,12 +45,25 @@ COLUMNS = (
 
 
 def table(source: Source, settings: Settings, learned: Learned) -> pd.DataFrame:
-    """Return ADE, FDE and share of the way from pooled to oracle, one row a method and time observed.
+    """Return accuracy by method and time observed.
 
-    All rows drive the same test windows, which begin where the longest observation ends; of a period with more than 100
-    drivers so many are drawn. ``idm_watched`` is the moving-horizon estimate, below a second a predictor fitted to so few
-    frames; ``idm_own_past`` are parameters fitted to the same driver's own observed past and nothing else. Empty if no
-    driver is recorded for long enough.
+    All rows drive the same test windows, which begin where the longest observation ends. Of a period with more
+    than 100 drivers so many are drawn. ``idm_watched`` is the moving-horizon estimate, and below a second a
+    predictor fitted to so few frames. ``idm_own_past`` has parameters fitted to the driver's own observed past only.
+
+    Parameters
+    ----------
+    source : Source
+        Recordings, split into training and test.
+    settings : Settings
+        Settings of the run.
+    learned : Learned
+        The predictor and its windows.
+
+    Returns
+    -------
+    pandas.DataFrame
+        ADE, FDE and share of the way from pooled to oracle; empty if no driver is recorded for long enough.
     """
     test = _watched(source, source.test, "test", settings)
     if test is None:
@@ -62,7 +76,7 @@ def table(source: Source, settings: Settings, learned: Learned) -> pd.DataFrame:
         (ORACLE, np.nan): [_fits(recent(s, 1), learned) for s in test.scenes],
     }
     for s in seconds:
-        found[WATCHED, s] = _foreseen(test, watcher, learned, _frames(s))
+        found[WATCHED, s] = _predicted(test, watcher, learned, _frames(s))
     for s in (s for s in FITTED if s in seconds):
         found[OWN_PAST, s] = [_fits(past(one, _frames(s))[0], learned) for one in test.scenes]
     return _rows(test, found).assign(strength=watcher.strength_)
@@ -73,7 +87,10 @@ def _frames(seconds: float) -> int:
 
 
 def _watched(source: Source, side: dict[str, frozenset[int]], name: str, settings: Settings) -> Drivers | None:
-    """Return windows that begin with the longest observation that any driver is recorded for, two seconds at least."""
+    """Return windows that follow the longest possible observation.
+
+    It takes at least two seconds.
+    """
     for seconds in (s for s in reversed(SECONDS) if s >= 2.0):
         try:
             found, _ = source.drivers(side, name, Window(_frames(seconds), settings.horizon, every=STEP))
@@ -85,17 +102,20 @@ def _watched(source: Source, side: dict[str, frozenset[int]], name: str, setting
 
 
 def _watcher(source: Source, settings: Settings, learned: Learned) -> MovingHorizon:
-    """Learn how much the past counts, from training drivers that the predictor left out."""
+    """Learn the weight of the past from training drivers.
+
+    The predictor left them out.
+    """
     train = _watched(source, source.train, "training", settings)
     watcher = MovingHorizon(learned.predictor, seed=settings.seed)
     try:
         return watcher.fit([] if train is None else list(train.scenes))
-    except InputError:  # nobody was watched for long enough or can be driven: the past is not believed
+    except InputError:  # no driver was observed for long enough or can be driven, so the past gets no weight
         watcher.strength_ = 0.0
         return watcher
 
 
-def _foreseen(test: Drivers, watcher: MovingHorizon, learned: Learned, frames: int) -> list[Floats]:
+def _predicted(test: Drivers, watcher: MovingHorizon, learned: Learned, frames: int) -> list[Floats]:
     if frames >= learned.predictor.observed_:
         return [watcher.predict(s, frames) for s in test.scenes]
     whole = learned.predictor
@@ -127,7 +147,7 @@ def _rows(test: Drivers, found: dict[tuple[str, float], list[Floats]]) -> pd.Dat
 
 
 def _on_one_second(gain: pd.Series) -> dict[str, float]:
-    """Return what is gained (m) on having observed one second, with its 95 % interval."""
+    """Return the gain (m) over one second, with its interval."""
     values = gain.to_numpy(np.float64)
-    low, high = np.quantile(values[drawn_anew(len(values))].mean(axis=1), [0.025, 0.975])
+    low, high = np.quantile(values[resampled_drivers(len(values))].mean(axis=1), [0.025, 0.975])
     return {"on_1s_m": values.mean(), "on_1s_low_m": low, "on_1s_high_m": high}

@@ -10,10 +10,12 @@ from pydantic import ValidationError
 
 from analysis.diagnosis import report as diagnosis_report
 from analysis.diagnosis import words as diagnosis_words
+from analysis.diagnosis.content import contract
 from analysis.diagnosis.contract import Diagnosis as Contract
 from analysis.diagnosis.contract import write_diagnosis
 from analysis.diagnosis.curves import clustered_mean, curves, lag_response, map_of
-from analysis.diagnosis.report import contract, groups
+from analysis.diagnosis.report import groups
+from analysis.diagnosis.tables import laws_table
 from idm_sumo.calibration.driver_table import check_departures, read_drivers
 from idm_sumo.cli import main
 from idm_sumo.diagnosis import CauseFound, Diagnosis, Estimate, Gain, Power, Region, RuledOut, Scan, Unexplained
@@ -138,17 +140,17 @@ def test_the_folder_holds_all_of_it(tmp_path, monkeypatch) -> None:
 
 
 def test_a_verdict_without_causes_says_what_would_have_been_seen() -> None:
-    assert diagnosis_words.headline(silent()).startswith("None: nothing beyond the IDM")
+    assert diagnosis_words.headline(silent()).startswith("None: these data show nothing beyond the IDM")
     assert diagnosis_words.law_sentence(silent()) == ""
     of_another = replace(silent(), other_law=OtherLaw("reaction_delay", "tau", "s", -0.085, 6.1))
-    assert diagnosis_words.headline(of_another) == "None: no effect of the catalogue is shown by these data."
+    assert diagnosis_words.headline(of_another) == "None: these data show no effect of the catalogue."
     assert "reaction delay with tau = -0.085 s (6.1 standard errors)" in diagnosis_words.law_sentence(of_another)
     assert diagnosis_words.power_sentences(silent()) == [
-        "reaction delay of tau = 0.2 s would have been seen with probability 0.93"
+        "reaction delay of tau = 0.2 s would have been found with probability 0.93"
     ]
     none_at_all = replace(silent(), power=(Power("lane_change_relaxation", "kappa", "1", 48.9, 0.8),))
     (said,) = diagnosis_words.power_sentences(none_at_all)
-    assert said.startswith("no lane change relaxation would surely have been seen, up to kappa = ")
+    assert said.startswith("no lane change relaxation up to kappa = ")
     assert "1.00 m on 20 held-out drivers; the model is not extended" in diagnosis_words.gain_sentence(silent().gain)
     assert contract(silent())["causes"] == []
 
@@ -175,12 +177,12 @@ def test_the_law_that_drivers_follow_is_said_with_what_it_is_likelier_by() -> No
         "krauss": LawCompared(0.5, -3.0),
     }
     found = replace(silent(), law=Law("full_velocity_difference", likelier, gain), by_law=by_law)
-    assert diagnosis_words.headline(found) == "None: nothing beyond full velocity difference is shown by these data."
+    assert diagnosis_words.headline(found) == "None: these data show nothing beyond full velocity difference."
     said = diagnosis_words.law_sentence(found)
     assert "follow full velocity difference more likely than the IDM" in said
     assert "higher by 2.00 a driver (95 %: 1.50 to 2.50). On 20 held-out drivers" in said
     assert "0.300 m by it and 0.400 m by the IDM" in said
-    table = diagnosis_words.laws_table(found)
+    table = laws_table(found)
     assert table["law"].tolist() == ["full velocity difference", "the IDM", "Krauss's safe speed"]
     assert "with the causes in the model" not in said
     without = by_law | {"krauss": LawCompared(0.3, 4.0)}
@@ -237,9 +239,9 @@ def test_what_is_there_without_gain_is_told_beside_causes_and_not_as_one() -> No
         ("reaction_delay", 0.23)
     ]
     found = replace(silent(), without_gain=(late,))
-    assert diagnosis_words.headline(found) == "None: no effect of the catalogue makes the simulation better."
+    assert diagnosis_words.headline(found) == "None: no effect of the catalogue improves the simulation."
     assert diagnosis_words.without_gain_sentence(found) == (
-        "Present, but rollouts are not better for it: reaction delay (tau = 0.23 s (95 %: 0.17 to 0.29); p < 0.0001)."
+        "Present, but without a gain of the rollouts: reaction delay (tau = 0.23 s (95 %: 0.17 to 0.29); p < 0.0001)."
     )
     assert diagnosis_words.without_gain_sentence(silent()) == ""
 

@@ -14,6 +14,7 @@ from analysis.reproduce.agents import figures as agent_figures
 from analysis.reproduce.agents import rows as agents
 from analysis.reproduce.agents import study as agent_study
 from analysis.reproduce.agents import words as agent_words
+from analysis.reproduce.agents.learners import Learners, fingerprint, learners_of, read_learners
 from analysis.reproduce.drivers import Drivers
 from analysis.reproduce.settings import Settings
 from idm_sumo.cli import main
@@ -39,19 +40,17 @@ def sides(settings: Settings) -> tuple[Drivers, Drivers]:
 
 
 @pytest.fixture(scope="module")
-def learners(
-    settings: Settings, sides: tuple[Drivers, Drivers], tmp_path_factory: pytest.TempPathFactory
-) -> agents.Learners:
+def learners(settings: Settings, sides: tuple[Drivers, Drivers], tmp_path_factory: pytest.TempPathFactory) -> Learners:
     pytest.importorskip("stable_baselines3", reason="needs the extra rl: pip install 'idm-sumo[rl]'")
-    return agents.learners_of(sides[0], settings, tmp_path_factory.mktemp("learned"))
+    return learners_of(sides[0], settings, tmp_path_factory.mktemp("learned"))
 
 
 @pytest.fixture(scope="module")
-def scored(sides: tuple[Drivers, Drivers], learners: agents.Learners) -> agents.Agents:
+def scored(sides: tuple[Drivers, Drivers], learners: Learners) -> agents.Agents:
     return agents.drive_agents(sides[1], learners, in_sumo=True)
 
 
-def test_every_seed_has_an_agent_and_a_clone(learners: agents.Learners) -> None:
+def test_every_seed_has_an_agent_and_a_clone(learners: Learners) -> None:
     assert {name: len(found) for name, found in learners.policies.items()} == {"irl_rl": 2, "behaviour_cloning": 2}
     assert sorted(learners.curve["seed"].unique()) == [1, 2]
     assert learners.curve["steps"].max() == STEPS
@@ -82,19 +81,19 @@ def test_what_is_learned_is_kept(
     pytest.importorskip("stable_baselines3")
     monkeypatch.setenv("IDM_SUMO_CACHE", str(tmp_path))
     one = replace(settings, agent_seeds=1, agent_steps=128 * 50)
-    first = agents.learners_of(sides[0], one)
+    first = learners_of(sides[0], one)
     monkeypatch.setattr(agents, "lessons_of", lambda _: pytest.fail("learned again"))
-    again = agents.learners_of(sides[0], one)
+    again = learners_of(sides[0], one)
     np.testing.assert_array_equal(first.policies["irl_rl"][0].layers[0][0], again.policies["irl_rl"][0].layers[0][0])
-    assert agents.fingerprint(sides[0], one) != agents.fingerprint(sides[1], one)
-    assert agents.fingerprint(sides[0], one) != agents.fingerprint(sides[0], settings)
+    assert fingerprint(sides[0], one) != fingerprint(sides[1], one)
+    assert fingerprint(sides[0], one) != fingerprint(sides[0], settings)
 
 
 def test_without_the_extra_there_are_clones_and_one_line_that_says_what_to_install(
     settings: Settings, sides: tuple[Drivers, Drivers], tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     monkeypatch.setattr(agents, "rl_is_installed", lambda: False)
-    found = agents.learners_of(sides[0], replace(settings, agent_seeds=1), tmp_path / "learned")
+    found = learners_of(sides[0], replace(settings, agent_seeds=1), tmp_path / "learned")
     assert list(found.policies) == ["behaviour_cloning"]
     rows = agents.rows(agents.drive_agents(sides[1], found, in_sumo=False))
     assert rows["method"].tolist() == ["behaviour_cloning"]
@@ -104,7 +103,7 @@ def test_without_the_extra_there_are_clones_and_one_line_that_says_what_to_insta
 
 def test_a_folder_without_agents_is_refused(tmp_path: Path) -> None:
     with pytest.raises(InputError, match=r"reward\.json"):
-        agents.read_learners(tmp_path)
+        read_learners(tmp_path)
 
 
 def test_pictures_and_words(sides: tuple[Drivers, Drivers], scored: agents.Agents, tmp_path: Path) -> None:

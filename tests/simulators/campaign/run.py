@@ -132,7 +132,7 @@ def run_trial(trial: dict[str, Any], folder: Path) -> dict[str, Any]:
 
 def find(file: Path, seed: int) -> dict[str, Any]:
     """Diagnose a file; the content of ``diagnosis.json``."""
-    from analysis.diagnosis.report import contract
+    from analysis.diagnosis.content import contract
     from idm_sumo.diagnosis.diagnose import diagnose
     from idm_sumo.recordings.cleaning import clean
     from idm_sumo.recordings.reading import read_recording

@@ -1,0 +1,96 @@
+"""The content of ``diagnosis.json`` from a diagnosis."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+
+from idm_sumo.diagnosis import CauseFound, Diagnosis, Gain
+
+GAIN = ("metric", "base", "extended", "difference", "ci95", "vehicles", "held_out")
+NOT_MEASURED = Gain("ade_m", 0.0, 0.0, 0.0, (0.0, 0.0), 0)  # zero vehicles: none were held out
+Range = tuple[float, float]
+
+
+def contract(found: Diagnosis) -> dict[str, Any]:
+    """Return the content of ``diagnosis.json``.
+
+    A cause without bounds of place or time gets those of all residuals.
+
+    Parameters
+    ----------
+    found : Diagnosis
+        The diagnosis.
+
+    Returns
+    -------
+    dict
+        Content for :func:`analysis.diagnosis.contract.write_diagnosis`.
+    """
+    whole = extent(found)
+    unexplained = [
+        {
+            "covariate": one.covariate,
+            "range": list(one.range),
+            "position_m": list(one.position_m or whole["position"]),
+            "time_s": list(one.time_s or whole["time"]),
+            "p_value": one.p_value,
+        }
+        for one in found.unexplained
+    ]
+    gain = found.gain or NOT_MEASURED
+    return {
+        "verdict": found.verdict,
+        "causes": [_cause(cause, whole) for cause in found.causes],
+        "unexplained": unexplained,
+        "gain": {name: getattr(gain, name) for name in GAIN},
+        "ruled_out": [
+            {"name": one.name, "p_value": one.p_value, "confusable_with": list(one.confusable_with), "why": one.why}
+            for one in found.ruled_out
+        ],
+        "without_gain": [_cause(cause, whole) for cause in found.without_gain],
+        "untestable": dict(found.untestable),
+        "power": [vars(one) for one in found.power],
+        "law": found.model.law,
+    }
+
+
+def _cause(cause: CauseFound, whole: dict[str, Range]) -> dict[str, Any]:
+    where = None
+    if cause.where is not None:
+        where = {
+            "position_m": list(cause.where.position_m or whole["position"]),
+            "time_s": list(cause.where.time_s or whole["time"]),
+            "lanes": None if cause.where.lanes is None else list(cause.where.lanes),
+        }
+    return {
+        "name": cause.name,
+        "parameters": {
+            s: {"value": p.value, "unit": p.unit, "ci95": list(p.ci95)} for s, p in cause.parameters.items()
+        },
+        "where": where,
+        "p_value": cause.p_value,
+        "share_of_gain": cause.share_of_gain,
+        "evidence": cause.evidence,
+    }
+
+
+def extent(found: Diagnosis) -> dict[str, Range]:
+    """Return the residuals' ranges of position and time.
+
+    Parameters
+    ----------
+    found : Diagnosis
+        The diagnosis.
+
+    Returns
+    -------
+    dict of str to (float, float)
+        ``position`` (m) and ``time`` (s).
+    """
+    extent: dict[str, Range] = {}
+    for name in ("position", "time"):
+        values = found.residuals[name].to_numpy(np.float64) if len(found.residuals) else np.zeros(1)
+        extent[name] = (float(values.min()), float(values.max()))
+    return extent

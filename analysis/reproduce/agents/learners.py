@@ -1,0 +1,221 @@
+"""Reward, agents and clones, learned into folders."""
+
+from __future__ import annotations
+
+import hashlib
+import json
+from dataclasses import dataclass, replace
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pandas as pd
+from joblib import Parallel, cpu_count, delayed
+
+from idm_sumo.evaluation import risk
+from idm_sumo.irl import simulation
+from idm_sumo.irl.learning import (
+    INSTALL,
+    Lessons,
+    clone_drivers,
+    learn_reward,
+    lessons_of,
+    reward_of_json,
+    rl_is_installed,
+    train_agent,
+)
+from idm_sumo.irl.policy import Policy
+from idm_sumo.runtime.cache import cache_folder
+from idm_sumo.runtime.errors import InputError
+from idm_sumo.runtime.files import new_file
+from idm_sumo.runtime.progress import Progress, silent
+
+from ..drivers import Drivers
+from ..settings import Settings
+
+AGENT, CLONE = "irl_rl", "behaviour_cloning"
+LEFT_OUT = f"the row {AGENT} is left out; {INSTALL} installs what its training needs"
+
+
+@dataclass(frozen=True)
+class Learners:
+    """What was learned from the training drivers.
+
+    Attributes
+    ----------
+    reward : dict
+        See :meth:`idm_sumo.irl.learning.RewardReport.to_json`.
+    policies : dict of str to tuple of Policy
+        By method, one a seed; without the extra ``rl`` there is no ``irl_rl``.
+    curve : pandas.DataFrame
+        Learning curves, with a column ``seed``; empty without agents.
+    missing : str
+        How to install what a missing row needs, or empty.
+    """
+
+    reward: dict[str, Any]
+    policies: dict[str, tuple[Policy, ...]]
+    curve: pd.DataFrame
+    missing: str
+
+
+def learners_of(
+    train: Drivers, settings: Settings, folder: Path | None = None, progress: Progress = silent
+) -> Learners:
+    """Learn reward, agents and clones, or read what exists.
+
+    The default folder is named after the training drivers, the settings and the source code of the
+    learner, so that a change of any of them starts again. What is in the folder is not made again, and
+    training continues from its last checkpoint.
+
+    Parameters
+    ----------
+    train : Drivers
+        Training drivers.
+    settings : Settings
+        Settings of the run.
+    folder : Path, optional
+        Folder of the results, by default one in the user's cache.
+    progress : Progress
+        Called as the work proceeds.
+
+    Returns
+    -------
+    Learners
+        Reward and policies.
+    """
+    folder = folder or cache_folder() / f"agent-{fingerprint(train, settings)}"
+    folder.mkdir(parents=True, exist_ok=True)
+    seeds = range(settings.seed, settings.seed + settings.agent_seeds)
+    wanted = [folder / f"{name}-seed{seed}.npz" for seed in seeds for name in (AGENT, CLONE)]
+    lessons = None
+    if not (folder / "reward.json").is_file() or not all(path.is_file() for path in wanted):
+        progress("tracking the training drivers", 0, 1)
+        lessons = lessons_of(train.scenes)
+        progress("tracking the training drivers", 1, 1)
+        _learn_reward(folder / "reward.json", lessons, settings, progress)
+        _make_clones(folder, lessons, list(seeds))
+        if rl_is_installed():
+            _train(folder, lessons, settings, list(seeds), progress)
+    return read_learners(folder)
+
+
+def read_learners(folder: Path) -> Learners:
+    """Read the folder that :func:`learners_of` wrote.
+
+    Parameters
+    ----------
+    folder : Path
+        Folder to read.
+
+    Returns
+    -------
+    Learners
+        Reward and policies.
+
+    Raises
+    ------
+    InputError
+        If it holds no reward or no policy.
+    """
+    policies = {
+        name: tuple(Policy.load(path) for path in sorted(folder.glob(f"{name}-seed*.npz"))) for name in (AGENT, CLONE)
+    }
+    policies = {name: found for name, found in policies.items() if found}
+    try:
+        reward = json.loads((folder / "reward.json").read_text(encoding="utf-8"))
+    except (OSError, ValueError) as error:
+        raise InputError(f"{folder}: holds no reward.json ({error}); make it with `idm-sumo irl train`") from None
+    if not policies:
+        raise InputError(f"{folder}: holds no policy; make one with `idm-sumo irl train`")
+    curves = [pd.read_csv(path).assign(seed=_seed_of(path)) for path in sorted(folder.glob(f"{AGENT}-seed*.csv"))]
+    missing = "" if AGENT in policies else LEFT_OUT
+    return Learners(reward, policies, pd.concat(curves, ignore_index=True) if curves else pd.DataFrame(), missing)
+
+
+def _seed_of(path: Path) -> int:
+    return int(path.stem.rpartition("seed")[2])
+
+
+def fingerprint(train: Drivers, settings: Settings) -> str:
+    """Return a digest of drivers, settings and source code.
+
+    Parameters
+    ----------
+    train : Drivers
+        Training drivers.
+    settings : Settings
+        Settings of the run.
+
+    Returns
+    -------
+    str
+        Twelve hexadecimal digits.
+    """
+    sources = [Path(risk.__file__), *sorted(Path(simulation.__file__).parent.glob("*.py"))]
+    digest = hashlib.sha256(b"".join(path.read_bytes() for path in sources))
+    digest.update(
+        json.dumps([settings.agent_steps, settings.agent_demonstrations, settings.seed, settings.horizon]).encode()
+    )
+    for scenes in train.scenes:
+        for array in (scenes.x, scenes.y, scenes.speed, scenes.vehicle, scenes.traffic.x, scenes.traffic.offsets):
+            digest.update(np.ascontiguousarray(array).tobytes())
+        digest.update(str(scenes.window).encode())
+    return digest.hexdigest()[:12]
+
+
+def _learn_reward(path: Path, lessons: Lessons, settings: Settings, progress: Progress) -> None:
+    if path.is_file():
+        return
+    report = learn_reward(lessons, most=settings.agent_demonstrations, seed=settings.seed, progress=progress)
+    with new_file(path) as part:
+        part.write_text(json.dumps(report.to_json(), indent=2) + "\n", encoding="utf-8")
+
+
+def _make_clones(folder: Path, lessons: Lessons, seeds: list[int]) -> None:
+    for seed in seeds:
+        path = folder / f"{CLONE}-seed{seed}.npz"
+        if not path.is_file():
+            clone_drivers(lessons, seed=seed).save(path)
+
+
+def _train(folder: Path, lessons: Lessons, settings: Settings, seeds: list[int], progress: Progress) -> None:
+    """Train the missing agents, in parallel where there are cores."""
+    missing = [seed for seed in seeds if not (folder / f"{AGENT}-seed{seed}.npz").is_file()]
+    processes = min(len(missing), cpu_count())
+    if processes < 2:
+        for seed in missing:
+            train_one(folder, lessons, settings.agent_steps, seed, progress)
+        return
+    progress("training agents", 0, len(missing))
+    tasks = (delayed(train_one)(folder, lessons, settings.agent_steps, seed) for seed in missing)
+    for done, _ in enumerate(Parallel(n_jobs=processes, backend="loky", return_as="generator")(tasks)):
+        progress("training agents", done + 1, len(missing))
+
+
+def train_one(folder: Path, lessons: Lessons, steps: int, seed: int, progress: Progress = silent) -> None:
+    """Train the agent of one seed on the folder's reward.
+
+    Parameters
+    ----------
+    folder : Path
+        Folder of the results; a checkpoint in it is continued.
+    lessons : Lessons
+        Training drivers in their traffic.
+    steps : int
+        Environment steps.
+    seed : int
+        For the network and the random draws.
+    progress : Progress
+        Called as the work proceeds.
+    """
+    from idm_sumo.irl.ppo import Training
+
+    reward = reward_of_json(json.loads((folder / "reward.json").read_text(encoding="utf-8")))
+    checkpoint = folder / f"{AGENT}-seed{seed}.pt"
+    training = replace(Training(), steps=steps)
+    policy, curve = train_agent(lessons, reward, training, seed=seed, checkpoint=checkpoint, progress=progress)
+    with new_file(folder / f"{AGENT}-seed{seed}.csv") as part:
+        curve.to_csv(part, index=False, float_format="%.6g")
+    policy.save(folder / f"{AGENT}-seed{seed}.npz")
+    checkpoint.unlink(missing_ok=True)
