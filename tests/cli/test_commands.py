@@ -181,7 +181,7 @@ def test_reproduce_writes_the_interface_and_repeats(recording: Path, study: Path
         assert table.read_bytes() == (second / "tables" / table.name).read_bytes(), table.name
     page = (first / "report.html").read_text()
     assert "data:image/png;base64" in page
-    assert "http" not in page.replace("http-equiv", "")
+    assert "://" not in page.replace("http-equiv", "")
     assert json.loads((first / "manifest.json").read_text())["largest_backend_difference_m"] < 1e-3
 
 
