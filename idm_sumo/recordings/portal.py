@@ -24,7 +24,7 @@ import pyarrow.compute as pc
 import pyarrow.csv
 import requests
 
-from idm_sumo.recordings.readers.delimited import OFFICIAL
+from idm_sumo.recordings.readers.layouts import OFFICIAL
 from idm_sumo.runtime.errors import InputError
 
 DEFAULT_URL = "https://data.transportation.gov/resource/8ect-6jqj.csv"

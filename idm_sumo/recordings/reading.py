@@ -4,27 +4,46 @@ from __future__ import annotations
 
 import json
 import os
+import re
 import tempfile
 from dataclasses import replace
 from pathlib import Path
+from typing import Any, NamedTuple
 
 import pandas as pd
 import pyarrow as pa
-import pyarrow.dataset
 import pyarrow.parquet
 
 from idm_sumo.recordings import columns as c
 from idm_sumo.recordings.accounting import Accounting, Ledger
-from idm_sumo.recordings.readers import delimited, fcd, ngsim, pairs
-from idm_sumo.recordings.recording import SURROGATE_NOTICE, Recording
+from idm_sumo.recordings.readers import delimited, fcd, header, layouts, ngsim, pairs
+from idm_sumo.recordings.recording import DTYPES, SURROGATE_NOTICE, Recording
 from idm_sumo.roads import DEFAULT, Road, road_at
+from idm_sumo.runtime import inputs, parquet
 from idm_sumo.runtime.errors import InputError
 
 PARQUET = b"PAR1"
 ZIP = b"PK\x03\x04"
+BOM = b"\xef\xbb\xbf"
 METADATA = b"idm_sumo"  # where a Parquet of ours keeps what is not in the table
 NOTICE = b"notice"  # metadata of a Parquet that says what kind of recording it is
 SURROGATE_COLUMN = "Surrogate"  # the same for a CSV, which has no metadata: a column of that name
+START = 65536  # bytes in which the first line ends
+TEXTS = (c.PERIOD,)
+FLOATS = tuple(name for name in DTYPES if name not in TEXTS)
+
+
+class _Source(NamedTuple):
+    """What is read, the rows counted so far, and the road where the file does not tell its own."""
+
+    path: Path
+    ledger: Ledger
+    location: str
+    given: Road | None
+
+    @property
+    def road(self) -> Road:
+        return self.given or road_at(self.location)
 
 
 def read_recording(
@@ -32,9 +51,11 @@ def read_recording(
 ) -> Recording:
     """Read trajectories in any layout the study knows, told by the content, not by the name.
 
-    Official 18-column text, the data portal's CSV (both plain or gzip), Parquet with NGSIM's
-    names (columns missing or not), SUMO FCD (XML, plain or gzip, or Parquet), leader-follower
-    pairs (Parquet or CSV, :mod:`idm_sumo.recordings.readers.pairs`), a Parquet written by :func:`write_parquet`, or a folder of Parquet parts.
+    Official 18-column text, the data portal's CSV (both plain or gzip; columns apart by commas,
+    semicolons, tabs or bars), Parquet with NGSIM's names (columns missing or not), SUMO FCD (XML or
+    CSV, plain or gzip, or Parquet), leader-follower pairs (Parquet or CSV,
+    :mod:`idm_sumo.recordings.readers.pairs`), the columns of a :class:`Recording` (CSV, or the
+    Parquet of :func:`write_parquet`), or a folder of Parquet parts.
 
     Parameters
     ----------
@@ -53,18 +74,17 @@ def read_recording(
     Raises
     ------
     InputError
-        If the file is absent, empty, damaged, of no known layout, or in the wrong units.
+        If the file is absent, empty, damaged, of no known layout, in the wrong units, or of another road.
     """
-    path = Path(path)
-    ledger = Ledger(0)
-    if path.is_dir():
-        return _from_parquet(path, ledger, location, road)
-    start = _start_of(path)
-    if start.startswith(PARQUET) or path.suffix == ".parquet":
-        return _from_parquet(path, ledger, location, road)
+    source = _Source(Path(path), Ledger(0), location, road)
+    if source.path.is_dir():
+        return _from_parquet(source)
+    start = _start_of(source.path)
+    if start.startswith(PARQUET) or source.path.suffix == ".parquet":
+        return _from_parquet(source)
     if start.lstrip().startswith(b"<"):
-        return _accounted(*fcd.read_xml(path, ledger, road=road or road_at(location), source=path.name))
-    return _from_text(path, start, ledger, location, road or road_at(location))
+        return _accounted(*fcd.read_xml(source.path, source.ledger, road=source.road, source=source.path.name))
+    return _from_text(source, start)
 
 
 def _accounted(recording: Recording, accounting: Accounting) -> Recording:
@@ -73,12 +93,11 @@ def _accounted(recording: Recording, accounting: Accounting) -> Recording:
 
 def _start_of(path: Path) -> bytes:
     """Return the first bytes of a file, unpacked and without byte order mark; raise for what is no file of text."""
+    inputs.existing_file(path, "name a recording")
     try:
-        with delimited.open_plain(path) as stream:
-            start = stream.read(65536)
-    except FileNotFoundError:
-        raise InputError(f"{path}: no such file") from None
-    except delimited.BROKEN as error:
+        with inputs.open_plain(path) as stream:
+            start = stream.read(START).removeprefix(BOM)
+    except inputs.BROKEN as error:
         raise InputError(f"{path}: cannot be read ({error})") from None
     if not start.strip():
         raise InputError(f"{path}: the file is empty")
@@ -86,22 +105,43 @@ def _start_of(path: Path) -> bytes:
         raise InputError(f"{path}: is a zip archive; unpack it first")
     if start.startswith((b"\xff\xfe", b"\xfe\xff")):
         raise InputError(f"{path}: is UTF-16 text; save it as UTF-8")
-    return start.removeprefix(b"\xef\xbb\xbf")
+    return start
 
 
-def _from_text(path: Path, start: bytes, ledger: Ledger, location: str, road: Road) -> Recording:
-    line = start.splitlines()[0].decode("utf-8", errors="replace")
+def _from_text(source: _Source, start: bytes) -> Recording:
+    path = source.path
     if b"\x00" in start:
         raise InputError(f"{path}: is not a text file; give NGSIM text, CSV, Parquet or SUMO FCD")
-    if delimited.is_official(line):
-        raw = delimited.read_official(path, ledger)
-    elif pairs.is_pairs([name.strip() for name in line.split(",")]):
-        return _accounted(*pairs.to_recording(_pairs_of_csv(path), ledger, road=road, source=path.name))
-    else:
-        _check_header(path, line)
-        raw = delimited.read_portal(path, ledger, location=location)
-    recording = _accounted(*ngsim.to_recording(raw, ledger, road=road, source=path.name))
-    return _noted(recording, SURROGATE_NOTICE if SURROGATE_COLUMN in line.split(",") else "")
+    text = start.decode("utf-8", errors="replace").lstrip("\r\n")
+    lines = text.splitlines() or [""]
+    if len(lines) == 1 and len(start) >= START - len(BOM):
+        raise InputError(f"{path}: the first line has more than {START} characters; rows are not apart by line ends")
+    if text.lstrip().startswith(("[", "{")):
+        raise layouts.unknown_layout(list(dict.fromkeys(re.findall(r'"(\w+)"\s*:', text))), path.name)
+    if delimited.is_official(lines[0]):
+        raw = delimited.read_official(path, source.ledger, lines[0])
+        return _accounted(*ngsim.to_recording(raw, source.ledger, road=source.road, source=path.name))
+    _check_first_line(path, lines[0])
+    return _from_delimited(source, header.header_of(text, path))
+
+
+def _from_delimited(source: _Source, head: header.Header) -> Recording:
+    path, ledger, names = source.path, source.ledger, head.names
+    how: dict[str, Any] = {"road": source.road, "source": path.name}
+    if layouts.is_own(names):
+        return _own(delimited.read_table(path, head, FLOATS, TEXTS), {}, source)
+    if layouts.is_fcd(names):
+        floats, texts = (
+            [n for n in names if layouts.bare(n) in kind] for kind in (layouts.FCD_NUMBERS, layouts.FCD_TEXTS)
+        )
+        return _accounted(*fcd.from_table(delimited.read_table(path, head, floats, texts), ledger, **how))
+    if layouts.is_pairs(names):
+        frame = delimited.read_table(path, head, layouts.PAIR_NUMBERS, TEXTS)
+        return _accounted(*pairs.to_recording(frame, ledger, **how))
+    layouts.need(list(names), path.name)
+    raw = delimited.read_portal(path, ledger, head, location=source.location)
+    recording = _accounted(*ngsim.to_recording(raw, ledger, **how))
+    return _noted(recording, SURROGATE_NOTICE if SURROGATE_COLUMN in head.spelt else "")
 
 
 def _noted(recording: Recording, notice: str) -> Recording:
@@ -110,87 +150,91 @@ def _noted(recording: Recording, notice: str) -> Recording:
     return recording if known else replace(recording, notes=(notice, *recording.notes))
 
 
-def _pairs_of_csv(path: Path) -> pd.DataFrame:
-    """Return pairs from a CSV, the period as the text it is."""
-    try:
-        raw = pd.read_csv(path, dtype={"period": str}, skipinitialspace=True)
-    except (ValueError, *delimited.BROKEN) as error:
-        raise InputError(f"{path}: cannot be read ({str(error).splitlines()[0]})") from None
-    for name in raw.columns.drop("period", errors="ignore"):
-        raw[name] = pd.to_numeric(raw[name], errors="coerce")
-    return raw
+def _check_first_line(path: Path, line: str) -> None:
+    """Raise for numbers where the names of columns belong."""
+    for mark, word in header.DELIMITERS.items():
+        cells = line.split(mark)
+        if len(cells) > 2 and all(delimited.is_number(cell) for cell in cells):
+            raise InputError(
+                f"{path}: row 1: numbers apart by {word}, without a header; the official text has blanks, the CSV a header"
+            )
+    if line.startswith("#Location"):
+        raise layouts.unknown_layout([line.split(",")[0]], path.name)
 
 
-def _check_header(path: Path, line: str) -> None:
-    """Raise for a first line that is neither numbers apart by blanks nor names apart by commas."""
-    for mark, name in ((";", "semicolons"), ("\t", "tabs"), ("|", "bars")):
-        if line.count(mark) > line.count(","):
-            raise InputError(f"{path}: row 1: columns are apart by {name}; give blanks (18 columns) or commas (header)")
-    cells = line.split(",")
-    if len(cells) > 2 and all(delimited.is_number(cell) for cell in cells):
-        raise InputError(
-            f"{path}: row 1: numbers apart by commas, without a header; the official text has blanks, the CSV a header"
-        )
-    ngsim.need([delimited.canonical(name) for name in delimited.header_of(path)], path.name)
-
-
-def _from_parquet(path: Path, ledger: Ledger, location: str, road: Road | None) -> Recording:
-    table = _load_parquet(path)
+def _from_parquet(source: _Source) -> Recording:
+    table = parquet.read_table(source.path, lambda names: _wanted(names, source.path.name))
     notice = (table.schema.metadata or {}).get(NOTICE, b"").decode("utf-8", errors="replace")
-    return _noted(_from_arrow(table, path, ledger, location, road), notice)
+    return _noted(_from_arrow(table, source), notice)
 
 
-def _from_arrow(table: pa.Table, path: Path, ledger: Ledger, location: str, road: Road | None) -> Recording:
-    names = list(table.column_names)
-    if {*c.KEYS, c.X, c.Y} <= set(names):
-        return _own(table, ledger, path, location, road)
-    road = road or road_at(location)
-    if fcd.is_fcd(names):
-        return _accounted(*fcd.from_parquet(table.to_pandas(), ledger, road=road, source=path.name))
-    if pairs.is_pairs(names):
-        return _accounted(*pairs.to_recording(table.to_pandas(), ledger, road=road, source=path.name))
-    raw = table.rename_columns([delimited.canonical(name) for name in names])
-    ngsim.need(raw.column_names, path.name)
-    known = [name for name in raw.column_names if name in (*delimited.NUMBERS, *delimited.LABELS)]
-    ledger.total += raw.num_rows
-    frame = delimited.as_numbers(raw.select(known).to_pandas(), path)
-    if "Location" in frame:
-        frame, seen = delimited.keep_location(frame, location, ledger)
-        delimited.check_location(path, frame, seen, location)
-    return _accounted(*ngsim.to_recording(frame, ledger, road=road, source=path.name))
+def _from_arrow(table: pa.Table, source: _Source) -> Recording:
+    names, path, ledger = list(table.column_names), source.path, source.ledger
+    how: dict[str, Any] = {"road": source.road, "source": path.name}
+    if layouts.is_own(names):
+        return _own(parquet.to_frame(table, categories=(c.PERIOD,)), _kept(table, path), source)
+    frame = parquet.to_frame(table)
+    if layouts.is_fcd(names):
+        return _accounted(*fcd.from_table(frame, ledger, **how))
+    if layouts.is_pairs(names):
+        return _accounted(*pairs.to_recording(frame, ledger, **how))
+    raw = frame.set_axis(header.check_names([header.canonical(name) for name in names], path), axis=1)
+    ledger.total += len(raw)
+    raw = delimited.as_numbers(raw, path)
+    if "Location" in raw:
+        raw, seen = delimited.keep_location(raw, source.location, ledger)
+        delimited.check_location(path, raw, seen, source.location)
+    return _accounted(*ngsim.to_recording(raw, ledger, **how))
 
 
-def _load_parquet(path: Path) -> pa.Table:
-    try:
-        if path.is_dir():
-            parts = [str(part) for part in sorted(path.rglob("*.parquet"))]
-            if not parts:
-                raise InputError(f"{path}: is a folder without Parquet files; give a file")
-            return pa.dataset.dataset(
-                parts, format="parquet", partitioning="hive", partition_base_dir=str(path)
-            ).to_table()
-        return pa.parquet.read_table(path)
-    except (pa.ArrowException, OSError) as error:
-        reason = str(error).splitlines()[0][:120]
-        raise InputError(f"{path}: is no whole Parquet file ({reason}); fetch or write it again") from None
+def _wanted(names: list[str], source: str) -> list[str]:
+    """Return which columns of a Parquet file to read, by its layout."""
+    if layouts.is_own(names):
+        return [name for name in names if name in c.ALL]
+    if layouts.is_fcd(names):
+        return [name for name in names if layouts.bare(name) in (*layouts.FCD_NUMBERS, *layouts.FCD_TEXTS)]
+    if layouts.is_pairs(names):
+        return [name for name in names if name in (*layouts.PAIR_NUMBERS, *TEXTS)]
+    layouts.need([header.canonical(name) for name in names], source)
+    return [name for name in names if header.canonical(name) in (*layouts.NUMBERS, *layouts.LABELS)]
 
 
-def _own(table: pa.Table, ledger: Ledger, path: Path, location: str, road: Road | None) -> Recording:
-    kept = json.loads((table.schema.metadata or {}).get(METADATA, b"{}"))
-    frame = table.to_pandas()
-    ledger.total += len(frame)
-    if road is None:
-        road = Road.from_dict(kept["road"]) if "road" in kept else road_at(location)
+def _own(frame: pd.DataFrame, kept: dict[str, Any], source: _Source) -> Recording:
+    source.ledger.total += len(frame)
     recording = Recording.from_table(
         frame,
-        road=road,
-        source=kept.get("source") or path.name,
+        road=source.given or kept.get("road") or source.road,
+        source=kept.get("source") or source.path.name,
         notes=tuple(kept.get("notes", ())),
         has_leader_rows=bool(kept.get("has_leader_rows", True)),
     )
-    lengths = {(str(period), int(leader)): float(length) for period, leader, length in kept.get("leader_lengths", ())}
-    recording = replace(recording, is_smooth=bool(kept.get("is_smooth", False)), leader_lengths=lengths)
-    return _accounted(recording, ledger.close(len(recording.table), vehicles=recording.vehicle_count))
+    recording = replace(
+        recording, is_smooth=bool(kept.get("is_smooth", False)), leader_lengths=kept.get("leader_lengths", {})
+    )
+    return _accounted(recording, source.ledger.close(len(recording.table), vehicles=recording.vehicle_count))
+
+
+def _kept(table: pa.Table, path: Path) -> dict[str, Any]:
+    """Return what :func:`write_parquet` kept beside the table.
+
+    Raises
+    ------
+    InputError
+        If it is not what that writes.
+    """
+    name = f"{path}: what we keep beside the table"
+    kept = inputs.parse_json((table.schema.metadata or {}).get(METADATA, b"{}"), name, finite=False)
+    try:
+        told = {(str(p), int(leader)): float(length) for p, leader, length in kept.get("leader_lengths", ())}
+        notes, label = kept.get("notes", []), kept.get("source", "")
+        if not (isinstance(label, str) and isinstance(notes, list) and all(isinstance(note, str) for note in notes)):
+            raise ValueError("source or notes are no text")
+        if not all(0 < length < float("inf") for length in told.values()):
+            raise ValueError("a leader's length is not positive")
+        road = {"road": Road.from_dict(kept["road"])} if "road" in kept else {}
+    except (AttributeError, KeyError, TypeError, ValueError, OverflowError) as error:
+        raise InputError(f"{name} is damaged ({error}); write the file again") from None
+    return {**kept, "leader_lengths": told, **road}
 
 
 def write_parquet(recording: Recording, path: str | os.PathLike[str]) -> None:
@@ -218,7 +262,7 @@ def write_parquet(recording: Recording, path: str | os.PathLike[str]) -> None:
         raise InputError(f"{path}: cannot be written ({error.strerror})") from None
     os.close(handle)
     try:
-        pa.parquet.write_table(table, beside, compression="zstd")
+        parquet.write_table(table, beside, compression="zstd")
         if pa.parquet.read_metadata(beside).num_rows != len(recording.table):
             raise InputError(f"{path}: was not written whole; is the disk full?")
         os.replace(beside, path)

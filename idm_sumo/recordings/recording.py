@@ -12,8 +12,9 @@ import pandas as pd
 
 from idm_sumo.recordings import columns as c
 from idm_sumo.recordings.accounting import Accounting
+from idm_sumo.recordings.coercion import BOUNDS, FRAMES, HIGHEST_SPEED, LARGEST, numbers, whole
 from idm_sumo.roads import Road
-from idm_sumo.runtime.errors import InputError
+from idm_sumo.runtime.errors import InputError, shown
 
 if TYPE_CHECKING:
     import pandera.pandas as pa
@@ -36,10 +37,12 @@ def schema(last_lane: int) -> pa.DataFrameSchema:
 
     finite = pa.Check(lambda s: np.isfinite(s), error="must be finite")
     positive = pa.Check(lambda s: s > 0, error="must be positive")
-    plausible_speed = pa.Check.in_range(0, 70)
+    plausible_speed = pa.Check.in_range(0, HIGHEST_SPEED)
+    bounded = {name: pa.Check.in_range(*ends) for name, ends in BOUNDS.items()}
     checks: dict[str, list[Any]] = {
-        c.TIME: [finite], c.X: [finite], c.Y: [finite], c.SPEED: [plausible_speed],
-        c.ACCELERATION: [finite], c.HEADING: [finite], c.LENGTH: [positive],
+        c.TIME: [finite, bounded[c.TIME]], c.X: [finite, bounded[c.X]], c.Y: [finite, bounded[c.Y]],
+        c.SPEED: [plausible_speed], c.ACCELERATION: [finite, bounded[c.ACCELERATION]],
+        c.HEADING: [finite, bounded[c.HEADING]], c.LENGTH: [positive],
         c.WIDTH: [positive], c.CLASS: [pa.Check.isin([0, 1, 2, 3])], c.LANE: [pa.Check.in_range(1, last_lane)],
         c.HEADWAY: [positive],
     }  # fmt: skip
@@ -136,7 +139,7 @@ class Recording:
             raise InputError(
                 f"{source or 'recording'}: no rows left to work on; see `idm-sumo inspect` for why rows were dropped"
             )
-        ordered = table[list(c.ALL)].astype(DTYPES).sort_values(list(c.KEYS), kind="stable", ignore_index=True)
+        ordered = _typed(table, source or "recording").sort_values(list(c.KEYS), kind="stable", ignore_index=True)
         try:
             schema(road.last_lane).validate(ordered)
         except pandera.errors.SchemaError as error:
@@ -201,6 +204,30 @@ class Recording:
     def vehicle_count(self) -> int:
         """Number of vehicles, those of different periods counted apart."""
         return len(self.table.drop_duplicates([c.PERIOD, c.VEHICLE]))
+
+
+def _typed(table: pd.DataFrame, source: str) -> pd.DataFrame:
+    """Return the columns of a recording with their types; a whole number that would wrap is refused."""
+    columns: dict[str, Any] = {}
+    for name, dtype in DTYPES.items():
+        if dtype == "category":
+            columns[name] = _labels(table[name], source)
+        elif dtype == "float64":
+            columns[name] = numbers(table[name], name, source)
+        else:
+            ends = np.iinfo(dtype)
+            low, high = (-FRAMES, FRAMES) if name == c.FRAME else (max(ends.min, -LARGEST), min(ends.max, LARGEST))
+            columns[name] = whole(table[name], name, source, low=int(low), high=int(high)).astype(dtype)
+    return pd.DataFrame(columns)
+
+
+def _labels(values: pd.Series, source: str) -> pd.Categorical[str]:
+    if isinstance(values.dtype, pd.CategoricalDtype) and not values.isna().any():
+        return pd.Categorical(values)
+    for row, cell in enumerate(values.tolist(), 1):
+        if not isinstance(cell, str | int | float) or cell != cell:
+            raise InputError(f"{source}: row {row}, column {c.PERIOD}: {shown(cell)} is no label; give a text")
+    return pd.Categorical(values.astype(str))
 
 
 def _one_line(error: Any, table: pd.DataFrame, source: str) -> str:

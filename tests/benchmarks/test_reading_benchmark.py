@@ -14,7 +14,7 @@ import pyarrow.csv
 import pytest
 from pytest_benchmark.fixture import BenchmarkFixture
 
-from idm_sumo.recordings.readers.delimited import OFFICIAL
+from idm_sumo.recordings.readers.layouts import OFFICIAL
 from idm_sumo.recordings.reading import read_recording
 from idm_sumo.recordings.smoothing import smooth
 from tests.helpers import ngsim_files

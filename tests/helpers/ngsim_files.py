@@ -7,7 +7,7 @@ from pathlib import Path
 import numpy as np
 import pandas as pd
 
-from idm_sumo.recordings.readers.delimited import OFFICIAL
+from idm_sumo.recordings.readers.layouts import OFFICIAL
 
 START = 1118846978900  # ms; Global_Time - 100 * Frame_ID of the first official period
 LATER = 1118847842000  # of the second

@@ -1,111 +1,131 @@
-"""Official NGSIM text and the data portal's CSV, read into a table of official names, still in feet."""
+"""Text whose columns are apart by blanks (official NGSIM) or by a delimiter (with a header), read into tables."""
 
 from __future__ import annotations
 
 import csv
-import gzip
 import io
-import zlib
-from collections.abc import Iterator
+from collections.abc import Collection, Iterator
 from pathlib import Path
-from typing import IO, cast
 
 import pandas as pd
 
 from idm_sumo.recordings.accounting import Ledger
-from idm_sumo.runtime.errors import InputError
+from idm_sumo.recordings.coercion import numbers
+from idm_sumo.recordings.readers.header import UNNAMED, Header
+from idm_sumo.recordings.readers.layouts import LABELS, NUMBERS, OFFICIAL
+from idm_sumo.runtime.errors import InputError, shown
+from idm_sumo.runtime.inputs import BROKEN, open_plain
 
-OFFICIAL = (
-    "Vehicle_ID", "Frame_ID", "Total_Frames", "Global_Time", "Local_X", "Local_Y", "Global_X", "Global_Y",
-    "v_Length", "v_Width", "v_Class", "v_Vel", "v_Acc", "Lane_ID", "Preceding", "Following",
-    "Space_Headway", "Time_Headway",
-)  # fmt: skip
-NUMBERS = (
-    "Vehicle_ID", "Frame_ID", "Total_Frames", "Global_Time", "Local_X", "Local_Y", "v_Length", "v_Width", "v_Class",
-    "v_Vel", "v_Acc", "Lane_ID", "Preceding", "Space_Headway", "step",
-)  # fmt: skip
-LABELS = ("Location", "period", "scene")
 CHUNK = 1_000_000  # rows
-GZIP = b"\x1f\x8b"
-BROKEN = (EOFError, OSError, zlib.error)  # what a damaged gzip file raises
+STREET = 24  # columns of NGSIM's official text of a street with junctions
 
 
-def canonical(name: str) -> str:
-    """Return the official spelling of a column name, whatever its case; unknown names come back unchanged."""
-    bare = name.strip().lstrip("\ufeff").lower()
-    return next((known for known in (*OFFICIAL, *LABELS, "step") if known.lower() == bare), name.strip())
-
-
-def open_plain(path: Path) -> IO[bytes]:
-    """Open a file for reading bytes, unpacked if it is gzip."""
-    with path.open("rb") as stream:
-        packed = stream.read(2) == GZIP
-    return cast("IO[bytes]", gzip.open(path)) if packed else path.open("rb")
-
-
-def read_official(path: Path, ledger: Ledger) -> pd.DataFrame:
+def read_official(path: Path, ledger: Ledger, first: str) -> pd.DataFrame:
     """Read whitespace-separated text without header, 18 columns in official order.
 
     pandas' own parser splits runs of blanks natively. Arrow's needs single delimiters:
     collapsing them first made it slower (2.0 s against 1.3 s for 1.2 million rows).
+
+    Parameters
+    ----------
+    path : Path
+    ledger : Ledger
+        Rows read are added to its total.
+    first : str
+        The first line.
 
     Raises
     ------
     InputError
         If a row has another number of columns or a text that is not a number; names file, row, column.
     """
+    if len(first.split()) == STREET:
+        raise InputError(
+            f"{path}: has {STREET} columns, NGSIM's layout of a street with junctions (Lankershim, Peachtree); lanes and "
+            f"leaders there are other than on a motorway: give one of {len(OFFICIAL)} columns"
+        )
     try:
-        with open_plain(path) as stream:
-            table = pd.read_csv(stream, sep=r"\s+", header=None, dtype="float64")
-    except (ValueError, *BROKEN) as error:
-        raise _located(path, error) from None
+        if len(first.split()) == len(OFFICIAL):
+            with open_plain(path) as stream:
+                table = pd.read_csv(stream, sep=r"\s+", header=None, dtype="float64")
+        else:
+            table = pd.DataFrame()
+    except (ValueError, OverflowError, *BROKEN) as error:
+        raise _located(path, None, error) from None
     if len(table.columns) != len(OFFICIAL) or table.iloc[:, -1].isna().any():  # pandas fills a short row up
-        _locate(path)
+        _locate(path, None)
     table.columns = pd.Index(OFFICIAL)
     ledger.total += len(table)
     return table[[name for name in OFFICIAL if name in NUMBERS]]
 
 
-def read_portal(path: Path, ledger: Ledger, *, location: str) -> pd.DataFrame:
-    """Read comma-separated text with a header, in any case, keeping one location.
+def read_columns(path: Path, header: Header, floats: Collection[str], texts: Collection[str]) -> Iterator[pd.DataFrame]:
+    """Yield chunks of the wanted columns of a file with a header, by their official names.
+
+    Parameters
+    ----------
+    path : Path
+    header : Header
+    floats, texts : collection of str
+        Columns that hold numbers, and those that are kept as the text they are.
 
     Raises
     ------
     InputError
-        If columns are missing, a row is malformed, or no row is of that location (names those present).
+        If a row has another number of columns than the header or a text where a number belongs; names it.
     """
-    header = header_of(path)
-    names = {name: canonical(name) for name in header}
-    wanted = [name for name in header if names[name] in (*NUMBERS, *LABELS)]
-    types: dict[str, str] = {name: "str" for name in wanted if names[name] in LABELS}
-    types |= {name: "float64" for name in header if names[name] in (*NUMBERS, *OFFICIAL)}
-    last = header[-1]
-    parts: list[pd.DataFrame] = []
-    places: set[str] = set()
+    wanted = [name for name in header.names if name in floats or name in texts]
+    # All columns are read, though not all are kept: with `usecols` pandas overlooks a cell too many.
+    types: dict[str, str] = dict.fromkeys(header.names, "str")
+    types |= {name: "float64" for name in header.names if name in floats or name in OFFICIAL}
     checked = False
     try:
         with open_plain(path) as stream:
-            # All columns are read, though not all are kept: with `usecols` pandas overlooks a cell too many.
             for chunk in pd.read_csv(
-                stream, thousands=",", dtype=types, chunksize=CHUNK,
-                encoding="utf-8-sig", skipinitialspace=True, low_memory=False,
+                stream, sep=header.delimiter, decimal=header.decimal, thousands="," if header.decimal == "." else None,
+                names=list(header.names), header=0, dtype=types, chunksize=CHUNK, encoding="utf-8-sig",
+                skipinitialspace=True, low_memory=False,
             ):  # fmt: skip
                 # A short row leaves the last cell empty; pandas makes an index of a cell too many.
-                if not checked and (chunk[last].isna().any() or not isinstance(chunk.index, pd.RangeIndex)):
-                    _locate(path)
+                suspect = chunk[header.names[-1]].isna().any() or not isinstance(chunk.index, pd.RangeIndex)
+                if suspect and not checked:
+                    _locate(path, header, floats)
                     checked = True
-                ledger.total += len(chunk)
-                part = chunk[wanted].rename(columns=names)
-                if "Location" in part:
-                    part, seen = keep_location(part, location, ledger)
-                    places |= seen
-                parts.append(part)
-    except (ValueError, *BROKEN) as error:
+                if UNNAMED in chunk and (filled := chunk[UNNAMED].notna()).any():
+                    cell = chunk.loc[filled, UNNAMED].iloc[0]
+                    raise InputError(f"{path}: the last column has no name and holds {shown(cell)}; name it")
+                yield chunk[wanted]
+    except (ValueError, OverflowError, *BROKEN) as error:
         if isinstance(error, InputError):
             raise
-        raise _located(path, error) from None
-    table = pd.concat(parts, ignore_index=True) if parts else pd.DataFrame(columns=list(names.values()))
+        raise _located(path, header, error, floats) from None
+
+
+def read_table(path: Path, header: Header, floats: Collection[str], texts: Collection[str]) -> pd.DataFrame:
+    """Return the wanted columns of a whole file; see :func:`read_columns`."""
+    parts = list(read_columns(path, header, floats, texts))
+    return pd.concat(parts, ignore_index=True) if parts else pd.DataFrame(columns=list(header.names))
+
+
+def read_portal(path: Path, ledger: Ledger, header: Header, *, location: str) -> pd.DataFrame:
+    """Read NGSIM's columns of a file with a header, in any case, keeping one location.
+
+    Raises
+    ------
+    InputError
+        If a row is malformed, or no row is of that location (names those present).
+    """
+    parts: list[pd.DataFrame] = []
+    places: set[str] = set()
+    for part in read_columns(path, header, NUMBERS, LABELS):
+        ledger.total += len(part)
+        if "Location" in part:
+            part, seen = keep_location(part, location, ledger)
+            places |= seen
+        parts.append(part)
+    table = pd.concat(parts, ignore_index=True) if parts else pd.DataFrame(columns=list(header.names))
     check_location(path, table, places, location)
+    ledger.notes.extend(header.notes)
     return table
 
 
@@ -118,7 +138,8 @@ def check_location(path: Path, table: pd.DataFrame, places: set[str], location: 
         Names the locations that are there.
     """
     if table.empty and places:
-        raise InputError(f"{path}: no row is of location {location!r}; the file has {', '.join(sorted(places))}")
+        some = ", ".join(sorted(places)[:8]) + (", ..." if len(places) > 8 else "")
+        raise InputError(f"{path}: no row is of location {location!r}; the file has {some}")
 
 
 def as_numbers(table: pd.DataFrame, path: Path) -> pd.DataFrame:
@@ -129,51 +150,32 @@ def as_numbers(table: pd.DataFrame, path: Path) -> pd.DataFrame:
     InputError
         If a text is not a number; names row and column.
     """
-    for name in (name for name in table.columns if name in NUMBERS):
-        values = table[name]
-        if not pd.api.types.is_numeric_dtype(values):
-            values = values.map(lambda cell: cell.replace(",", "") if isinstance(cell, str) else cell)
-        numbers = pd.to_numeric(values, errors="coerce").astype("float64")
-        wrong = (numbers.isna() & table[name].notna()).to_numpy()
-        if wrong.any():
-            row = int(wrong.argmax())
-            raise InputError(f"{path}: row {row + 1}, column {name}: {table[name].iloc[row]!r} is not a number")
-        table[name] = numbers
-    return table
+    return table.assign(**{name: numbers(table[name], name, path) for name in table.columns if name in NUMBERS})
 
 
 def keep_location(part: pd.DataFrame, location: str, ledger: Ledger) -> tuple[pd.DataFrame, set[str]]:
     """Return the rows of one location, the others booked, and the names of all locations seen."""
-    place = part["Location"].fillna("(none)").str.strip()
-    kept = ledger.drop(part, place.str.lower() != location.lower(), "other location")
-    return kept.drop(columns="Location"), set(place.unique())
+    place = part["Location"].where(part["Location"].notna(), "(none)").astype(str).str.strip()
+    other = (place.str.lower() != location.lower()).to_numpy()
+    return ledger.drop(part, other, "other location").drop(columns="Location"), set(place.unique())
 
 
-def header_of(path: Path) -> list[str]:
-    """Return the column names of a comma-separated file as they are spelled there."""
-    with open_plain(path) as stream:
-        line = stream.readline().decode("utf-8-sig", errors="replace")
-    return next(csv.reader([line.rstrip("\r\n")], skipinitialspace=True), [])
-
-
-def _rows(path: Path) -> Iterator[tuple[int, list[str], tuple[str, ...]]]:
-    """Yield line number, cells and column names of every row that is not blank."""
+def _rows(path: Path, header: Header | None) -> Iterator[tuple[int, list[str]]]:
+    """Yield line number and cells of every row that is not blank, below the header if there is one."""
     with open_plain(path) as stream, io.TextIOWrapper(stream, "utf-8-sig", errors="replace", newline="") as text:
-        first = text.readline()
-        if is_official(first):
-            yield 1, first.split(), OFFICIAL
-            yield from ((n, line.split(), OFFICIAL) for n, line in enumerate(text, 2) if line.strip())
-        else:
-            names = tuple(canonical(name) for name in next(csv.reader([first], skipinitialspace=True)))
-            rows = enumerate(csv.reader(text, skipinitialspace=True), 2)
-            yield from ((n, [cell.replace(",", "") for cell in cells], names) for n, cells in rows if cells)
+        if header is None:
+            yield from ((n, line.split()) for n, line in enumerate(text, 1) if line.strip())
+            return
+        text.readline()
+        rows = enumerate(csv.reader(text, delimiter=header.delimiter, skipinitialspace=True), 2)
+        mark, point = (",", "") if header.decimal == "." else (",", ".")
+        yield from ((n, [cell.replace(mark, point) for cell in cells]) for n, cells in rows if cells)
 
 
 def is_official(line: str) -> bool:
     """Whether a line is made of numbers (most of it, so that a bad one can be named) apart by blanks."""
     cells = line.split()
-    numbers = sum(is_number(cell) for cell in cells)
-    return bool(cells) and 2 * numbers > len(cells)
+    return bool(cells) and 2 * sum(is_number(cell) for cell in cells) > len(cells)
 
 
 def is_number(cell: str) -> bool:
@@ -185,7 +187,7 @@ def is_number(cell: str) -> bool:
     return True
 
 
-def _locate(path: Path) -> None:
+def _locate(path: Path, header: Header | None, floats: Collection[str] = ()) -> None:
     """Go through a file row by row and raise for the first bad one; slow, and only for the message.
 
     Raises
@@ -193,24 +195,28 @@ def _locate(path: Path) -> None:
     InputError
         For the first row that has too many or too few columns or a text where a number belongs.
     """
-    for number, cells, names in _rows(path):
-        if len(cells) != len(names):
-            raise InputError(
-                f"{path}: row {number} has {len(cells)} columns where {len(names)} are needed; "
-                "mend or remove the row (a file cut short in transfer ends like this)"
-            )
-        for name, cell in zip(names, cells, strict=True):
-            bare = cell.strip()
-            if name in (*NUMBERS, *OFFICIAL) and bare and not is_number(bare):
-                raise InputError(f"{path}: row {number}, column {name}: {bare!r} is not a number")
+    names = OFFICIAL if header is None else header.names
+    try:
+        for number, cells in _rows(path, header):
+            if len(cells) != len(names):
+                raise InputError(
+                    f"{path}: row {number} has {len(cells)} columns where {len(names)} are needed; "
+                    "mend or remove the row (a file cut short in transfer ends like this)"
+                )
+            for name, cell in zip(names, cells, strict=True):
+                bare = cell.strip()
+                if (name in floats or name in OFFICIAL) and bare and not is_number(bare):
+                    raise InputError(f"{path}: row {number}, column {name}: {shown(bare)} is not a number")
+    except csv.Error as error:
+        raise InputError(f"{path}: cannot be divided into cells ({error}); is a quotation mark left open?") from None
 
 
-def _located(path: Path, error: Exception) -> InputError:
+def _located(path: Path, header: Header | None, error: Exception, floats: Collection[str] = ()) -> InputError:
     """Return the error that names the row, or the parser's own words if every row looks fine."""
     try:
-        _locate(path)
+        _locate(path, header, floats)
     except InputError as located:
         return located
     except BROKEN as broken:
         return InputError(f"{path}: the gzip archive is broken ({broken}); fetch it again")
-    return InputError(f"{path}: cannot be read: {str(error).splitlines()[0]}")
+    return InputError(f"{path}: cannot be read: {(str(error).splitlines() or [type(error).__name__])[0]}")

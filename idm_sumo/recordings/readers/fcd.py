@@ -1,10 +1,10 @@
-"""SUMO's floating car data (``--fcd-output``), as XML or Parquet, to a recording."""
+"""SUMO's floating car data (``--fcd-output``), as XML, CSV or Parquet, to a recording."""
 
 from __future__ import annotations
 
 from array import array
 from pathlib import Path
-from typing import Any
+from typing import IO, Any
 from xml.parsers import expat
 
 import numpy as np
@@ -13,34 +13,30 @@ import pandas as pd
 
 from idm_sumo.recordings import columns as c
 from idm_sumo.recordings.accounting import Accounting, Ledger
+from idm_sumo.recordings.coercion import LARGEST, LATEST, LONGEST, WIDEST, drop_impossible, numbers, sizes
 from idm_sumo.recordings.columns import FRAME_STEP
-from idm_sumo.recordings.readers.delimited import BROKEN, open_plain
+from idm_sumo.recordings.readers.header import check_names
+from idm_sumo.recordings.readers.layouts import FCD_NUMBERS, bare
 from idm_sumo.recordings.recording import Recording
 from idm_sumo.roads import Road
-from idm_sumo.runtime.errors import InputError
+from idm_sumo.runtime.errors import InputError, one_line, shown
+from idm_sumo.runtime.inputs import BROKEN, open_plain
 
-NUMBERS = ("x", "y", "angle", "speed", "acceleration", "length", "width")
-REQUIRED = ("x", "y", "angle", "speed")
+NUMBERS = FCD_NUMBERS[1:]
+BLOCK = 65536  # bytes
+LONGEST_ELEMENT = 2**20  # bytes
+REQUIRED = ("x", "y", "angle", "speed")  # beside id and time
 PERIOD = "fcd"
 LEFT, RIGHT = 0.5, 3.0  # lane widths beside the main lanes within which a position may be: side lanes lie on the right
 BEYOND = 30.0  # m; vehicles are recorded a little beyond the section
 
 
-def is_fcd(names: list[str]) -> bool:
-    """Whether the columns of a Parquet file are those SUMO writes."""
-    bare = {_bare(name) for name in names}
-    return {"time", "id", "x", "y", "speed"} <= bare
-
-
-def _bare(name: str) -> str:
-    return name.removeprefix("timestep_").removeprefix("vehicle_")
-
-
-def from_parquet(raw: pd.DataFrame, ledger: Ledger, *, road: Road, source: str) -> tuple[Recording, Accounting]:
-    """Turn the table of a Parquet file written by SUMO into a recording."""
-    raw = raw.rename(columns={name: _bare(name) for name in raw.columns})
+def from_table(raw: pd.DataFrame, ledger: Ledger, *, road: Road, source: str) -> tuple[Recording, Accounting]:
+    """Turn a table that SUMO wrote, as CSV or Parquet, into a recording."""
+    raw = raw.set_axis(check_names([bare(name) for name in raw.columns], source), axis=1)
     ledger.total += len(raw)
-    return _to_recording(raw, ledger, road, source)
+    known = {name: numbers(raw[name], name, source) for name in FCD_NUMBERS if name in raw}
+    return _to_recording(raw.assign(**known), ledger, road, source)
 
 
 def read_xml(path: Path, ledger: Ledger, *, road: Road, source: str) -> tuple[Recording, Accounting]:
@@ -54,12 +50,13 @@ def read_xml(path: Path, ledger: Ledger, *, road: Road, source: str) -> tuple[Re
     collector = _Collector()
     parser = expat.ParserCreate()
     parser.StartElementHandler = collector.start
+    parser.EntityDeclHandler = _no_entities
     try:
         with open_plain(path) as stream:
-            parser.ParseFile(stream)
+            _parse(parser, stream)
     except expat.ExpatError as error:
         raise InputError(f"{source}: line {error.lineno}: malformed XML ({error}); was the run cut short?") from None
-    except ValueError as error:
+    except (ValueError, LookupError) as error:  # LookupError: an encoding that nobody knows
         raise InputError(f"{source}: line {parser.CurrentLineNumber}: {error}") from None
     except BROKEN as error:
         raise InputError(f"{source}: cannot be unpacked ({error})") from None
@@ -67,6 +64,21 @@ def read_xml(path: Path, ledger: Ledger, *, road: Road, source: str) -> tuple[Re
         raise InputError(f"{source}: root element is <{collector.root}>; a SUMO FCD file has <fcd-export>")
     ledger.total += len(collector.time)
     return _to_recording(collector.table(), ledger, road, source)
+
+
+def _parse(parser: expat.XMLParserType, stream: IO[bytes]) -> None:
+    """Feed a stream to a parser as long as no element is longer than any that SUMO writes."""
+    fed = 0
+    while block := stream.read(BLOCK):
+        parser.Parse(block)
+        fed += len(block)
+        if fed - parser.CurrentByteIndex > LONGEST_ELEMENT:
+            raise ValueError(f"an element of more than {LONGEST_ELEMENT >> 20} MB; SUMO writes none of that length")
+    parser.Parse(b"", True)
+
+
+def _no_entities(name: str, *_: object) -> None:
+    raise ValueError(f"declares an entity {shown(name)}, which SUMO never does")
 
 
 class _Collector:
@@ -77,7 +89,9 @@ class _Collector:
         self.now = 0.0
         self.time = array("d")
         self.vehicle = array("q")
+        self.lane = array("q")
         self.names: dict[str, int] = {}
+        self.lanes: dict[str, int] = {}
         self.numbers = {name: array("d") for name in NUMBERS}
         self.pairs = tuple(self.numbers.items())
 
@@ -85,23 +99,31 @@ class _Collector:
         if tag == "vehicle":
             self._vehicle(attributes)
         elif tag == "timestep":
-            self.now = float(attributes.get("time", "nan"))
+            try:
+                self.now = float(attributes.get("time", "nan"))
+            except ValueError:
+                raise ValueError(f"time = {shown(attributes['time'])} is not a number") from None
         elif not self.root:
             self.root = tag
 
     def _vehicle(self, attributes: dict[str, str]) -> None:
         name = attributes.get("id", "")
+        if not name:
+            raise ValueError("a vehicle has no id; run SUMO with --fcd-output.attributes id,x,y,angle,speed,lane")
         self.time.append(self.now)
         self.vehicle.append(self.names.setdefault(name, len(self.names)))
+        self.lane.append(self.lanes.setdefault(attributes.get("lane", ""), len(self.lanes)))
         try:
             for key, values in self.pairs:
                 values.append(float(attributes.get(key, "nan")))
         except ValueError:
-            raise ValueError(f"{name}: {key} = {attributes[key]!r} is not a number") from None
+            raise ValueError(f"{name}: {key} = {shown(attributes[key])} is not a number") from None
 
     def table(self) -> pd.DataFrame:
-        names = np.array(list(self.names), dtype=object)
+        names, lanes = (np.array(list(each), dtype=object) for each in (self.names, self.lanes))
         columns: dict[str, Any] = {"time": np.array(self.time), "id": names[np.array(self.vehicle, dtype=np.int64)]}
+        if set(self.lanes) - {""}:
+            columns["lane"] = lanes[np.array(self.lane, dtype=np.int64)]
         columns |= {key: np.array(values) for key, values in self.numbers.items()}
         table = pd.DataFrame(columns)
         return table.drop(columns=[key for key in NUMBERS if table[key].isna().all()])
@@ -114,11 +136,11 @@ def _to_recording(raw: pd.DataFrame, ledger: Ledger, road: Road, source: str) ->
     if missing:
         raise InputError(f"{source}: FCD attribute {missing[0]!r} is missing; needed are id, {', '.join(REQUIRED)}")
     notes: list[str] = []
-    present = [name for name in ("time", *REQUIRED) if name in raw]
-    raw = ledger.drop(raw, ~np.isfinite(raw[present].to_numpy(dtype="float64")).all(axis=1), "non-finite value")
+    raw = ledger.drop(raw, ~np.isfinite(raw[["time", *REQUIRED]].to_numpy()).all(axis=1), "non-finite value")
+    raw = ledger.drop(raw, ~raw["time"].between(-LATEST, LATEST), "impossible time, position or acceleration")
     _check_step(raw, source)
     raw = _drop_outside(raw, ledger, road, source)
-    table = _table(raw, road, notes)
+    table = drop_impossible(_table(raw, road, notes, source), ledger, road, source)
     table = ledger.drop(table, table.duplicated(list(c.KEYS)), "duplicate frame of a vehicle")
     recording = Recording.from_table(table, road=road, source=source, notes=tuple(notes))
     return recording, ledger.close(len(recording.table), vehicles=recording.vehicle_count)
@@ -142,19 +164,19 @@ def _drop_outside(raw: pd.DataFrame, ledger: Ledger, road: Road, source: str) ->
     return ledger.drop(raw, outside, "outside the section")
 
 
-def _table(raw: pd.DataFrame, road: Road, notes: list[str]) -> pd.DataFrame:
-    x, y = raw["x"].to_numpy(dtype="float64"), raw["y"].to_numpy(dtype="float64")
-    angle = np.deg2rad(90.0 - raw["angle"].to_numpy(dtype="float64"))  # SUMO's is clockwise from north
+def _table(raw: pd.DataFrame, road: Road, notes: list[str], source: str) -> pd.DataFrame:
+    x, y = raw["x"].to_numpy(), raw["y"].to_numpy()
+    angle = np.deg2rad(90.0 - raw["angle"].to_numpy())  # SUMO's is clockwise from north
     table = pd.DataFrame({
-        c.PERIOD: pd.Categorical(np.full(len(raw), PERIOD)), c.VEHICLE: _numbers(raw["id"], notes),
+        c.PERIOD: pd.Categorical(np.full(len(raw), PERIOD)), c.VEHICLE: _numbers(raw["id"], notes, source),
         c.FRAME: np.round(raw["time"].to_numpy() / FRAME_STEP).astype(np.int64), c.TIME: raw["time"].to_numpy(),
-        c.X: x, c.Y: y, c.SPEED: raw["speed"].to_numpy(dtype="float64"),
+        c.X: x, c.Y: y, c.SPEED: raw["speed"].to_numpy(),
         c.HEADING: np.arctan2(np.sin(angle), np.cos(angle)), c.LANE: road.lane_of(x, y),
         c.CLASS: 0, c.LEADER: 0, c.HEADWAY: np.nan,
     })  # fmt: skip
-    for name in (c.LENGTH, c.WIDTH):
-        size = raw[name].to_numpy(dtype="float64") if name in raw else np.full(len(raw), np.nan)
-        table[name] = np.where(size > 0, size, np.nan)
+    for name, bounds in ((c.LENGTH, LONGEST), (c.WIDTH, WIDEST)):
+        size = raw[name].to_numpy() if name in raw else np.full(len(raw), np.nan)
+        table[name] = sizes(size, name, bounds, notes)
     notes.append("lane is taken from the lateral position, vehicle class and leader are not in FCD")
     if "length" not in raw:
         notes.append("vehicle lengths are not in this FCD file")
@@ -163,7 +185,7 @@ def _table(raw: pd.DataFrame, road: Road, notes: list[str]) -> pd.DataFrame:
 
 def _with_acceleration(table: pd.DataFrame, raw: pd.DataFrame, notes: list[str]) -> pd.DataFrame:
     if "acceleration" in raw:
-        values = raw["acceleration"].to_numpy(dtype="float64")
+        values = raw["acceleration"].to_numpy()
         return table.assign(**{c.ACCELERATION: np.where(np.isfinite(values), values, 0.0)})
     notes.append("acceleration is a difference of speed: run SUMO with --fcd-output.acceleration to have its own")
     ordered = table.sort_values([c.VEHICLE, c.FRAME], kind="stable")
@@ -171,15 +193,25 @@ def _with_acceleration(table: pd.DataFrame, raw: pd.DataFrame, notes: list[str])
     return table.assign(**{c.ACCELERATION: rate.reindex(table.index).replace([np.inf, -np.inf], 0.0).fillna(0.0)})
 
 
-def _numbers(names: pd.Series, notes: list[str]) -> npt.NDArray[np.int64]:
+def _numbers(names: pd.Series, notes: list[str], source: str) -> npt.NDArray[np.int64]:
     """Return vehicle numbers: the id itself where it is one, else the next free number."""
-    text = names.astype(str)
-    given = [name for name in text.unique() if name.isdecimal() and name == str(int(name)) and name != "0"]
-    number = {name: int(name) for name in given}
-    free = max(number.values(), default=0)
-    others = [name for name in text.unique() if name not in number]
-    number |= {name: free + place for place, name in enumerate(others, 1)}
+    if (absent := (names.isna() | (names == "")).to_numpy()).any():
+        raise InputError(
+            f"{source}: row {int(absent.argmax()) + 1} of those in the section has no vehicle id; run SUMO with "
+            "--fcd-output.attributes id,x,y,angle,speed,lane"
+        )
+    code, unique = pd.factorize(names.astype(object))
+    text = [str(name) for name in unique]
+    given = {name: int(name) for name in text if _is_number(name)}
+    free = max(given.values(), default=0)
+    others = [name for name in text if name not in given]
+    number = given | {name: free + place for place, name in enumerate(others, 1)}
     if others:
-        some = ", ".join(f"{name} = {number[name]}" for name in others[:3])
+        some = ", ".join(f"{one_line(name)[:40]} = {number[name]}" for name in others[:3])
         notes.append(f"{len(others)} vehicles have a name, not a number; they got the next free ones ({some})")
-    return np.asarray(text.map(number), dtype=np.int64)
+    return np.array([number[name] for name in text], dtype=np.int64)[code]
+
+
+def _is_number(name: str) -> bool:
+    """Whether an id is a number that is written in one way only and fits every layout."""
+    return len(name) < 16 and name.isdecimal() and name != "0" and name == str(int(name)) and int(name) < LARGEST

@@ -8,16 +8,19 @@ import pandas as pd
 from idm_sumo.recordings import columns as c
 from idm_sumo.recordings import leaders
 from idm_sumo.recordings.accounting import Accounting, Ledger
+from idm_sumo.recordings.clock import bounded, check_frames, check_one_period, frames_of_clock, sound_clock
+from idm_sumo.recordings.coercion import FARTHEST_LEADER, FRAMES, LONGEST, WIDEST, drop_impossible, sizes, whole
 from idm_sumo.recordings.columns import FRAME_STEP
-from idm_sumo.recordings.periods import FRAME_MS, split_periods
+from idm_sumo.recordings.periods import split_periods
+from idm_sumo.recordings.readers.layouts import need
 from idm_sumo.recordings.recording import Recording
 from idm_sumo.roads import Road
 from idm_sumo.roads.units import FOOT
 from idm_sumo.runtime.errors import InputError
 
-HIGHEST_SPEED = 70.0  # m/s; nothing recorded on a motorway is faster
 FINITE = ("Vehicle_ID", "Frame_ID", "Global_Time", "Local_X", "Local_Y", "v_Vel", "v_Acc", "Lane_ID")
-IMPOSSIBLE_SHARE = 0.01  # more impossible values than this are a wrong unit or column, not noise
+SHORTEST_CAR = 2.5  # m; the median vehicle of any recording is longer
+NARROWEST_CAR = 1.0  # m, as well
 DENSE_SHARE = 0.5  # share of leaders found in the table from which it counts as complete
 
 
@@ -48,11 +51,13 @@ def to_recording(raw: pd.DataFrame, ledger: Ledger, *, road: Road, source: str) 
     notes: list[str] = []
     raw = _drop_unfinished(raw, ledger)
     _check_not_empty(raw, ledger, source)
+    raw = _with_keys(raw, source)
+    raw = sound_clock(raw, notes, source)
     check_feet(raw, road, source)
-    raw = _with_period(raw, notes)
+    raw = _with_period(raw, notes, source)
     raw = _drop_repeated(raw, ledger)
-    table = _in_si(raw, road, notes)
-    table = _drop_impossible(table, ledger, road, source)
+    table = drop_impossible(_in_si(raw, road, notes), ledger, road, source)
+    _check_not_empty(table, ledger, source)
     table = table.sort_values(list(c.KEYS), kind="stable", ignore_index=True)
     table, known = _with_leaders(table, "Preceding" in raw, road, notes)
     recording = Recording.from_table(table, road=road, source=source, notes=tuple(notes), has_leader_rows=known)
@@ -61,35 +66,31 @@ def to_recording(raw: pd.DataFrame, ledger: Ledger, *, road: Road, source: str) 
     return recording, ledger.close(len(recording.table), vehicles=recording.vehicle_count, vehicles_dropped=gone)
 
 
-def need(names: list[str], source: str) -> None:
-    """Raise if the columns cannot make a recording.
-
-    Raises
-    ------
-    InputError
-        Names what is missing and what was found.
-    """
-    missing = [name for name in ("Vehicle_ID", "Local_X", "Local_Y") if name not in names]
-    if not {"Frame_ID", "step", "Global_Time"} & set(names):
-        missing.append("Frame_ID")
-    if missing:
-        found = ", ".join(names[:12]) + (", ..." if len(names) > 12 else "")
-        raise InputError(
-            f"{source}: unknown layout: column {', '.join(missing)} missing, found {found}; needed are at least "
-            "Vehicle_ID, Frame_ID, Local_X, Local_Y (NGSIM), or a SUMO FCD file"
-        )
-
-
 def _drop_unfinished(raw: pd.DataFrame, ledger: Ledger) -> pd.DataFrame:
     """Drop rows without a number where one is needed. No leader, size or class is not a defect of a row."""
     frame = raw["Frame_ID"] if "Frame_ID" in raw else pd.Series(np.nan, raw.index)
     if "step" in raw:
         frame = frame.fillna(raw["step"])
-    if "Global_Time" in raw and "Frame_ID" not in raw and "step" not in raw:
-        frame = ((raw["Global_Time"] - raw["Global_Time"].min()) / FRAME_MS).round()
+    if "Global_Time" in raw:
+        raw = raw.assign(Global_Time=bounded(raw["Global_Time"]))
+        if "Frame_ID" not in raw and "step" not in raw:
+            frame = frames_of_clock(raw)
     raw = raw.assign(Frame_ID=frame)
     values = raw[[name for name in FINITE if name in raw]].to_numpy(dtype="float64")
     return ledger.drop(raw, ~np.isfinite(values).all(axis=1), "non-finite value")
+
+
+def _with_keys(raw: pd.DataFrame, source: str) -> pd.DataFrame:
+    """Make vehicles, frames and leaders whole numbers."""
+    keys = {
+        "Vehicle_ID": whole(raw["Vehicle_ID"], "Vehicle_ID", source, low=0),
+        "Frame_ID": whole(raw["Frame_ID"], "Frame_ID", source, low=-FRAMES, high=FRAMES),
+    }
+    if "Preceding" in raw:
+        keys["Preceding"] = whole(raw["Preceding"], "Preceding", source, missing=0)
+    raw = raw.assign(**keys)
+    check_frames(raw, source)
+    return raw
 
 
 def _check_not_empty(raw: pd.DataFrame, ledger: Ledger, source: str) -> None:
@@ -118,6 +119,18 @@ def check_feet(raw: pd.DataFrame, road: Road, source: str) -> None:
             f"Local_Y at {raw['Local_Y'].max():.0f}; {advice}"
         )
     _check_speed(raw, source)
+    _check_sizes(raw, source, advice)
+
+
+def _check_sizes(raw: pd.DataFrame, source: str, advice: str) -> None:
+    """Raise for sizes in metres beside positions in feet: they would shift every gap."""
+    cars = raw[raw["v_Class"] != c.MOTORCYCLE] if "v_Class" in raw else raw
+    for name, least, word in (("v_Length", SHORTEST_CAR, "long"), ("v_Width", NARROWEST_CAR, "wide")):
+        size = cars[name][cars[name] > 0] if name in cars else pd.Series(dtype="float64")
+        if len(size) and (median := float(size.median())) * FOOT < least:
+            raise InputError(
+                f"{source}: {name} looks like metres: half of the vehicles are less than {median:.1f} ft {word}; {advice}"
+            )
 
 
 def _slow(raw: pd.DataFrame) -> bool:
@@ -139,17 +152,20 @@ def _check_speed(raw: pd.DataFrame, source: str) -> None:
         )
 
 
-def _with_period(raw: pd.DataFrame, notes: list[str]) -> pd.DataFrame:
+def _with_period(raw: pd.DataFrame, notes: list[str], source: str) -> pd.DataFrame:
     """Add the period of each row: the file's own scene or period, or else from the clock."""
     for name in ("scene", "period"):
         if name in raw:
             notes.append(f"period is the file's {name}")
-            return raw.assign(**{c.PERIOD: pd.Categorical(raw[name].fillna("(none)").astype(str))})
+            label = raw[name].where(raw[name].notna(), "(none)")
+            return raw.assign(**{c.PERIOD: pd.Categorical(label.astype(str))})
     if "Global_Time" not in raw:
+        check_one_period(raw, source)
         notes.append("one period is assumed, because there is no Global_Time")
         return raw.assign(**{c.PERIOD: pd.Categorical(np.full(len(raw), "recording"))})
-    whole = {name: raw[name].to_numpy().round().astype(np.int64) for name in ("Vehicle_ID", "Frame_ID", "Global_Time")}
-    labels, note = split_periods(*whole.values())
+    labels, note = split_periods(
+        raw["Vehicle_ID"].to_numpy(), raw["Frame_ID"].to_numpy(), raw["Global_Time"].to_numpy().round().astype(np.int64)
+    )
     if note:
         notes.append(note)
     return raw.assign(**{c.PERIOD: labels})
@@ -169,9 +185,9 @@ def _drop_repeated(raw: pd.DataFrame, ledger: Ledger) -> pd.DataFrame:
 
 def _in_si(raw: pd.DataFrame, road: Road, notes: list[str]) -> pd.DataFrame:
     """Return the table in metres and seconds, with every column but leaders found from headways."""
-    frame = raw["Frame_ID"].to_numpy().round().astype(np.int64)
+    frame = raw["Frame_ID"].to_numpy()
     table = pd.DataFrame({
-        c.PERIOD: raw[c.PERIOD], c.VEHICLE: raw["Vehicle_ID"].astype("int64"), c.FRAME: frame,
+        c.PERIOD: raw[c.PERIOD], c.VEHICLE: raw["Vehicle_ID"], c.FRAME: frame,
         c.X: raw["Local_Y"] * FOOT, c.Y: -raw["Local_X"] * FOOT, c.HEADING: 0.0,
     })  # fmt: skip
     if "Global_Time" in raw:
@@ -182,14 +198,16 @@ def _in_si(raw: pd.DataFrame, road: Road, notes: list[str]) -> pd.DataFrame:
     _add_motion(table, raw, notes)
     _add_sizes(table, raw, notes)
     if "Lane_ID" in raw:
-        table[c.LANE] = raw["Lane_ID"].round().clip(-1, 99).astype("int64")
+        lane = raw["Lane_ID"].clip(-1, 99)
+        table[c.LANE] = lane.where(lane == lane.round(), 0).astype("int64")
     else:
         table[c.LANE] = road.lane_of(table[c.X], table[c.Y])
         notes.append("lane is taken from the lateral position, because there is no Lane_ID")
     headway = raw["Space_Headway"] * FOOT if "Space_Headway" in raw else pd.Series(np.nan, raw.index)
-    table[c.HEADWAY] = headway.where(np.isfinite(headway) & (headway > 0))
-    preceding = raw["Preceding"] if "Preceding" in raw else pd.Series(0.0, raw.index)
-    table[c.LEADER] = preceding.where(np.isfinite(preceding) & (preceding > 0), 0).astype("int64")
+    headway = headway.where(headway != 0)  # NGSIM's 0 is no leader
+    table[c.HEADWAY] = sizes(headway.to_numpy(), "Space_Headway", (0.0, FARTHEST_LEADER), notes)
+    preceding = raw["Preceding"] if "Preceding" in raw else pd.Series(0, raw.index)
+    table[c.LEADER] = preceding.where(preceding > 0, 0).astype("int64")
     return table
 
 
@@ -212,25 +230,17 @@ def _add_motion(table: pd.DataFrame, raw: pd.DataFrame, notes: list[str]) -> Non
 
 
 def _add_sizes(table: pd.DataFrame, raw: pd.DataFrame, notes: list[str]) -> None:
-    for name, recorded in ((c.LENGTH, "v_Length"), (c.WIDTH, "v_Width")):
+    for name, recorded, bounds in ((c.LENGTH, "v_Length", LONGEST), (c.WIDTH, "v_Width", WIDEST)):
         size = raw[recorded] * FOOT if recorded in raw else pd.Series(np.nan, raw.index)
-        table[name] = size.where(np.isfinite(size) & (size > 0))
+        table[name] = sizes(size.to_numpy(), recorded, bounds, notes)
     kind = raw["v_Class"] if "v_Class" in raw else pd.Series(0.0, raw.index)
-    table[c.CLASS] = kind.where(kind.isin([1, 2, 3]), 0).astype("int8")
+    known = kind.isin([c.MOTORCYCLE, c.CAR, c.TRUCK])
+    if other := int((~known & kind.notna() & (kind != 0)).sum()):
+        notes.append(f"{other} of {len(raw)} rows have a v_Class that is none of 1, 2 and 3; it counts as not recorded")
+    table[c.CLASS] = kind.where(known, 0).astype("int8")
     missing = [name for name in ("v_Length", "v_Width", "v_Class") if name not in raw]
     if missing:
         notes.append(f"{', '.join(missing)} not recorded")
-
-
-def _drop_impossible(table: pd.DataFrame, ledger: Ledger, road: Road, source: str) -> pd.DataFrame:
-    bad = ~table[c.SPEED].between(0, HIGHEST_SPEED) | ~table[c.LANE].between(1, road.last_lane)
-    if bad.mean() > IMPOSSIBLE_SHARE:
-        row = table[bad].iloc[0]
-        raise InputError(
-            f"{source}: {bad.sum()} of {len(table)} rows are impossible, first vehicle {row[c.VEHICLE]}, frame "
-            f"{row[c.FRAME]}: speed {row[c.SPEED]:.1f} m/s, lane {row[c.LANE]}; check units and columns"
-        )
-    return ledger.drop(table, bad, "impossible speed or lane")
 
 
 def _with_leaders(table: pd.DataFrame, recorded: bool, road: Road, notes: list[str]) -> tuple[pd.DataFrame, bool]:

@@ -14,25 +14,20 @@ import pandas as pd
 
 from idm_sumo.recordings import columns as c
 from idm_sumo.recordings.accounting import Accounting, Ledger
+from idm_sumo.recordings.coercion import LATEST, drop_impossible, numbers, whole
 from idm_sumo.recordings.columns import FRAME_STEP
-from idm_sumo.recordings.readers.ngsim import HIGHEST_SPEED
+from idm_sumo.recordings.readers.layouts import PAIR_LENGTHS, PAIR_NUMBERS, PAIRS
 from idm_sumo.recordings.recording import Recording
 from idm_sumo.recordings.smoothing import filter_runs, runs
 from idm_sumo.roads import Road
 from idm_sumo.roads.units import FOOT
 from idm_sumo.runtime.errors import InputError
 
-NEEDED = ("follower", "leader", "t", "x_follower", "x_leader")
-LENGTH, SPACING = "leader_length", "spacing"  # one of them tells the other
+LENGTH, SPACING = PAIR_LENGTHS  # one of them tells the other
 GRID_TOLERANCE = 0.02  # s, between a row's time and its frame
 SPACING_TOLERANCE = 0.1  # m, between the stated gap and the one of positions and length
 CAR_LENGTHS = (3.0, 7.5)  # m, between which the median of vehicles lies; in feet it is 10 to 25
 SMOOTH = 0.005  # m: the filter's median shift of raw video tracks is 26 mm, of reconstructed ones 0.3 mm
-
-
-def is_pairs(names: list[str]) -> bool:
-    """Whether columns are those of leader-follower pairs."""
-    return set(NEEDED) <= set(names) and bool({LENGTH, SPACING} & set(names))
 
 
 def to_recording(raw: pd.DataFrame, ledger: Ledger, *, road: Road, source: str) -> tuple[Recording, Accounting]:
@@ -58,17 +53,19 @@ def to_recording(raw: pd.DataFrame, ledger: Ledger, *, road: Road, source: str) 
     """
     ledger.total += len(raw)
     raw = raw.assign(period=raw["period"].astype(str) if "period" in raw else "recording")
-    numbers = [name for name in (*NEEDED, LENGTH, SPACING, "v_follower") if name in raw]
-    raw = ledger.drop(raw, ~np.isfinite(raw[numbers].to_numpy(dtype="float64")).all(axis=1), "non-finite value")
-    if raw.empty:
-        raise InputError(f"{source}: no rows left of {ledger.total} read; give pairs with at least one row")
+    raw = raw.assign(**{name: numbers(raw[name], name, source) for name in PAIR_NUMBERS if name in raw})
+    finite = [name for name in (*PAIRS, LENGTH, SPACING, "v_follower") if name in raw]
+    raw = ledger.drop(raw, ~np.isfinite(raw[finite].to_numpy()).all(axis=1), "non-finite value")
+    raw = ledger.drop(raw, ~raw["t"].between(-LATEST, LATEST), "impossible time, position or acceleration")
+    _check_not_empty(raw, ledger, source)
+    raw = raw.assign(**{name: whole(raw[name], name, source, low=0) for name in ("follower", "leader")})
     unit, unit_name = _unit(raw, source)
-    table = _table(raw, unit, road, source)
-    table = ledger.drop(table, ~table[c.SPEED].between(0, HIGHEST_SPEED), "impossible speed or lane")
+    table = drop_impossible(_table(raw, unit, road, source), ledger, road, source)
     table = ledger.drop(table, ~(table[c.HEADWAY] > 0), "leader not ahead")
     table = ledger.drop(table, table.duplicated(list(c.KEYS)), "duplicate frame of a vehicle")
     lengths = _lengths(table)
     own = [lengths.get(key, np.nan) for key in zip(table[c.PERIOD].astype(str), table[c.VEHICLE], strict=True)]
+    _check_not_empty(table, ledger, source)
     recording = Recording.from_table(table.assign(**{c.LENGTH: own}), road=road, source=source, has_leader_rows=False)
     smooth, smooth_note = _smoothness(recording)
     pairs = table.drop_duplicates([c.PERIOD, c.VEHICLE, c.LEADER])
@@ -81,6 +78,11 @@ def to_recording(raw: pd.DataFrame, ledger: Ledger, *, road: Road, source: str) 
     )
     recording = replace(recording, notes=notes, is_smooth=smooth, leader_lengths=lengths)
     return recording, ledger.close(len(recording.table), vehicles=recording.vehicle_count)
+
+
+def _check_not_empty(raw: pd.DataFrame, ledger: Ledger, source: str) -> None:
+    if raw.empty:
+        raise InputError(f"{source}: no rows left of {ledger.total} read; give pairs with at least one row")
 
 
 def _unit(raw: pd.DataFrame, source: str) -> tuple[float, str]:
@@ -108,9 +110,9 @@ def _table(raw: pd.DataFrame, unit: float, road: Road, source: str) -> pd.DataFr
     length = raw[LENGTH] * unit if LENGTH in raw else leader - front - raw[SPACING] * unit
     _check_spacing(raw, leader - front - length, unit, source)
     table = pd.DataFrame({
-        c.PERIOD: pd.Categorical(raw["period"]), c.VEHICLE: raw["follower"].astype("int64"), c.FRAME: frame,
+        c.PERIOD: pd.Categorical(raw["period"]), c.VEHICLE: raw["follower"], c.FRAME: frame,
         c.TIME: raw["t"] + raw["period"].map(_clock), c.X: front, c.Y: float(road.lane_center(lane)), c.HEADING: 0.0,
-        c.LENGTH: np.nan, c.WIDTH: np.nan, c.CLASS: 0, c.LANE: lane, c.LEADER: raw["leader"].astype("int64"),
+        c.LENGTH: np.nan, c.WIDTH: np.nan, c.CLASS: 0, c.LANE: lane, c.LEADER: raw["leader"],
         c.HEADWAY: leader - front, LENGTH: length,
     })  # fmt: skip
     table = table.assign(order=np.arange(len(table))).sort_values(list(c.KEYS), kind="stable")

@@ -9,7 +9,7 @@ import numpy as np
 import numpy.typing as npt
 import pandas as pd
 
-from idm_sumo.recordings.readers.delimited import OFFICIAL
+from idm_sumo.recordings.readers.layouts import OFFICIAL
 from idm_sumo.roads import road
 from idm_sumo.roads.road import FOOT
 from idm_sumo.sumo.surrogate.demand import PERIODS

@@ -7,7 +7,7 @@ import pandas as pd
 import pyarrow.parquet as pq
 import pytest
 
-from idm_sumo.recordings.readers.delimited import OFFICIAL
+from idm_sumo.recordings.readers.layouts import OFFICIAL
 from idm_sumo.roads import US101
 from idm_sumo.roads.units import FOOT
 from idm_sumo.roads.us101 import OFF_RAMP, ON_RAMP
