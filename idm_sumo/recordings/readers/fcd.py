@@ -209,7 +209,7 @@ def _numbers(names: pd.Series, notes: list[str], source: str) -> npt.NDArray[np.
     if others:
         some = ", ".join(f"{one_line(name)[:40]} = {number[name]}" for name in others[:3])
         notes.append(f"{len(others)} vehicles have a name, not a number; they got the next free ones ({some})")
-    return np.array([number[name] for name in text], dtype=np.int64)[code]
+    return np.asarray(np.array([number[name] for name in text], dtype=np.int64)[code])
 
 
 def _is_number(name: str) -> bool:
