@@ -13,7 +13,7 @@ import numpy.typing as npt
 import pandas as pd
 
 from idm_sumo.calibration import calibrate, pooled
-from idm_sumo.calibration.driver_table import DESIRED_SPEED, HAS, read_drivers
+from idm_sumo.calibration.driver_table import DESIRED_SPEED, FIRST_FRAME, HAS, read_drivers
 from idm_sumo.calibration.without_d1 import MEAN_SPEED, REFIT, mean_speeds, refit_table
 from idm_sumo.models.effects import ExtendedModel
 from idm_sumo.models.idm import IDMParameters
@@ -88,7 +88,7 @@ def drivers_of(
         )
     one_for_all = pooled(scenes)
     progress("calibrating", 1, 4)
-    table = _calibrated(scenes, seed, refit) if path is None else _read(path, scenes.period)
+    table = _calibrated(scenes, seed, refit) if path is None else _read(path, scenes)
     progress("calibrating", 3, 4)
     library = table if set(FEATURES.values()) <= set(table) else None
     predicted = None
@@ -113,17 +113,32 @@ def _calibrated(scenes: Scenes, seed: int, refit: bool) -> pd.DataFrame:
     return table.merge(refits[[*keys, *(name for name in refits if name not in table)]], on=keys)
 
 
-def _read(path: Path, period: str) -> pd.DataFrame:
+def _read(path: Path, scenes: Scenes) -> pd.DataFrame:
     """Return the drivers of one period from a table.
 
     Of several windows of a driver the first counts.
     """
     table, _ = with_parameters(read_drivers(path), str(path))
+    period = scenes.period
     own = table[table[c.PERIOD].astype(str) == period].drop_duplicates([c.PERIOD, c.VEHICLE]).reset_index(drop=True)
     if own.empty:
         there = ", ".join(sorted(table[c.PERIOD].astype(str).unique()))
         raise InputError(f"{path}: has no driver of period {period}; it has {there}")
+    _check_recording(own, scenes, path)
     return own
+
+
+def _check_recording(own: pd.DataFrame, scenes: Scenes, path: Path) -> None:
+    """Raise if a table's drivers have numbers of this recording, but none begins where it has it."""
+    if FIRST_FRAME not in own:
+        return
+    begins = pd.Series(scenes.first_frame, index=scenes.vehicle)
+    shared = own[own[c.VEHICLE].isin(begins.index)]
+    if len(shared) and not (begins[shared[c.VEHICLE]].to_numpy() == shared[FIRST_FRAME].to_numpy()).any():
+        raise InputError(
+            f"{path}: belongs to another recording: no driver begins in the frame in which this one has it; calibrate "
+            "this recording (of `surrogate` the same --minutes and --seed)"
+        )
 
 
 def parameters_for(population: str, drivers: Drivers, demand: pd.DataFrame, speeds: pd.Series) -> tuple[Floats, int]:

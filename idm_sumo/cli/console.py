@@ -62,7 +62,7 @@ def numbered(stage: str, stages: Sequence[str]) -> str:
     stage : str
     stages : sequence of str
     """
-    return f"{stage}, {stages.index(stage) + 1} of {len(stages)}" if stage in stages else stage
+    return f"{stage} {stages.index(stage) + 1} of {len(stages)}" if stage in stages else stage
 
 
 class _StageLog:

@@ -126,8 +126,8 @@ def calibrate(options: argparse.Namespace) -> None:
 
     found = shared.scenes_of(options, shared.window_of(options, options.every))
     tables = []
-    stages = [f"calibrating {one.period}" for one in found.scenes]
-    with progress_bar(stages) as report:
+    stages = [f"calibrating period {number} of {len(found.scenes)}" for number in range(1, len(found.scenes) + 1)]
+    with progress_bar() as report:
         for stage, one in zip(stages, found.scenes, strict=True):
             fits = fit(
                 one,
@@ -144,7 +144,7 @@ def calibrate(options: argparse.Namespace) -> None:
     table = pd.concat(tables, ignore_index=True)
     write(table.assign(desired_speed_m_s=options.desired_speed), options.output)
     for reason, count in found.left_out.items():
-        note(f"{count} vehicles not calibrated: {reason}")
+        note(f"{count} vehicle{'s' * (count != 1)} not calibrated: {reason}")
     shared.note_origin(found.notes)
     statuses = ", ".join(f"{count} {status}" for status, count in table["status"].value_counts().items())
     say(f"{len(table)} drivers, mean ADE {table['ade_m'].mean():.2f} m; status: {statuses}", f"wrote {options.output}")
@@ -172,7 +172,7 @@ def predict(options: argparse.Namespace) -> None:
     table = pd.concat(predicted, ignore_index=True)
     write(table, options.output)
     for reason, count in found.left_out.items():
-        note(f"{count} vehicles not predicted: {reason}")
+        note(f"{count} vehicle{'s' * (count != 1)} not predicted: {reason}")
     shared.note_origin(found.notes)
     statuses = ", ".join(f"{count} {status}" for status, count in table["status"].value_counts().items())
     say(f"{len(table)} drivers; status: {statuses}", f"wrote {options.output}")

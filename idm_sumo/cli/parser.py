@@ -90,13 +90,13 @@ class OneLineParser(argparse.ArgumentParser):
         known = self._option_string_actions
         for option in (argument.partition("=")[0] for argument in given if argument.startswith("--")):
             if not any(name.startswith(option) for name in known):
-                self.error(f"option {option} is unknown{_meant(option, known)}")
+                self.error(f"unrecognized option {option}{_meant(option, known)}")
 
     def _check_value(self, action: argparse.Action, value: Any) -> None:
         if action.choices is not None and value not in action.choices:
             names = [str(choice) for choice in action.choices]
             meant = _meant(str(value), names) or f"; choose from {', '.join(names)}"
-            raise argparse.ArgumentError(action, f"{value!r} is unknown{meant}")
+            raise argparse.ArgumentError(action, f"invalid choice: {value!r}{meant}")
 
 
 def _meant(word: str, known: Iterable[str]) -> str:

@@ -134,4 +134,4 @@ def test_a_log_file_gets_one_line_a_stage_with_its_number(capsys: pytest.Capture
         for stage in ("reading", "calibrating", "drawing"):
             for done in range(3):
                 report(stage, done, 2)
-    assert capsys.readouterr().err.splitlines() == ["reading, 1 of 2 ...", "calibrating, 2 of 2 ...", "drawing ..."]
+    assert capsys.readouterr().err.splitlines() == ["reading 1 of 2 ...", "calibrating 2 of 2 ...", "drawing ..."]

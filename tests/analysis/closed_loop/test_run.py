@@ -256,6 +256,18 @@ def test_bad_input_is_one_line_and_nothing_is_left(
     assert list(tmp_path.iterdir()) == []
 
 
+def test_drivers_of_another_recording_are_refused(
+    tmp_path: Path, file: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    drivers = pd.DataFrame({"period": "0750-0752", "vehicle": range(4, 40), "first_frame": 7})
+    drivers.assign(a=1.0, b=1.5, T=1.2, d0=2.0, d1=0.0).to_csv(tmp_path / "others.csv", index=False)
+    with pytest.raises(SystemExit) as stopped:
+        main(["interactive", str(file), "-o", str(tmp_path / "out"), "--drivers", str(tmp_path / "others.csv")])
+    assert stopped.value.code == 2
+    assert "others.csv: belongs to another recording" in capsys.readouterr().err.splitlines()[-1]
+    assert [path.name for path in tmp_path.iterdir()] == ["others.csv"]
+
+
 def test_compare_names_the_file_that_is_not_there(
     tmp_path: Path, file: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
