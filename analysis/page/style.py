@@ -43,7 +43,7 @@ METHOD_COLOURS = {
 RECORDED = "#000000"
 OTHER = "#0072B2"  # of a model that has no colour of its own
 LIGHTER = 0.45  # share of white in a colour that is drawn on a dark page
-DASHES = ([], [8, 4], [2, 3], [10, 3, 2, 3])  # px: lines are told apart without colour
+DASHES: tuple[list[int], ...] = ([], [8, 4], [2, 3], [10, 3, 2, 3])  # px: lines are told apart without colour
 TRAFFIC = "#BBBBBB"
 
 

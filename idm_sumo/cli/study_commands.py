@@ -20,9 +20,10 @@ All other vehicles drive as recorded; this one follows its leader by the IDM
 from its last observed frame on.
 
 reads   RECORDING; with --drivers its parameters, without them it is calibrated
-leaves  DIR/trajectory.parquet (modelled beside recorded, frame by frame),
-        scores.csv, time_space.png, replay.gif, manifest.json
-next    look at DIR/replay.gif; idm-sumo diagnose RECORDING -o out says why the
+leaves  DIR/replay.html (plays it), trajectory.parquet (modelled beside
+        recorded, frame by frame), scores.csv, time_space.png, replay.gif,
+        manifest.json
+next    open DIR/replay.html; idm-sumo diagnose RECORDING -o out says why the
         two part"""
 REPRODUCE = """\
 the paper's tables and figures, with report and manifest
