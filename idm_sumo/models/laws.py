@@ -267,6 +267,8 @@ def optimal_velocity(speed, wanted, a, b):  # type: ignore[no-untyped-def]
 def acceleration(law, speed, approach_rate, gap, a, weight, T, d0, desired_speed, reaction):  # type: ignore[no-untyped-def]
     """Return the acceleration by a law other than the IDM.
 
+    It takes numbers instead of a record of parameters, so that a loop over drivers becomes vector instructions.
+
     Parameters
     ----------
     law : float

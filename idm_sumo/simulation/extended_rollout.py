@@ -212,9 +212,7 @@ def decide(i, k, front, speed, row, gap, minds, ground, body):  # type: ignore[n
         twin.cut_in[i] - elapsed, twin.own_change[i] - elapsed, minds.driven[i, 0] / minds.driven[i, 1],
     )  # fmt: skip
     then_gap, then_speed, then_rate = acted_on(past, now, m, FRAME_STEP)
-    return extended_acceleration(
-        then_speed, then_rate, then_gap, see, theta[0], theta[1], theta[2], theta[3], theta[4], minds.limit[i], m
-    )
+    return extended_acceleration(then_speed, then_rate, then_gap, see, theta, minds.limit[i], m)
 
 
 @njit(cache=True)

@@ -65,7 +65,7 @@ def by_hand(windows: w.Windows, theta: np.ndarray, m: np.ndarray) -> np.ndarray:
                 row[w.ACCELERATION_OF_LATE],
             )  # fmt: skip
             own = theta[windows.driver[i]]
-            a = extended_acceleration(speed, rate, gap, see, *own[:4], 0.0, own[4], m)
+            a = extended_acceleration(speed, rate, gap, see, (*own[:4], 0.0), own[4], m)
             x, v = x + 0.05 * (v + max(v + 0.1 * a, 0.0)), max(v + 0.1 * a, 0.0)
             out[i, k + 1 - w.LEAD] = x
     return out[:, w.EVERY :: w.EVERY]

@@ -41,7 +41,7 @@ def none() -> np.ndarray:
 
 
 def drive(m: np.ndarray, *, speed: float = 12.0, rate: float = 0.5, gap: float = 18.0, see: Stimuli = SEEN) -> float:
-    return float(extended_acceleration(speed, rate, gap, see, *DRIVER, LIMIT, m))
+    return float(extended_acceleration(speed, rate, gap, see, DRIVER, LIMIT, m))
 
 
 def only(name: str, **more: float) -> np.ndarray:
@@ -234,8 +234,8 @@ def test_an_accepted_headway_returns_to_the_drivers_own(since, share, accepted):
     m = only("lane_change_relaxation", kappa=share, tau_r=10.0, phi=1.0)
     see = SEEN._replace(since_change=since, accepted_headway=accepted)
     less = share * np.exp(-since / 10.0) * max(0.0, 1.4 - accepted)
-    found = extended_acceleration(12.0, 0.5, 15.0, see, 1.2, 1.8, 1.4, 2.0, 0.0, 28.0, m)
-    expected = extended_acceleration(12.0, 0.5, 15.0, see, 1.2, 1.8, 1.4 - less, 2.0, 0.0, 28.0, none())
+    found = extended_acceleration(12.0, 0.5, 15.0, see, (1.2, 1.8, 1.4, 2.0, 0.0), 28.0, m)
+    expected = extended_acceleration(12.0, 0.5, 15.0, see, (1.2, 1.8, 1.4 - less, 2.0, 0.0), 28.0, none())
     assert found == pytest.approx(expected, abs=1e-9)
 
 
@@ -244,15 +244,15 @@ def test_no_more_is_overlooked_than_the_gap_is_short_of_the_drivers_headway(sinc
     m = only("lane_change_relaxation", kappa=share, tau_r=10.0, chi=1.0)
     see = SEEN._replace(since_change=since, accepted_headway=accepted)
     overlooked = share * min(see.jump, speed * max(0.0, 1.4 - accepted)) * np.exp(-since / 10.0)
-    found = extended_acceleration(speed, 0.5, 15.0, see, 1.2, 1.8, 1.4, 2.0, 0.0, 28.0, m)
-    expected = extended_acceleration(speed, 0.5, 15.0 + overlooked, see, 1.2, 1.8, 1.4, 2.0, 0.0, 28.0, none())
+    found = extended_acceleration(speed, 0.5, 15.0, see, (1.2, 1.8, 1.4, 2.0, 0.0), 28.0, m)
+    expected = extended_acceleration(speed, 0.5, 15.0 + overlooked, see, (1.2, 1.8, 1.4, 2.0, 0.0), 28.0, none())
     assert found == pytest.approx(expected, abs=1e-9)
 
 
 def test_a_change_to_a_longer_gap_leaves_the_headway_as_it_is():
     m, see = only("lane_change_relaxation", kappa=1.0, tau_r=10.0, phi=1.0), SEEN._replace(jump=0.0)
-    given_up = extended_acceleration(12.0, 0.5, 15.0, see, 1.2, 1.8, 1.4, 2.0, 0.0, 28.0, m)
-    assert given_up == extended_acceleration(12.0, 0.5, 15.0, see, 1.2, 1.8, 1.4, 2.0, 0.0, 28.0, none())
+    given_up = extended_acceleration(12.0, 0.5, 15.0, see, (1.2, 1.8, 1.4, 2.0, 0.0), 28.0, m)
+    assert given_up == extended_acceleration(12.0, 0.5, 15.0, see, (1.2, 1.8, 1.4, 2.0, 0.0), 28.0, none())
 
 
 def test_every_magnitude_has_a_slot_of_its_own():
@@ -288,8 +288,10 @@ def test_a_place_where_the_headway_is_another(x, share):
     m, see = none(), SEEN._replace(x=x)
     Cause("location", {"theta": share, "x_1": 30.0, "x_2": 60.0}).fill(m)
     there = 1.4 * (1.0 + share) if 30.0 <= x < 60.0 else 1.4
-    found = extended_acceleration(12.0, 0.5, 15.0, see, 1.2, 1.8, 1.4, 2.0, 0.0, 28.0, m)
-    assert found == pytest.approx(extended_acceleration(12.0, 0.5, 15.0, see, 1.2, 1.8, there, 2.0, 0.0, 28.0, none()))
+    found = extended_acceleration(12.0, 0.5, 15.0, see, (1.2, 1.8, 1.4, 2.0, 0.0), 28.0, m)
+    assert found == pytest.approx(
+        extended_acceleration(12.0, 0.5, 15.0, see, (1.2, 1.8, there, 2.0, 0.0), 28.0, none())
+    )
 
 
 def test_confusable_names_are_in_the_catalogue():

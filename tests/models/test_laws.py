@@ -76,7 +76,7 @@ def test_the_extended_acceleration_follows_the_law_of_its_magnitudes(law):
     expected = (
         idm.acceleration(9.0, 0.5, 14.0, A, B, T, D0, 0.0, V0) if law == laws.IDM else accelerate(law, 9.0, 0.5, 14.0)
     )
-    assert extended_acceleration(9.0, 0.5, 14.0, NO_STIMULI, A, B, T, D0, 0.0, V0, m) == pytest.approx(
+    assert extended_acceleration(9.0, 0.5, 14.0, NO_STIMULI, (A, B, T, D0, 0.0), V0, m) == pytest.approx(
         expected, rel=1e-12
     )
 

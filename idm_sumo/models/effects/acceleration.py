@@ -211,7 +211,7 @@ def effect_terms(stimuli, m):  # type: ignore[no-untyped-def]
 def _by_idm(speed, rate, gap, second_rate, second_gap, share, a, weight, headway, d0, d1, inverse):  # type: ignore[no-untyped-def]
     """Return the IDM's acceleration (m/s²) towards two leaders.
 
-    ``share`` is that of the second leader in the interaction.
+    ``share`` is that of the second leader in the interaction. Numbers, for the sake of vector instructions.
     """
     ratio = idm.desired_gap_of(speed, rate, weight, headway, d0, d1, inverse) * (1.0 / gap)
     wanted = idm.desired_gap_of(speed, second_rate, weight, headway, d0, d1, inverse)
@@ -288,7 +288,7 @@ def acceleration_with_terms(  # type: ignore[no-untyped-def]
 
 
 @njit(cache=True, error_model="numpy")
-def extended_acceleration(speed, approach_rate, gap, stimuli, a, b, T, d0, d1, desired_speed, m):  # type: ignore[no-untyped-def]
+def extended_acceleration(speed, approach_rate, gap, stimuli, parameters, desired_speed, m):  # type: ignore[no-untyped-def]
     """Return the acceleration of a driver with effects.
 
     Parameters
@@ -298,8 +298,8 @@ def extended_acceleration(speed, approach_rate, gap, stimuli, a, b, T, d0, d1, d
         :func:`idm_sumo.models.effects.reaction_delay.acted_on`. The gap is infinite without a leader.
     stimuli : Stimuli
         What the driver reacts to beside them.
-    a, b, T, d0, d1 : float
-        See :class:`idm_sumo.models.idm.IDMParameters`.
+    parameters : IDMParameters, or float64, shape (5,)
+        ``a, b, T, d0, d1``.
     desired_speed : float
         Desired speed (m/s).
     m : float64, shape (slots.COUNT,)
@@ -315,6 +315,18 @@ def extended_acceleration(speed, approach_rate, gap, stimuli, a, b, T, d0, d1, d
     The bound ``-EMERGENCY_BRAKING`` and the smallest gap are those of the plain IDM, whatever the law.
     """
     return acceleration_with_terms(
-        speed, approach_rate, gap, stimuli.x, stimuli.second_gap, stimuli.rear_gap, effect_terms(stimuli, m),
-        a, idm.closing_weight(a, b), T, d0, d1, desired_speed, m[slots.LAW],
-    )  # fmt: skip
+        speed,
+        approach_rate,
+        gap,
+        stimuli.x,
+        stimuli.second_gap,
+        stimuli.rear_gap,
+        effect_terms(stimuli, m),
+        parameters[0],
+        idm.closing_weight(parameters[0], parameters[1]),
+        parameters[2],
+        parameters[3],
+        parameters[4],
+        desired_speed,
+        m[slots.LAW],
+    )

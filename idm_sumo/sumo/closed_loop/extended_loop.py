@@ -176,9 +176,7 @@ def _decide_all(place, x, speed, length, lane, offsets, others, memory, magnitud
             memory.changed[vehicle, 2], np.nan, np.nan, memory.driven[vehicle] / memory.moments[vehicle],
         )  # fmt: skip
         then_gap, then_speed, then_rate = acted_on(past, PAST - 1, m, FRAME_STEP)
-        acceleration[i] = extended_acceleration(
-            then_speed, then_rate, then_gap, see, own[0], own[1], own[2], own[3], own[4], limit[vehicle], m
-        )
+        acceleration[i] = extended_acceleration(then_speed, then_rate, then_gap, see, own, limit[vehicle], m)
     return acceleration
 
 
