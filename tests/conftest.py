@@ -1,7 +1,9 @@
 """What tests of several modules need."""
 
 import os
+from collections.abc import Iterator
 from pathlib import Path
+from typing import Any
 
 import pytest
 from hypothesis import settings
@@ -19,3 +21,12 @@ def shared_data() -> Path:
     if not folder.is_dir():
         pytest.skip(f"no real trajectories at {folder}; set IDM_SUMO_DATA to run this test")
     return folder
+
+
+@pytest.fixture(scope="session")
+def browser() -> Iterator[Any]:
+    """Yield a Chromium, one for all tests of a process; a test skips where there is none."""
+    from tests.helpers.browser import open_browser
+
+    with open_browser() as driver:
+        yield driver

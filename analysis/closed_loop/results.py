@@ -15,6 +15,7 @@ from ..comparison.figures import overview, time_space
 from ..comparison.run import shown
 from ..page.page import not_measured, render
 from ..page.style import save
+from ..page.time_space import diagrams_of
 from ..reproduce.replay_bias import in_words
 from . import words
 from .settings import Case, Settings
@@ -139,6 +140,7 @@ def write_results(
         measures=measures,
         distances=distances,
         ranks=ranks,
+        diagrams=diagrams_of(glimpses),
         insertion=table[table[POPULATION] != RECORDED][["population", "seed", *FIRST[-5:]]],
         bias=bias if len(bias) else None,
         bias_words=in_words(bias),

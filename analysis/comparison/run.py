@@ -22,6 +22,7 @@ from idm_sumo.sumo.surrogate.builtin import SURROGATE, recording_path
 from ..page.manifest import manifest, write_manifest
 from ..page.page import not_measured, render
 from ..page.style import save
+from ..page.time_space import diagrams_of
 from .figures import overview, time_space
 
 STAGES = ("reading", "measuring", "drawing")
@@ -286,6 +287,7 @@ def _write_page(comparison: Comparison, recordings: dict[str, Recording], part: 
         findings=findings(comparison),
         not_measured=not_measured(recordings),
         figures=part / "figures",
+        diagrams=diagrams_of(first_periods(recordings)),
         sections=sections,
         notes=notes,
     )

@@ -6,8 +6,10 @@ import json
 from collections.abc import Mapping
 from typing import Any
 
+from markupsafe import Markup
 
-def embedded(data: Mapping[str, Any]) -> str:
+
+def embedded(data: Mapping[str, Any]) -> Markup:
     """Return JSON for a ``script`` element of a page.
 
     Parameters
@@ -17,8 +19,8 @@ def embedded(data: Mapping[str, Any]) -> str:
 
     Returns
     -------
-    str
+    Markup
         JSON in which ``<``, ``>`` and ``&`` are escaped, so that a vehicle's name cannot end the element.
     """
     text = json.dumps(data, separators=(",", ":"), allow_nan=False)
-    return text.replace("<", "\\u003c").replace(">", "\\u003e").replace("&", "\\u0026")
+    return Markup(text.replace("<", "\\u003c").replace(">", "\\u003e").replace("&", "\\u0026"))

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import base64
+import re
 from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
@@ -16,6 +17,10 @@ from idm_sumo.runtime.text import number
 
 from .style import METHOD_NAMES
 from .titles import TITLES
+
+ROOT = Path(__file__).parents[1]  # of `analysis`, beside us in a clone and in a wheel
+CONTENTS = "<!-- contents -->"
+HEADING = re.compile(r"<h2>(.*?)</h2>")
 
 
 def render(path: Path, template: str, **content: Any) -> None:
@@ -31,14 +36,46 @@ def render(path: Path, template: str, **content: Any) -> None:
         What the template names.
     """
     environment = Environment(
-        loader=FileSystemLoader(Path(__file__).parents[1]),
+        loader=FileSystemLoader(ROOT),
         autoescape=select_autoescape(["j2"]),
         trim_blocks=True,
         lstrip_blocks=True,
     )
     environment.filters["table"] = html_table
     environment.filters["picture"] = picture
-    path.write_text(environment.get_template(template).render(**content), encoding="utf-8")
+    environment.filters["script"] = script
+    path.write_text(with_contents(environment.get_template(template).render(**content)), encoding="utf-8")
+
+
+def with_contents(page: str) -> str:
+    """Put a list of a page's sections where it asks for one.
+
+    Parameters
+    ----------
+    page : str
+        HTML; ``<!-- contents -->`` marks the place. Each ``<h2>`` becomes a target.
+
+    Returns
+    -------
+    str
+        The page, with a list of links if it has more than one section.
+    """
+    headings = HEADING.findall(page)
+    for number_, heading in enumerate(headings, 1):
+        page = page.replace(f"<h2>{heading}</h2>", f'<h2 id="section-{number_}">{heading}</h2>', 1)
+    items = "".join(f'<li><a href="#section-{k}">{heading}</a></li>' for k, heading in enumerate(headings, 1))
+    return page.replace(CONTENTS, f'<nav aria-label="contents"><ol>{items}</ol></nav>' if len(headings) > 1 else "")
+
+
+def script(name: str) -> Markup:
+    """Return a script of `analysis` as part of the page itself.
+
+    Parameters
+    ----------
+    name : str
+        Path below `analysis`.
+    """
+    return Markup((ROOT / name).read_text(encoding="utf-8"))
 
 
 def not_measured(recordings: Mapping[str, Recording]) -> str:
@@ -91,14 +128,17 @@ def _cell(name: str, value: Any) -> str:
     return number(value)
 
 
-def picture(path: Path) -> Markup:
+def picture(path: Path, alt: str = "") -> Markup:
     """Return a picture as part of the page itself.
 
     Parameters
     ----------
     path : Path
         PNG or GIF.
+    alt : str
+        What is seen on it; without it the file's name.
     """
     kind = "gif" if path.suffix == ".gif" else "png"
     data = base64.b64encode(path.read_bytes()).decode("ascii")
-    return Markup(f'<img alt="{path.stem.replace("_", " ")}" src="data:image/{kind};base64,{data}">')
+    seen = alt or path.stem.replace("_", " ")
+    return Markup('<img alt="{}" src="data:image/{};base64,{}">').format(seen, kind, data)

@@ -2,7 +2,7 @@
 "use strict";
 
 (function () {
-  const ROWS_WORTH_A_FILTER = 8;
+  const ROWS_WORTH_A_FILTER = 15;
 
   /* "1.32 ± 0.04", "1,946" and "–" sort as 1.32, 1946 and last. */
   function valueOf(cell) {

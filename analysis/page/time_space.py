@@ -3,13 +3,12 @@
 from __future__ import annotations
 
 import base64
-from collections.abc import Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
 import numpy.typing as npt
-from markupsafe import Markup
 from matplotlib import colormaps
 from matplotlib.colors import to_hex
 
@@ -20,7 +19,7 @@ from .embedded import embedded
 
 EVERY = 10  # frames between two points of a path: a second, in which a vehicle covers a car length or a few
 COLOURS = [to_hex(colormaps["cividis"](share)) for share in np.linspace(0.0, 1.0, 32)]  # safe for colour-blind readers
-FASTEST = 30.0  # m/s, at the end of the colours
+SPEED_STEP = 5.0  # m/s, to which the fastest colour is rounded
 FINEST, SPEED_UNIT = 0.1, 0.25  # m and m/s of one step of the stored numbers
 
 
@@ -34,8 +33,8 @@ class Mark:
 
 
 def diagram(
-    key: str, title: str, recording: Recording, period: str, marks: Sequence[Mark] = ()
-) -> dict[str, Any]:  # fmt: skip
+    key: str, title: str, recording: Recording, period: str, *, fastest: float, marks: Sequence[Mark] = ()
+) -> dict[str, Any]:
     """Return what ``page/time_space.html.j2`` shows of one period.
 
     Parameters
@@ -45,6 +44,8 @@ def diagram(
     title : str
     recording : Recording
     period : str
+    fastest : float
+        Speed at the end of the colours (m/s).
     marks : sequence of Mark
         Framed stretches, times in seconds since the period's first frame.
 
@@ -69,13 +70,39 @@ def diagram(
         "x": _packed((kept[c.X].to_numpy() - low) / unit, np.uint16), "x_unit": unit,
         "v": _packed(kept[c.SPEED].to_numpy() / SPEED_UNIT, np.uint8), "v_unit": SPEED_UNIT,
         "lanes": _packed(kept[c.LANE].to_numpy(), np.uint8),
-        "colours": COLOURS, "fastest": FASTEST,
+        "colours": COLOURS, "fastest": fastest,
         "marks": [{"label": mark.label, "place": mark.place, "time": mark.time} for mark in marks],
     }  # fmt: skip
     return {
         "key": key, "title": title, "lanes": sorted(int(lane) for lane in kept[c.LANE].unique()), "slowest": 0,
-        "fastest": f"{FASTEST:g}", "ramp": ", ".join(COLOURS[::4]), "data": Markup(embedded(data)),
+        "fastest": f"{fastest:g}", "ramp": ", ".join(COLOURS[::4]), "data": embedded(data),
     }  # fmt: skip
+
+
+def diagrams_of(recordings: Mapping[str, Recording]) -> list[dict[str, Any]]:
+    """Return a diagram of the first period of each recording.
+
+    Parameters
+    ----------
+    recordings : mapping of str to Recording
+        By the title of the diagram.
+
+    Returns
+    -------
+    list of dict
+        See :func:`diagram`; a page shows them with the same stretch of road and time.
+    """
+    fastest = colours_end(recordings.values())
+    return [
+        diagram(str(number), title, one, one.periods[0], fastest=fastest)
+        for number, (title, one) in enumerate(recordings.items(), 1)
+    ]
+
+
+def colours_end(recordings: Iterable[Recording]) -> float:
+    """Return the speed (m/s) at the end of the colours, the same for all: nearly the fastest, rounded up."""
+    most = max(float(one.table[c.SPEED].quantile(0.99)) for one in recordings)
+    return max(SPEED_STEP, SPEED_STEP * float(np.ceil(most / SPEED_STEP)))
 
 
 def _packed(values: npt.ArrayLike, kind: type[np.uint8 | np.uint16]) -> str:

@@ -10,7 +10,6 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 import pandas as pd
-from markupsafe import Markup
 
 from idm_sumo.recordings import columns as c
 from idm_sumo.recordings.recording import Recording
@@ -24,7 +23,6 @@ from ..page.page import render
 from ..page.style import METHOD_NAMES, dark_colour, line_dash, method_colour
 
 AHEAD, BEHIND = 450.0, 300.0  # m of traffic kept around the recorded car
-HERE = Path(__file__).parent
 
 
 @dataclass(frozen=True)
@@ -75,8 +73,7 @@ def write_player(
     render(
         path, "replay/player.html.j2", title=title, answer=answer, notes=notes, footnote=footnote, scores=scores,
         road_alt=f"The road from above with recorded vehicle {scenes.vehicle[0]} and {len(played)} modelled cars",
-        data=Markup(embedded(player_data(recording, scenes, played))),
-        script=Markup((HERE / "player.js").read_text(encoding="utf-8")),
+        data=embedded(player_data(recording, scenes, played)),
     )  # fmt: skip
 
 

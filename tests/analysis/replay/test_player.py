@@ -5,7 +5,6 @@ from __future__ import annotations
 import json
 import re
 import time
-from collections.abc import Iterator
 from pathlib import Path
 from typing import Any
 
@@ -20,7 +19,6 @@ from idm_sumo.simulation.rollout import drive_constant_velocity
 from tests.helpers.browser import (
     complaints,
     least_contrast,
-    open_browser,
     overflows,
     prefer,
     requests,
@@ -55,12 +53,6 @@ def page(tmp_path_factory: pytest.TempPathFactory) -> Path:
     path = tmp_path_factory.mktemp("player") / "replay.html"
     write_player(path, whole, scenes, played, scores, title=HOSTILE, answer=HOSTILE, notes=[HOSTILE])
     return path
-
-
-@pytest.fixture(scope="module")
-def browser() -> Iterator[Any]:
-    with open_browser() as driver:
-        yield driver
 
 
 @pytest.fixture
