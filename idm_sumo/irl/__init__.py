@@ -20,7 +20,10 @@ _ROOMS = {"ReplayEnv": "idm_sumo.irl.environment", "ReplayVecEnv": "idm_sumo.irl
 
 
 def __getattr__(name: str) -> Any:
-    """Import an environment when it is asked for: its libraries are an extra."""
+    """Import an environment on first use.
+
+    Its libraries are an extra.
+    """
     if name not in _ROOMS:
         raise AttributeError(f"module {__name__!r} has no attribute {name!r}")
     return getattr(importlib.import_module(_ROOMS[name]), name)
