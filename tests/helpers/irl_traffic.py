@@ -26,8 +26,15 @@ def busy(cars: int = 6, *, horizon: int = 30, seed: int = 1, has_leader_rows: bo
         y = middle + rng.uniform(-0.3, 0.3) * np.ones(FRAMES)
         all_cars.append(Car(i + 1, x0, speed=speed, y=y, frames=FRAMES, headway=rng.uniform(15, 25) + 4.0))
         for number, (dx, where) in enumerate(((18, lane), (-16, lane), (6, left), (-8, right), (28, right))):
-            other = Car(10_000 + 10 * i + number, x0 + dx + rng.uniform(-3, 3), lane=where + rng.uniform(-0.1, 0.1),
-                        speed=speed + rng.uniform(-1.5, 1.5), frames=FRAMES, length=rng.uniform(4, 8))  # fmt: skip
+            x, aside = x0 + dx + rng.uniform(-3, 3), rng.uniform(-0.1, 0.1) * float(US101.lane_width(where))
+            other = Car(
+                10_000 + 10 * i + number,
+                x,
+                y=np.full(FRAMES, float(US101.lane_center(where)) - aside),
+                speed=speed + rng.uniform(-1.5, 1.5),
+                frames=FRAMES,
+                length=rng.uniform(4, 8),
+            )
             if has_leader_rows:
                 all_cars.append(other)
     return scenes(
