@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
 import numpy as np
 import pandas as pd
@@ -127,14 +127,17 @@ def _caption(results: Results) -> str:
             "the recording holds only the modelled vehicles, so a modelled vehicle follows the leader of its "
             "recorded one, also through recorded lane changes, and the leader's length is assumed"
         )
-    driver: dict[str, Any] = {"sumo": "SUMO", "kernel": "the compiled kernel"}
+    carrier = {"sumo": "SUMO carries the recorded vehicles", "kernel": "Compiled kernels carry the recorded vehicles"}
     parts = [
         f"Trained on {len(results.study.train)} drivers of {', '.join(results.source.train)}; tested on "
         f"{len(results.study.test)} of {', '.join(results.source.test)}. Mean ± standard error over vehicles. "
-        f"Driven in {driver[settings.backend]}, Euler with the old speed; {leader}. Collisions are those at the "
-        "modelled vehicle's fault.",
+        f"{carrier[settings.backend]}; the modelled ones are driven beside them by our own step, Euler with the old "
+        f"speed; {leader}. Collisions are those at the modelled vehicle's fault.",
     ]
     if settings.backend == "sumo":
-        parts.append(f"SUMO and the compiled kernel differ by at most {results.backend_difference_m * 1000:.2g} mm.")
+        parts.append(
+            f"With the recorded positions read back from SUMO and without SUMO the results differ by at most "
+            f"{results.backend_difference_m * 1000:.2g} mm."
+        )
     parts.append(_on_agents(results))
     return " ".join(parts)

@@ -17,8 +17,9 @@ name what the IDM gets wrong in a recording, and measure the gain
 Every driver is simulated behind its recorded leader, window by window. What
 refitting its own parameters can absorb is taken out first; what is left is held
 against a catalogue of causes (reaction delay, a second leader, lane changes,
-trucks, places, times, ...). A cause is named only if the extended model is
-better for drivers that were never touched.
+trucks, places, times, ...). A cause is named if it is likely at its size and
+makes the simulation better for the drivers that it was fitted to. What all
+causes gain together is measured on a quarter of the drivers, set aside before.
 
 Before that the IDM is held against other car-following laws (full velocity
 difference, Krauss, Gipps, optimal velocity, the improved IDM). If the drivers
