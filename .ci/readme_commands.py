@@ -1,7 +1,7 @@
-"""Run the commands of the documents' ``sh`` blocks, as printed: ``readme_commands.py [start|rest]``.
+"""Run the commands of the documents' ``sh`` blocks, as printed: ``readme_commands.py [start-run|start-test|rest]``.
 
-``start`` runs the README's section Start (the main job and the tests), ``rest`` the README's other commands and those of
-the pages in ``docs``; without either, all are run. A command that several pages show is run once. ``RECORDING`` stands
+``start-run`` runs the first command of the README's section Start (the main job), ``start-test`` its other ones (the
+tests), ``rest`` the README's other commands and those of the pages in ``docs``; without any, all are run. A command that several pages show is run once. ``RECORDING`` stands
 for a file of the reader's; here it is a short surrogate. Blocks of another language (``console``) are not run: they need
 a network, an extra or hours.
 """
@@ -27,14 +27,17 @@ def commands(text: str) -> list[str]:
     return [line.strip() for line in lines if line.strip() and not line.startswith("#")]
 
 
-def texts(which: str) -> list[str]:
-    """Return the documents whose commands are to be run."""
+def chosen(which: str) -> list[str]:
+    """Return the commands that are to be run, each once."""
     readme = (ROOT / "README.md").read_text(encoding="utf-8")
     end = readme.index("\n## ", readme.index("\n## Start") + 1)
     pages = [page for page in (ROOT / "docs").rglob("*.md") if "_build" not in page.parts]
     pages.sort(key=lambda page: (page.name != FIRST, page))
-    docs = [page.read_text(encoding="utf-8") for page in pages]
-    return {"start": [readme[:end]], "rest": [readme[end:], *docs], "all": [readme, *docs]}[which]
+    first, *tests = commands(readme[:end])
+    texts = [readme[end:], *(page.read_text(encoding="utf-8") for page in pages)]
+    rest = [command for text in texts for command in commands(text) if command not in (first, *tests)]
+    parts = {"start-run": [first], "start-test": tests, "rest": rest, "all": [first, *tests, *rest]}
+    return list(dict.fromkeys(parts[which]))
 
 
 def run(command: str, recording: Path) -> None:
@@ -55,9 +58,8 @@ def run(command: str, recording: Path) -> None:
 def main() -> None:
     """Run them in order; stop at the first that fails."""
     which = sys.argv[1] if len(sys.argv) > 1 else "all"
-    found = dict.fromkeys(command for text in texts(which) for command in commands(text))
     with tempfile.TemporaryDirectory() as folder:
-        for command in found:
+        for command in chosen(which):
             run(command, Path(folder) / "recording.parquet")
 
 

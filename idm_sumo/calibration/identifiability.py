@@ -50,7 +50,7 @@ NEAR_BOUND = 1e-3  # of the range
 # share of the errors that the fit leaves, and not below this share. What is left differs by parameter
 # and is set right by FACTORS; SYSTEMATIC (of log(b)) is what smoothing the leader's speed moves b by,
 # however long the window. All chosen on known drivers so that 90 to 98 % are covered in windows of 10,
-# 30 and 60 s (tests/test_calibration_recovery.py), every parameter by itself.
+# 30 and 60 s (tests/calibration/test_recovery.py), every parameter by itself.
 SMALL_SAMPLE, LEAST_LEFT = 5, 0.5
 FACTORS = np.array([0.8, 1.0, 1.06, 1.15, 1.0])
 SYSTEMATIC = np.array([0.0, 0.04, 0.0, 0.0, 0.0])

@@ -2,7 +2,7 @@ r"""The three ways to step a vehicle along its lane, and rollouts of many driver
 
 The paper's transition model is Euler with the old speed. SUMO offers Euler with the new
 speed (its default) and the ballistic update. Every figure has to say which one made it: over
-a minute the three differ by decimetres (``tests/test_parity.py``).
+a minute the three differ by decimetres (``tests/sumo/export/test_parity.py``).
 """
 
 from __future__ import annotations

@@ -31,7 +31,10 @@ def test_no_public_name_is_that_of_a_module():
 
 
 def test_rooms_imported_before_or_after_do_not_hide_names():
-    code = "import idm_sumo{}; from idm_sumo import calibrate, score; import idm_sumo.calibration.table; print(callable(idm_sumo.calibrate), callable(idm_sumo.score))"
+    code = (
+        "import idm_sumo{}; from idm_sumo import calibrate, score; import idm_sumo.calibration.table; "
+        "print(callable(idm_sumo.calibrate), callable(idm_sumo.score))"
+    )
     for first in ("", ".calibration", ".evaluation.metrics"):
         assert run(code.format(first)) == "True True"
 

@@ -66,7 +66,8 @@ def test_fits_a_second_side_by_side(benchmark):
     }
     rate = len(ours) / seconds
     print(
-        "\n\n| solver | fits a second of one core | ours is faster by | mean objective (m) | ours, same drivers | ours as good |"
+        "\n\n| solver | fits a second of one core | ours is faster by | mean objective (m) "
+        "| ours, same drivers | ours as good |"
     )
     print("|---|---|---|---|---|---|")
     print(f"| ours | {rate:.0f} | | {ours.mean():.4f} | {ours.mean():.4f} | |")

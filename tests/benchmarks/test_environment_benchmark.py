@@ -40,7 +40,8 @@ def _plain(scenes: Scenes, training: Any) -> Any:
     from idm_sumo.irl.environment import ReplayEnv
 
     model = PPO(
-        "MlpPolicy", ReplayEnv([scenes], REWARD), n_steps=1600, batch_size=training.batch, n_epochs=training.passes, seed=1,
+        "MlpPolicy", ReplayEnv([scenes], REWARD), n_steps=1600, batch_size=training.batch, n_epochs=training.passes,
+        seed=1,
         device="cpu", policy_kwargs={"net_arch": list(training.hidden)},
     )  # fmt: skip
     return model.learn(PLAIN_STEPS)

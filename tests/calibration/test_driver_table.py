@@ -14,8 +14,10 @@ from idm_sumo.runtime.errors import InputError
 def drivers(**columns: object) -> pd.DataFrame:
     """Three sound drivers, with some columns replaced."""
     table = pd.DataFrame({
-        "period": "0750-0805", "vehicle": [11, 12, 13], "a": [1.0, 1.5, 0.8], "b": [1.5, 2.0, 1.0], "T": [1.2, 0.9, 1.6],
-        "d0": [2.0, 2.5, 3.0], "d1": [0.0, 1.0, 3.0], "depart_s": [0.0, 1.0, 2.0], "lane": [1, 2, 3], "x_m": [5.0, 5.0, 5.0],
+        "period": "0750-0805", "vehicle": [11, 12, 13], "a": [1.0, 1.5, 0.8], "b": [1.5, 2.0, 1.0],
+        "T": [1.2, 0.9, 1.6],
+        "d0": [2.0, 2.5, 3.0], "d1": [0.0, 1.0, 3.0], "depart_s": [0.0, 1.0, 2.0], "lane": [1, 2, 3],
+        "x_m": [5.0, 5.0, 5.0],
         "y_m": [-1.8, -5.5, -9.1], "speed_m_s": [12.0, 11.0, 10.0], "length_m": 4.7, "width_m": 1.9, "vehicle_class": 2,
     })  # fmt: skip
     return table.assign(**columns)
@@ -96,7 +98,8 @@ def test_no_drivers_at_all() -> None:
 @pytest.mark.parametrize(
     ("columns", "word"),
     [
-        ({"lane": [1, 9, 3]}, "lane = 9"), ({"lane": [1, 2.5, 3]}, "lane = 2.5"), ({"x_m": [1.0, np.nan, 3.0]}, "x_m = nan"),
+        ({"lane": [1, 9, 3]}, "lane = 9"), ({"lane": [1, 2.5, 3]}, "lane = 2.5"),
+        ({"x_m": [1.0, np.nan, 3.0]}, "x_m = nan"),
         ({"speed_m_s": [1.0, -2.0, 3.0]}, "speed_m_s = -2"), ({"depart_s": [0.0, -1.0, 2.0]}, "depart_s = -1"),
         ({"length_m": [4.0, 0.0, 4.0]}, "length_m = 0"), ({"vehicle_class": [2, 7, 2]}, "vehicle_class = 7"),
     ],

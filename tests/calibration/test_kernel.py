@@ -127,7 +127,8 @@ def test_gradients_are_finite_differences(known, theta, driver, objective, loss)
     z = kernel.to_search(theta)[None]
     values, gradient, normal = kernel.costs_and_derivatives(problem, z, 0.1)
     assume(np.isfinite(values).all())
-    # Small: among clips and kinks a rollout bends sharply. Where it is unstable (thousands of metres a unit) smaller still.
+    # Small: among clips and kinks a rollout bends sharply. Where it is unstable (thousands of metres a unit) smaller
+    # still.
     h = 1e-7 if np.abs(gradient).max() < 100.0 else 1e-9
     steps = h * np.concatenate([np.eye(5), -np.eye(5)])
     around = kernel.costs(problem, (z[:, None] + steps).copy(), 0.1)[0]

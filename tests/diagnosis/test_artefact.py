@@ -9,7 +9,7 @@ from idm_sumo.diagnosis import artefact
 from idm_sumo.recordings import columns as c
 from idm_sumo.recordings.recording import Recording
 from idm_sumo.recordings.smoothing import runs
-from tests.helpers.diagnosis import recorded
+from tests.helpers.followers import recorded
 
 PLACE = 150.0
 

@@ -18,7 +18,7 @@ from idm_sumo.diagnosis.noise import QUIET
 from idm_sumo.diagnosis.result import Gain
 from idm_sumo.diagnosis.sizes import Tried, gain_of, with_cause
 from idm_sumo.models.effects import slots
-from tests.helpers.diagnosis import candidate, followers
+from tests.helpers.followers import candidate, followers
 
 
 def test_the_cause_that_drives_clearly_nearer_is_chosen():

@@ -20,7 +20,7 @@ from idm_sumo.diagnosis.result import Gain
 from idm_sumo.diagnosis.search import Found
 from idm_sumo.diagnosis.sizes import Tried, with_cause
 from idm_sumo.models import laws
-from tests.helpers.diagnosis import candidate, evidence, followers, free
+from tests.helpers.followers import candidate, evidence, followers, free
 
 diagnosing = sys.modules["idm_sumo.diagnosis.diagnose"]  # the package's name is that of the function
 

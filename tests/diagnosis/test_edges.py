@@ -16,7 +16,7 @@ from idm_sumo.diagnosis.look import Subject
 from idm_sumo.diagnosis.luck import Noises
 from idm_sumo.diagnosis.noise import QUIET
 from idm_sumo.models.effects import BY_NAME, slots
-from tests.helpers.diagnosis import followers
+from tests.helpers.followers import followers
 
 
 def test_slices_in_which_more_is_wanted_are_taken_in_and_others_left_out():

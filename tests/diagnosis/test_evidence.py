@@ -23,7 +23,7 @@ from idm_sumo.diagnosis.noise import QUIET
 from idm_sumo.diagnosis.twins import drawn_anew, start_behind
 from idm_sumo.models import laws
 from idm_sumo.models.effects import slots
-from tests.helpers.diagnosis import followers
+from tests.helpers.followers import followers
 
 START = np.array([1e-4, 1e-4])
 

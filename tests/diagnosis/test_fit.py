@@ -12,7 +12,7 @@ from idm_sumo.diagnosis import rollout as ro
 from idm_sumo.diagnosis.fit import LOWER, UPPER, elsewhere, fit_drivers, for_rollouts, improve, linearise, misfits
 from idm_sumo.models import laws
 from idm_sumo.models.effects import slots
-from tests.helpers.diagnosis import DRIVERS, followers
+from tests.helpers.followers import DRIVERS, followers
 
 START = np.array([1e-4, 1e-4])
 LOST = np.array([3, 17])

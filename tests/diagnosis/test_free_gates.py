@@ -10,7 +10,7 @@ from idm_sumo.diagnosis import free_gates, gates
 from idm_sumo.diagnosis.atoms import Atom
 from idm_sumo.diagnosis.hypotheses import Candidate
 from idm_sumo.models.effects import slots
-from tests.helpers.diagnosis import evidence, free
+from tests.helpers.followers import evidence, free
 
 
 @pytest.mark.parametrize(

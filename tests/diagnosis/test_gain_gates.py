@@ -10,7 +10,7 @@ from idm_sumo.diagnosis import gain_gates, gates
 from idm_sumo.diagnosis.law import beneath, of
 from idm_sumo.diagnosis.result import Gain
 from idm_sumo.models import laws
-from tests.helpers.diagnosis import tried
+from tests.helpers.followers import tried
 
 SURE_AS_THE_FIRST = 300.0
 

@@ -11,7 +11,7 @@ from idm_sumo.diagnosis import gates
 from idm_sumo.diagnosis.atoms import Atom
 from idm_sumo.diagnosis.evidence import Evidence
 from idm_sumo.diagnosis.hypotheses import Candidate
-from tests.helpers.diagnosis import evidence, free, tried
+from tests.helpers.followers import evidence, free, tried
 
 
 def test_a_delay_is_not_held_against_what_it_looks_like_itself():

@@ -10,7 +10,7 @@ from idm_sumo.diagnosis import rollout as ro
 from idm_sumo.diagnosis.fit import fit_drivers
 from idm_sumo.models import laws
 from idm_sumo.models.effects import slots
-from tests.helpers.diagnosis import followers
+from tests.helpers.followers import followers
 
 START = np.array([1e-4, 1e-4])
 FORMS = [law.of(number) for number in range(len(laws.NAMES))]

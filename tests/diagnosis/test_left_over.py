@@ -18,7 +18,7 @@ from idm_sumo.diagnosis.fit import Fit, fit_drivers, linearise
 from idm_sumo.diagnosis.linear_pulses import GUARD, LINEAR
 from idm_sumo.diagnosis.pulses import Pulses, pulses_of
 from idm_sumo.diagnosis.scans import Stretch
-from tests.helpers.diagnosis import followers
+from tests.helpers.followers import followers
 
 START = np.array([1e-4, 1e-4])
 

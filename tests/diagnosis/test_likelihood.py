@@ -11,7 +11,7 @@ from idm_sumo.diagnosis import windows as w
 from idm_sumo.diagnosis.fit import FREEDOM, fit_drivers, linearise
 from idm_sumo.diagnosis.likelihood import log_likelihood
 from idm_sumo.models import laws
-from tests.helpers.diagnosis import followers
+from tests.helpers.followers import followers
 
 START = np.array([0.01, 0.01])
 

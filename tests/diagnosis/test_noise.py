@@ -13,7 +13,7 @@ from idm_sumo.diagnosis.smoother import FARTHEST, local_cubic, posterior_mean
 from idm_sumo.recordings import columns as c
 from idm_sumo.recordings.recording import Recording
 from idm_sumo.recordings.smoothing import WINDOW
-from tests.helpers.diagnosis import ERRORS, MOTION, recorded
+from tests.helpers.followers import ERRORS, MOTION, recorded
 from tests.simulators.first.files import position_noise
 
 

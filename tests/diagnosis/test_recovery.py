@@ -16,7 +16,7 @@ from idm_sumo.diagnosis.luck import Noises
 from idm_sumo.diagnosis.noise import QUIET
 from idm_sumo.diagnosis.recovery import SOONEST, best_times, is_over_at_once, recovered
 from idm_sumo.models.effects import slots
-from tests.helpers.diagnosis import followers
+from tests.helpers.followers import followers
 
 BOTH = [slots.RELAXATION, slots.RELAXATION_TIME]
 

@@ -11,7 +11,7 @@ from idm_sumo.diagnosis import fit as fits
 from idm_sumo.diagnosis import rollout as ro
 from idm_sumo.diagnosis.fit import elsewhere, fit_drivers, improve, rollouts
 from idm_sumo.diagnosis.rolled import NUDGES, STEP, roll
-from tests.helpers.diagnosis import followers
+from tests.helpers.followers import followers
 
 START = np.array([1e-4, 1e-4])
 

@@ -16,7 +16,7 @@ from idm_sumo.diagnosis.noise import QUIET
 from idm_sumo.diagnosis.twins import make_twin, refit
 from idm_sumo.models.effects import Stimuli, extended_acceleration, slots
 from idm_sumo.models.effects.reaction_delay import acted_on
-from tests.helpers.diagnosis import DRIVERS, EACH, followers
+from tests.helpers.followers import DRIVERS, EACH, followers
 
 
 @pytest.fixture(name="plain", scope="module")

@@ -21,7 +21,7 @@ from idm_sumo.diagnosis.result import Gain
 from idm_sumo.diagnosis.search import Brief, _next
 from idm_sumo.diagnosis.sizes import Tried, with_cause
 from idm_sumo.models.effects import slots
-from tests.helpers.diagnosis import candidate, evidence, followers, free
+from tests.helpers.followers import candidate, evidence, followers, free
 
 
 @pytest.mark.parametrize(("support", "named"), [(68.0, False), (120.0, True)])

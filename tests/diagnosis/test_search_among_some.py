@@ -16,7 +16,7 @@ from idm_sumo.diagnosis.result import Gain
 from idm_sumo.diagnosis.search import Found
 from idm_sumo.models.effects import slots
 from idm_sumo.runtime.progress import silent
-from tests.helpers.diagnosis import DRIVERS, FIT, evidence, followers, free, tried
+from tests.helpers.followers import DRIVERS, FIT, evidence, followers, free, tried
 
 GAIN = Gain("ade_m", 1.0, 0.9, 0.1, (0.05, 0.15), 10, False)
 HAS = np.arange(DRIVERS) % 2 == 0

@@ -24,7 +24,7 @@ from idm_sumo.diagnosis.noise import QUIET
 from idm_sumo.diagnosis.result import Gain
 from idm_sumo.diagnosis.sizes import STEEPEST, Stride, TwinScore, climbed, drive_worse, refined, with_cause, with_value
 from idm_sumo.models.effects import BY_NAME, slots
-from tests.helpers.diagnosis import followers
+from tests.helpers.followers import followers
 
 NAME = "perception_threshold"
 FIRST = BY_NAME[NAME].parameters[0]

@@ -11,7 +11,7 @@ from scipy.signal import savgol_filter
 from idm_sumo.diagnosis.noise import Noise
 from idm_sumo.diagnosis.smoother import LONGEST, Smoother, local_cubic, posterior_mean, travelled, window_for
 from idm_sumo.recordings.smoothing import WINDOW
-from tests.helpers.diagnosis import ERRORS, MOTION
+from tests.helpers.followers import ERRORS, MOTION
 
 FILTERS = [local_cubic(21), posterior_mean(ERRORS, MOTION)]
 

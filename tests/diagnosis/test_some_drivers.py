@@ -14,7 +14,7 @@ from idm_sumo.diagnosis import some_drivers as sd
 from idm_sumo.diagnosis import windows as w
 from idm_sumo.diagnosis.fit import fit_drivers
 from idm_sumo.models.effects import slots
-from tests.helpers.diagnosis import DRIVERS, followers
+from tests.helpers.followers import DRIVERS, followers
 
 START = np.array([0.01, 0.01])
 LATE = np.arange(DRIVERS) % 5 < 2

@@ -26,7 +26,7 @@ from idm_sumo.diagnosis.statements import (
 )
 from idm_sumo.models import laws
 from idm_sumo.models.effects import slots
-from tests.helpers.diagnosis import FIT, evidence, free, tried
+from tests.helpers.followers import FIT, evidence, free, tried
 
 
 @pytest.mark.parametrize(("delay", "doubt"), [(-6.0, LAW_DOUBT), (-2.0, FORM_DOUBT), (6.0, FORM_DOUBT)])

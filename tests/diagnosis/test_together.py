@@ -13,7 +13,7 @@ from idm_sumo.diagnosis.choice import Accepted
 from idm_sumo.diagnosis.fit import fit_drivers
 from idm_sumo.diagnosis.result import Gain
 from idm_sumo.diagnosis.sizes import Tried, with_cause, without_cause
-from tests.helpers.diagnosis import candidate, evidence, followers
+from tests.helpers.followers import candidate, evidence, followers
 
 
 def gain(share):

@@ -12,7 +12,7 @@ from idm_sumo.diagnosis.fit import fit_drivers
 from idm_sumo.diagnosis.luck import Noises
 from idm_sumo.diagnosis.noise import DRIVER_MEMORIES, QUIET
 from idm_sumo.diagnosis.twins import driver_noise
-from tests.helpers.diagnosis import followers
+from tests.helpers.followers import followers
 
 
 def pushed(rows: int, frames: int, sd: float, memory: float, rng: np.random.Generator) -> np.ndarray:

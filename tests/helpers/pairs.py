@@ -1,4 +1,4 @@
-"""Inputs that several tests share."""
+"""Leader-follower pairs as other people record them: one row a frame, both vehicles in it."""
 
 from __future__ import annotations
 

@@ -43,7 +43,8 @@ def _platoon(
         number = platoon * cars + car + 1
         frame = first + np.arange(frames)
         rows.append(pd.DataFrame({
-            "Vehicle_ID": number, "Frame_ID": frame, "Total_Frames": frames, "Global_Time": STARTS[period] + 100 * frame,
+            "Vehicle_ID": number, "Frame_ID": frame, "Total_Frames": frames,
+            "Global_Time": STARTS[period] + 100 * frame,
             "Local_X": 12 * (lane - 0.5) + 0.3, "Local_Y": x / FEET, "Global_X": 0.0, "Global_Y": 0.0, "v_Length": 15.0,
             "v_Width": 6.0, "v_Class": 2, "v_Vel": 36.0, "v_Acc": 0.0, "Lane_ID": lane,
             "Preceding": number - 1 if car else 0, "Following": 0,

@@ -20,7 +20,8 @@ STEP = 1e-5
 
 @pytest.mark.parametrize(
     ("function", "low", "high"),
-    [(f.lane_middle, -18.0, 0.0), (f.boundaries, -18.0, 0.0), (f.along_road, -0.5, 0.5), (lambda u: f.effort(u, 0.7), -3, 3)],
+    [(f.lane_middle, -18.0, 0.0), (f.boundaries, -18.0, 0.0), (f.along_road, -0.5, 0.5),
+        (lambda u: f.effort(u, 0.7), -3, 3)],
 )  # fmt: skip
 def test_derivatives_of_one_number(function: Callable[[float], tuple[float, ...]], low: float, high: float) -> None:
     for z in np.linspace(low, high, 37):

@@ -27,7 +27,8 @@ DRIVER = (1.2, 1.8, 1.3, 2.0, 0.4)
 LIMIT = 25.0
 SEEN = Stimuli(
     x=100.0, t=50.0, leader_acceleration=0.8, leader_class=3.0, own_class=3.0, lane=2.0, second_gap=40.0,
-    second_speed=9.0, adjacent_speed=6.0, rear_gap=5.0, jump=12.0, since_change=4.0, accepted_headway=0.6, until_cut_in=2.0,
+    second_speed=9.0, adjacent_speed=6.0, rear_gap=5.0, jump=12.0, since_change=4.0, accepted_headway=0.6,
+    until_cut_in=2.0,
     until_own_change=2.0, mean_speed=8.0, next_adjacent_speed=4.0, leader_acceleration_mean=0.2,
 )  # fmt: skip
 
@@ -301,7 +302,8 @@ def test_confusable_names_are_in_the_catalogue():
 def test_a_model_survives_its_file(tmp_path):
     model = ExtendedModel(
         IDMParameters(1.1, 1.7, 1.2, 2.0, 0.0), 27.0,
-        (Cause("reaction_delay", {"tau": 0.4, "eta": 1.0, "zeta": 0.0, "xi": 0.0}), Cause("location", {"alpha": -0.1, "x_1": 200.0, "x_2": 350.0}, (2, 3))), "here",
+        (Cause("reaction_delay", {"tau": 0.4, "eta": 1.0, "zeta": 0.0, "xi": 0.0}),
+            Cause("location", {"alpha": -0.1, "x_1": 200.0, "x_2": 350.0}, (2, 3))), "here",
     )  # fmt: skip
     model.write(tmp_path / "model.json")
     back = ExtendedModel.read(tmp_path / "model.json")

@@ -1,4 +1,4 @@
-"""Prediction through the rollout: a planted relation is found, uncertainty is honest, and what cannot be predicted says so."""
+"""Prediction through the rollout: a planted relation is found and uncertainty is honest."""
 
 from dataclasses import replace
 
@@ -26,7 +26,7 @@ from tests.helpers.known_drivers import known_drivers
 
 
 def planted(n, seed):
-    """Return drivers whose time headway is a line in the speed they are first seen with, driven exactly, and that headway."""
+    """Return drivers whose time headway is linear in their first speed, driven exactly, and that headway."""
     scenes, _ = known_drivers(n, seed=seed)
     theta = np.tile([1.2, 1.6, 1.0, 2.0, 0.0], (n, 1))
     theta[:, 2] = np.clip(0.4 + 0.12 * first_second(scenes)[SPEED], 0.2, 3.0)

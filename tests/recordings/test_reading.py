@@ -191,7 +191,8 @@ def test_an_unknown_layout_names_what_it_has_and_needs(tmp_path: Path) -> None:
     for name in ("pairs.parquet", "pairs.csv"):
         refused(
             tmp_path / name,
-            r"unknown layout .found follower, leader, spacing.; nearest is pairs: column t, x_follower, x_leader missing",
+            r"unknown layout .found follower, leader, spacing.; "
+            r"nearest is pairs: column t, x_follower, x_leader missing",
         )
 
 

@@ -13,7 +13,7 @@ from idm_sumo.scenes.windows import Window, build_scenes
 from idm_sumo.simulation.extended_rollout import drive_extended
 from idm_sumo.simulation.rollout import drive_idm
 from idm_sumo.sumo.replay.one_vehicle import replay
-from tests.helpers.replayed import DRIVER, assert_same, crowd, vehicle
+from tests.helpers.replays import DRIVER, assert_same, crowd, vehicle
 
 DRIVEN = [effect for effect in CATALOGUE if effect.parameters]
 

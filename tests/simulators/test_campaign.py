@@ -12,7 +12,8 @@ from tests.simulators.campaign import run as campaign
 from tests.simulators.campaign.scores import outcome, scored, sized
 from tests.simulators.campaign.tables import laws, summarise
 
-PLAN = {"underlying": "idm", "noise": "white", "sigma": 0.3, "form": "usual", "density": "congested", "lanes": 4, "only_lane": 1,
+PLAN = {"underlying": "idm", "noise": "white", "sigma": 0.3, "form": "usual", "density": "congested", "lanes": 4,
+    "only_lane": 1,
         "place": [200.0, 300.0], "time": [100.0, 200.0]}  # fmt: skip
 
 
@@ -47,7 +48,8 @@ SEAM = {"covariate": "position and time", "position_m": [190.0, 310.0], "time_s"
         (trial("pair", {"location": 0.4, "hysteresis": 0.2}, [cause("location"), cause("hysteresis")]), "right"),
         (trial("outside", {"distraction": 0.4}, [cause("location")]), "wrong"),
         (trial("outside", {"distraction": 0.4}, verdict="unknown", unexplained=[SEAM]), "right"),
-        (trial("outside", {"distraction": 0.4}, verdict="unknown", unexplained=[{**SEAM, "position_m": [400.0, 500.0]}]),
+        (trial("outside", {"distraction": 0.4}, verdict="unknown",
+            unexplained=[{**SEAM, "position_m": [400.0, 500.0]}]),
          "unknown, elsewhere"),
         (trial("one lane", {"hysteresis": 0.4}, [{**cause("hysteresis"), "where": {"lanes": [2]}}]), "right"),
         (trial("one lane", {"hysteresis": 0.4}, [{**cause("hysteresis"), "where": {"lanes": [3]}}]), "all lanes"),
@@ -61,7 +63,8 @@ def test_outcomes(one, expected):
 def test_sizes_and_gains():
     trials = pd.DataFrame([
         trial("single", {"location": 0.5}, [cause("location")]), trial("single", {"location": 0.5}), trial("none", {}),
-        trial("pair", {"location": 0.1, "hysteresis": 0.4}, [cause("hysteresis"), cause("location", -0.2, (-0.3, 0.1))]),
+        trial("pair", {"location": 0.1, "hysteresis": 0.4},
+            [cause("hysteresis"), cause("location", -0.2, (-0.3, 0.1))]),
         trial("some drivers", {"location": 0.5}, [cause("location")]),
     ])  # fmt: skip
     rows, sizes = scored(trials), sized(trials)

@@ -155,7 +155,8 @@ def test_the_forms_are_what_they_say():
     assert headway(1.2, 8.0, none, False, 0.0, 0.0, True, False, 10.0, 0.0, False, False) == 1.2
 
 
-# What is seen, what it must do to the acceleration of a driver 15 m behind at 10 m/s (closing in at 0.2 m/s), by effect.
+# What is seen, what it must do to the acceleration of a driver 15 m behind at 10 m/s (closing in at 0.2 m/s), by
+# effect.
 DIRECTIONS = {
     "multi_leader_anticipation": ({act.SECOND_REACH: 125.0, act.SECOND_V: 5.0}, -1),
     "lane_change_relaxation": ({act.JUMP: 10.0, act.SINCE: 1.0}, 1),
@@ -264,7 +265,8 @@ def test_the_true_model_gains_what_its_effect_is_worth(underlying):
 
 
 def test_of_two_effects_each_is_worth_something_beside_the_other():
-    planted = simulate(plan(6, effect=("hysteresis", "location"), size="large", underlying="idm", density="congested", **SHORT),
+    planted = simulate(plan(6, effect=("hysteresis", "location"), size="large", underlying="idm", density="congested",
+        **SHORT),
                        remember=True)  # fmt: skip
     truth = achievable(planted, drivers=FEW)
     assert len(truth.without) == 2
@@ -273,7 +275,8 @@ def test_of_two_effects_each_is_worth_something_beside_the_other():
 
 
 def test_without_noise_the_true_model_drives_what_was_driven():
-    planted = simulate(plan(6, effect="hysteresis", size="mid", underlying="idm", driver_noise=0.0, sigma=0.0, density="congested", **SHORT),
+    planted = simulate(plan(6, effect="hysteresis", size="mid", underlying="idm", driver_noise=0.0, sigma=0.0,
+        density="congested", **SHORT),
                        remember=True)  # fmt: skip
     truth = achievable(planted, drivers=FEW)
     assert truth.extended < 0.05 < truth.base

@@ -1,4 +1,4 @@
-"""The second simulator: sound traffic, effects as they are said to be, nothing shared with the finder or the first one."""
+"""The second simulator: sound traffic, effects as described, nothing shared with finder or first one."""
 
 from __future__ import annotations
 

@@ -55,7 +55,8 @@ def demand(recorded: Recording) -> pd.DataFrame:
 
 
 def run(
-    folder: Path, recorded: Recording, demand: pd.DataFrame, theta: np.ndarray = DRIVER, *, seed: int = 1, ego: Ego | None = None,
+    folder: Path, recorded: Recording, demand: pd.DataFrame, theta: np.ndarray = DRIVER, *, seed: int = 1,
+    ego: Ego | None = None,
     model: str = "LC2013", downstream: bool = True,
 ) -> closed_loop.Outcome:  # fmt: skip
     lane_change = populations.lane_change_attributes(model, {})

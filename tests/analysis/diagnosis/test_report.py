@@ -22,9 +22,8 @@ from idm_sumo.diagnosis import CauseFound, Diagnosis, Estimate, Gain, Power, Reg
 from idm_sumo.diagnosis.result import Law, LawCompared, OtherLaw
 from idm_sumo.models.effects import Cause, ExtendedModel
 from idm_sumo.models.idm import TEXTBOOK
+from tests.helpers import runs
 from tests.helpers.pairs import pair
-from tests.simulators.first import plan, simulate
-from tests.simulators.first import write as write_ngsim
 
 
 def residuals(drivers=40, windows=3, moments=24, seed=1) -> pd.DataFrame:
@@ -69,9 +68,11 @@ def named() -> Diagnosis:
         verdict="named", causes=(cause,), without_gain=(), unexplained=(),
         gain=Gain("ade_m", 1.0, 0.9, 0.1, (0.05, 0.15), 20),
         other_gains=(Gain("fde_m", 2.0, 1.8, 0.2, (0.1, 0.3), 20), Gain("collisions", 0.0, 0.0, 0.0, (0.0, 0.0), 20)),
-        ruled_out=(RuledOut("reaction_delay", 0.4, ("hysteresis",), Estimate(0.02, "s", (-0.05, 0.09)), "chance makes as much"),
+        ruled_out=(RuledOut("reaction_delay", 0.4, ("hysteresis",), Estimate(0.02, "s", (-0.05, 0.09)),
+            "chance makes as much"),
                    RuledOut("hysteresis", 0.9, ())),
-        untestable={"leader_class": "no classes were recorded"}, power=(Power("reaction_delay", "tau", "s", 0.2, 0.93),),
+        untestable={"leader_class": "no classes were recorded"},
+        power=(Power("reaction_delay", "tau", "s", 0.2, 0.93),),
         model=model, base_model=ExtendedModel(TEXTBOOK), residuals=table, drivers=drivers, scans=(scan,),
         excluded={"no leader for 12 s": 3}, notes=("a note",), seconds={"fit": 1.0},
     )  # fmt: skip
@@ -335,42 +336,25 @@ def test_too_little_is_none_with_the_reason_and_code_0(tmp_path, capsys) -> None
     assert ExtendedModel.read(tmp_path / "out" / "model.json").causes == ()
 
 
-def test_a_planted_place_is_named_and_its_model_drives(tmp_path, capsys) -> None:
+def test_a_planted_place_is_named_and_its_model_drives(tmp_path, slow_place) -> None:
     """From a file to a replay with the extended model, as a user goes; the finder is tested at length elsewhere."""
-    hidden = plan(
-        5, effect="location", size="large", drivers=200, minutes=3.5, form="usual", underlying="idm", noise="white"
-    )
-    planted = tmp_path / "planted.txt"
-    write_ngsim(simulate(hidden), planted)
-    main(["diagnose", str(planted), "-o", str(tmp_path / "out"), "--jobs", "1"])
-    assert "location" in capsys.readouterr().out
-    content = json.loads((tmp_path / "out" / "diagnosis.json").read_text())
+    planted, out = slow_place / "planted.txt", slow_place / "diagnosis"
+    assert "location" in (slow_place / "said.txt").read_text()
+    content = json.loads((out / "diagnosis.json").read_text())
     first = content["causes"][0]
     assert (content["verdict"], first["name"]) == ("named", "location")
-    assert first["where"]["position_m"] == pytest.approx(hidden.place, abs=40)
+    assert first["where"]["position_m"] == pytest.approx(runs.slow_place().place, abs=40)
     assert content["gain"]["ci95"][0] > 0
-    curve = pd.read_csv(tmp_path / "out" / "tables" / "residual_curves.csv")
+    curve = pd.read_csv(out / "tables" / "residual_curves.csv")
     assert {"base", "extended"} == set(curve["model"])
-    drivers = pd.read_csv(tmp_path / "out" / "tables" / "drivers.csv")
+    drivers = pd.read_csv(out / "tables" / "drivers.csv")
     vehicle = str(drivers["vehicle"].iloc[len(drivers) // 2])
-    model = str(tmp_path / "out" / "model.json")
-    main(
-        [
-            "replay",
-            str(planted),
-            "--vehicle",
-            vehicle,
-            "--backend",
-            "kernel",
-            "--model",
-            model,
-            "-o",
-            str(tmp_path / "replay"),
-        ]
-    )
+    model = str(out / "model.json")
+    main(["replay", str(planted), "--vehicle", vehicle, "--backend", "kernel", "--model", model,
+          "-o", str(tmp_path / "replay")])  # fmt: skip
     assert set(pd.read_csv(tmp_path / "replay" / "scores.csv")["model"]) == {"idm_oracle", "extended"}
     assert ExtendedModel.read(model).drivers == "drivers.parquet"
-    own = read_drivers(tmp_path / "out" / "drivers.parquet")
+    own = read_drivers(out / "drivers.parquet")
     assert len(own) == len(drivers)
     assert own["desired_speed_m_s"].between(12.0, 50.0).all()
     check_departures(own)

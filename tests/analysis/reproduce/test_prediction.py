@@ -1,4 +1,4 @@
-"""What the report says of prediction: watched drivers on equal windows, flat directions, averaging, and words from numbers."""
+"""What the report says of prediction: equal windows, flat directions, averaging, words from numbers."""
 
 from __future__ import annotations
 

@@ -77,7 +77,8 @@ def test_oracle_beats_pooled_beats_nothing(study: Study) -> None:
         name: study.test.score(study.test.drive(theta))["ade_m"].mean() for name, theta in predictions(study).items()
     }
     assert ade["idm_oracle"] < ade["idm_pooled"]
-    assert set(ade) == {"idm_average", "idm_prediction", "idm_rollout", "idm_first_gap", "idm_pooled", "idm_typical", "idm_hierarchical",
+    assert set(ade) == {"idm_average", "idm_prediction", "idm_rollout", "idm_first_gap", "idm_pooled", "idm_typical",
+        "idm_hierarchical",
                         "idm_oracle"}  # fmt: skip
     trained = study.train.score(study.train.drive(study.pooled))["ade_m"].mean()
     average = predictions(study)["idm_average"][0]

@@ -1,4 +1,4 @@
-"""One case of a blind campaign: a recording that the finder alone is shown, and a record that is kept and not made again."""
+"""One case of a blind campaign: the recording that the finder is shown, and the record that is kept."""
 
 from __future__ import annotations
 

@@ -4,9 +4,9 @@
     python -m tests.simulators.campaign -o DIR --small        # four short recordings, to see that it works
     python -m tests.simulators.campaign -o DIR --simulator second     # a simulator of another author
 
-The recordings come from simulators under ``tests/`` that share no code with ``idm_sumo`` or with each other; the finder is given the
-file and nothing else. A finished case is kept as JSON in DIR/cases and not run again, so an interrupted campaign goes on
-(after a change of the finder take another DIR).
+The recordings come from simulators under ``tests/`` that share no code with ``idm_sumo`` or with each other; the finder
+is given the file and nothing else. A finished case is kept as JSON in DIR/cases and not run again, so an interrupted
+campaign goes on (after a change of the finder take another DIR).
 Recordings with nothing planted alternate with the others, and the tables are written anew as cases finish.
 """
 
@@ -31,7 +31,8 @@ from tests.simulators.campaign.tables import summarise
 LEVELS = ("mid", "large", "small")
 SINGLE = (
     "reaction_delay", "multi_leader_anticipation", "lane_change_relaxation", "acceleration_asymmetry", "leader_class",
-    "speed_dependent_headway", "perception_threshold", "hysteresis", "adjacent_lane_friction", "location", "time_of_day",
+    "speed_dependent_headway", "perception_threshold", "hysteresis", "adjacent_lane_friction", "location",
+    "time_of_day",
 )  # fmt: skip
 CONTRARY = ("time_of_day", "speed_dependent_headway")  # that drifts all the time; that falls with speed
 PAIRS = (("reaction_delay", "location"), ("leader_class", "time_of_day"), ("hysteresis", "adjacent_lane_friction"),
@@ -39,10 +40,12 @@ PAIRS = (("reaction_delay", "location"), ("leader_class", "time_of_day"), ("hyst
 # What nothing planted must not be taken for.
 PLAIN: tuple[dict[str, Any], ...] = (
     {"kind": "white noise", "noise": "white"}, {"kind": "correlated noise", "noise": "correlated"},
-    {"kind": "smoothed noise", "noise": "smoothed"}, {"kind": "heterogeneous drivers", "spread": 0.4}, {"kind": "many trucks", "trucks": 0.15},
+    {"kind": "smoothed noise", "noise": "smoothed"}, {"kind": "heterogeneous drivers", "spread": 0.4},
+    {"kind": "many trucks", "trucks": 0.15},
     {"kind": "many lane changes", "lane_changes": 2.5},
 )  # fmt: skip
-# SUMO's drivers change their headways at a place, where ours brake; and who has a truck ahead all along only has a long headway.
+# SUMO's drivers change their headways at a place, where ours brake; and who has a truck ahead all along only has a long
+# headway.
 OF_SUMO: dict[str, dict[str, Any]] = {
     "location": {"form": "third"},
     "leader_class": {"trucks": 0.15, "lane_changes": 2.5},
@@ -66,7 +69,10 @@ GIVEN = (
 
 
 def trials(cases: int, nulls: int, seed: int) -> list[dict[str, Any]]:
-    """Return what to plant, one dict a trial. A trial's seed depends on its kind and number, not on how many there are."""
+    """Return what to plant, one dict a trial.
+
+    A trial's seed depends on its kind and number, not on how many there are.
+    """
     of_sumo = itertools.cycle({"kind": "driven by SUMO", "underlying": model} for model in first.SUMO_MODELS)
     kinds = itertools.cycle([*PLAIN, {}])
     plain = [
@@ -84,7 +90,8 @@ def trials(cases: int, nulls: int, seed: int) -> list[dict[str, Any]]:
         hidden += [{"group": "some drivers", "effect": "reaction_delay", "size": "large", "share": 0.4},
                    {"group": "one lane", "effect": "location", "size": "large", "only_lane": 1}]  # fmt: skip
         hidden += [{"group": "single", "effect": name, "size": LEVELS[2]} for name in SINGLE]
-        hidden += [{"group": "in SUMO", "effect": name, "size": "large", "underlying": str(model), **OF_SUMO.get(name, {})}
+        hidden += [{"group": "in SUMO", "effect": name, "size": "large", "underlying": str(model),
+            **OF_SUMO.get(name, {})}
                    for name, model in zip(first.IN_SUMO, models, strict=True)]  # fmt: skip
         hidden += contrary
         hidden += [
@@ -98,7 +105,10 @@ def trials(cases: int, nulls: int, seed: int) -> list[dict[str, Any]]:
 
 
 def _conditions(trial: dict[str, Any], number: int, seed: int) -> dict[str, Any]:
-    """Add the traffic's model, by turns, light traffic to every eighth, smoothed noise to some; the rest is drawn from the seed."""
+    """Add the traffic's model by turns, light traffic and smoothed noise to some.
+
+    The rest is drawn from the seed.
+    """
     light = {"density": "light"} if number % 8 == 7 else {}
     smoothed = {"noise": "smoothed"} if number % 7 == 3 else {}
     return {"underlying": first.MODELS[number % len(first.MODELS)], **light, **smoothed, **trial, "seed": seed}

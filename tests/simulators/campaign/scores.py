@@ -35,7 +35,8 @@ SHOWS_IN: dict[str, tuple[str, ...]] = {
     "closes_the_door": ("beside_gap",),
     "glare": ("place", "time"),
 }
-# m behind a truck that a planted share of 1 stands for, where metres are kept: with the middle headway; and in the second simulator.
+# m behind a truck that a planted share of 1 stands for, where metres are kept: with the middle headway; and in the
+# second simulator.
 TRUCK_DISTANCE, TRUCK_DISTANCE_ELSEWHERE = 9.0 * 1.25, 15.0
 GAIN_BOUNDS = (0.05, 0.02)  # of ADE
 GAIN_CLASSES = ("5 % or more", "2 to 5 %", "below 2 %")
@@ -59,16 +60,18 @@ def _row(trial: dict[str, Any]) -> dict[str, Any]:
         "group": trial["group"], "name": trial["name"], "size": trial["size"], "kind": trial.get("kind", ""),
         "outcome": outcome(trial), "verdict": found["verdict"], "named": ", ".join(names),
         "first": names[0] if names else found["verdict"], "best_gain": _share(best), **_present(trial),
-        "gain_class": gain_class(_share(best)), "lesser_class": gain_class(_lesser_share(best)), "gain": gain["difference"] / gain["base"] if sure else math.nan,
+        "gain_class": gain_class(_share(best)), "lesser_class": gain_class(_lesser_share(best)),
+        "gain": gain["difference"] / gain["base"] if sure else math.nan,
         "realised": gain["difference"] / (best["base"] - best["extended"])
         if best and sure and names and best["base"] > 1.02 * best["extended"] else math.nan,
         "law": found.get("law"), **{key: plan[key] for key in ("underlying", "noise", "form", "density", "lanes")},
-        "sigma": sigma_class(plan["sigma"]), "sigma_m": plan["sigma"], "seed": trial["seed"], "seconds": trial["seconds"],
+        "sigma": sigma_class(plan["sigma"]), "sigma_m": plan["sigma"], "seed": trial["seed"],
+        "seconds": trial["seconds"],
     }  # fmt: skip
 
 
 def _present(trial: Mapping[str, Any]) -> dict[str, int]:
-    """Return how many hidden effects are not named, how many of these are said to be there without gain, and how many that are not hidden."""
+    """Return how many hidden effects are not named, present without gain, and not hidden."""
     hidden, found = set(trial["effects"]), trial["found"]
     missed = hidden - {cause["name"] for cause in found["causes"]}
     present = {cause["name"] for cause in found.get("without_gain", [])}  # of an older campaign not known
@@ -78,8 +81,8 @@ def _present(trial: Mapping[str, Any]) -> dict[str, int]:
 def outcome(trial: Mapping[str, Any]) -> str:
     """Return right (the right cause first), wrong, silent, unknown; for nulls silent or false alarm.
 
-    Pairs are right if both are named, else ``one of two``; ``right and more`` names a further cause that was not hidden.
-    An effect in one lane only is right if it is named there, else ``all lanes``.
+    Pairs are right if both are named, else ``one of two``; ``right and more`` names a further cause that was not
+    hidden. An effect in one lane only is right if it is named there, else ``all lanes``.
     An effect outside the catalogue is right as ``unknown`` where it shows, ``unknown, elsewhere`` otherwise.
     """
     found, hidden = trial["found"], list(trial["effects"])
@@ -123,9 +126,12 @@ def shows(trial: Mapping[str, Any]) -> bool:
 
 
 def sized(trials: pd.DataFrame) -> pd.DataFrame:
-    """Return one row a hidden effect that was named: planted and found size, and whether the 95 % interval holds the planted one.
+    """Return planted and found size of every hidden effect that was named.
 
-    Of effects that some drivers have only, those are left out that were found of all: there the size of all drivers is another.
+    Also whether the 95 % interval holds the planted one.
+
+    Of effects that some drivers have only, those are left out that were found of all: there the size of all drivers is
+    another.
     """
     chosen = (trial for trial in trials.to_dict("records") if trial["group"] in SIZED_GROUPS)
     return pd.DataFrame([row for trial in chosen for row in _sizes(trial)], columns=SIZED)
@@ -165,7 +171,7 @@ def _share(best: Mapping[str, float] | None) -> float:
 
 
 def _lesser_share(best: Mapping[str, Any] | None) -> float:
-    """Return what the lesser of several effects is worth with the others in the model, as a share of the error without it."""
+    """Return what the lesser of several effects is worth beside the others, as a share of the error."""
     without = best.get("without") if best else None
     return min(1 - best["extended"] / one for one in without) if best and without else math.nan
 

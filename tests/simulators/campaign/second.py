@@ -9,10 +9,12 @@ from tests.simulators import second
 from tests.simulators.campaign.cases import Find, keep_case, kept_case, shown
 
 # What it calls its kinds of cases, how many there are a round, and the campaign's groups.
-GROUPS = {"single": ("single", 15), "pair": ("pair", 5), "outside": ("outside", 14), "some_drivers": ("some drivers", 2),
+GROUPS = {"single": ("single", 15), "pair": ("pair", 5), "outside": ("outside", 14),
+    "some_drivers": ("some drivers", 2),
           "one_lane": ("one lane", 2)}  # fmt: skip
 NOTHING = "none"
-# Braking or accelerating there, where the catalogue's form changes the headway; of the follower's pressure it has a size of its own.
+# Braking or accelerating there, where the catalogue's form changes the headway; of the follower's pressure it has a
+# size of its own.
 OTHER_UNITS = ("courtesy_yielding", "pre_insertion", "desired_speed", "follower_pressure")
 
 
@@ -27,7 +29,10 @@ def trials(cases: int, nulls: int, seed: int) -> list[dict[str, Any]]:
 
 
 def run_trial(trial: dict[str, Any], folder: Path, find: Find) -> dict[str, Any]:
-    """Simulate, write, find and keep: return the trial's record. ``find`` is given the file and a seed, and nothing else."""
+    """Simulate, write, find and keep; return the trial's record.
+
+    ``find`` is given the file and a seed, and nothing else.
+    """
     kept = folder / f"{trial['seed']}-{trial['number']:03d}.json"
     if (before := kept_case(kept, trial)) is not None:
         return before
@@ -53,7 +58,8 @@ def _described(truth: dict[str, Any]) -> dict[str, Any]:
             "underlying": truth["model"], "noise": truth["noise"]["kind"], "sigma": truth["noise"]["sigma_m"],
             "form": "usual" if usual else "other", "density": truth["scene"]["traffic"], "lanes": recording["lanes"],
             "only_lane": next((one["lane"] for one in where if "lane" in one), 0) - 1,
-            "place": _range(where, "position_m", recording["section_m"]), "time": _range(where, "time_s", recording["seconds"]),
+            "place": _range(where, "position_m", recording["section_m"]),
+            "time": _range(where, "time_s", recording["seconds"]),
         },
     }  # fmt: skip
 

@@ -17,22 +17,23 @@ GOOD = (RIGHT, RIGHT_AND_MORE)
 PRESENT = ("missed", "missed_present", "present_not_hidden")
 PICTURE = "Each single effect by what it is worth and whether it was named, and found against hidden sizes"
 EXPLAINED = {
-    "Groups": "Right: the hidden cause is named first (none: nothing is said; outside: `unknown`, where the effect shows).",
+    "Groups": "Right: the hidden cause is named first (none: nothing is said; outside: `unknown`, where it shows).",
     "False alarms": "Recordings with nothing planted.",
-    "Power by achievable gain": "Single effects by what the true model, refitted, is better by than the base (share of ADE).",
-    "Power": "Single effects; the last two columns are medians: what the true model gains, what the extended model gained.",
+    "Power by achievable gain": "Single effects by what the true model, refitted, is better by (share of ADE).",
+    "Power": "Single effects; last two columns: medians of the true model's gain and of the extended model's.",
     "Confusion": "Rows: hidden. Columns: named first, or the verdict.",
     "Power by car-following": "The same by the car-following underneath, and by the form of the effect.",
     "Laws": "Rows: the car-following underneath. Columns: the law that was taken for it.",
     "In SUMO": "One effect on the headway, large, in traffic that SUMO's own car-following drives.",
-    "Pairs by what the lesser is worth": "Two effects at once; what the true model is better by for the lesser, the other in it.",
+    "Pairs by what the lesser is worth": "Two effects at once, by what the lesser gains with the other in the model.",
     "Pairs": "Two effects at once.",
-    "Present without gain": "Effects: hidden and not named; of these said to be there without gain; said so and not hidden.",
+    "Present without gain": "Effects: hidden and not named; of these, present without gain; said so and not hidden.",
     "Outside": "Effects that the catalogue does not hold.",
     "Conditions": "Single effects.",
-    "Magnitudes": "Relative error of the sizes that were named, single or in a pair, and how often the 95 % interval holds the planted one.",
+    "Magnitudes": "Relative error of named sizes, single or in a pair; how often the 95 % interval holds the truth.",
     "Magnitudes by effect": "The same where the effect has the catalogue's form.",
-    "Gain realised": "Gain on held-out drivers over the true model's, where the cause was named and that gains 2 % or more. A wish to change "
+    "Gain realised": "Gain on held-out drivers over the true model's, where the cause was named and that gains 2 % or "
+    "more. A wish to change "
     "lanes, which the true model knows of, shows in a recording only where it was carried out.",
     "Timing": "Wall seconds a recording.",
 }
@@ -80,7 +81,8 @@ def tables(graded: pd.DataFrame, sizes: pd.DataFrame) -> dict[str, pd.DataFrame]
         "Laws": laws(graded),
         "In SUMO": _by(graded[graded["group"] == "in SUMO"], ("name", "underlying")),
         "Pairs by what the lesser is worth": counts(pairs, ["lesser_class"], order=GAIN_CLASSES),
-        "Pairs": pd.concat([counts(pairs, ["name"]), counts(pairs, ["underlying"]).rename(columns={"underlying": "name"})]),
+        "Pairs": pd.concat([counts(pairs, ["name"]),
+            counts(pairs, ["underlying"]).rename(columns={"underlying": "name"})]),
         "Present without gain": graded.groupby("group", sort=False)[list(PRESENT)].sum().reset_index(),
         "Outside": counts(graded[graded["group"] == "outside"], ["name"]),
         "Conditions": _by(single, CONDITIONS),

@@ -8,8 +8,8 @@
 
 Own car-following (an IDM stepped by 0.05 s, ballistic, a full-velocity-difference model and Gipps's), own lane changes,
 own driver and measurement noise, and for each effect a usual, another and for some a third form
-(:mod:`tests.simulators.first.behaviour`). Or SUMO drives (``underlying="SUMO EIDM"``), with effects on the headway alone
-(:mod:`tests.simulators.first.in_sumo`).
+(:mod:`tests.simulators.first.behaviour`). Or SUMO drives (``underlying="SUMO EIDM"``), with effects on the headway
+alone (:mod:`tests.simulators.first.in_sumo`).
 """
 
 from tests.simulators.first.files import write

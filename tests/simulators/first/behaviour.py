@@ -9,11 +9,13 @@ from tests.simulators.first.plans import SIZES
 
 INDEX = {name: number for number, name in enumerate(SIZES)}
 DELAY, SECOND, RELAX, ASYM, TRUCK_AHEAD, SPEED_T, BAND, HYST, FRICTION, PLACE, TIME, LIMIT, OWN_TRUCK, MEMORY, \
-    PRESSURE, COURTESY, PREPARE, _, DISTRACT, THROTTLE, ENFORCE, BESIDE, LATE, ACROSS, WEARY = range(len(SIZES))  # fmt: skip
+    PRESSURE, COURTESY, PREPARE, _, DISTRACT, THROTTLE, ENFORCE, BESIDE, LATE, ACROSS, WEARY \
+    = range(len(SIZES))  # fmt: skip
 
 # What a driver sees, one row a driver: what is ahead, beside, behind, and what came before.
 (REAR, AHEAD_V, AHEAD_ACC, AHEAD_SLOW_ACC, AHEAD_TRUCK, SECOND_REACH, SECOND_V, JUMP, SINCE, MEAN_V, IN_TIME, COURTEOUS,
- PREPARING, BESIDE_V, TRUCK_BESIDE, TAIL, ANGLE, SPECIAL_LANE, BRAKING_ACROSS, UNREST, ACCEPTED_T) = range(21)  # fmt: skip
+ PREPARING, BESIDE_V, TRUCK_BESIDE, TAIL, ANGLE, SPECIAL_LANE, BRAKING_ACROSS, UNREST,
+ ACCEPTED_T) = range(21)  # fmt: skip
 SEEN = 21
 USUAL, OTHER, THIRD = range(3)  # forms, as in `plans.FORMS`
 

@@ -49,9 +49,11 @@ def measured(planted: Planted) -> pd.DataFrame:
         "Local_Y": x[vehicle, frame] / FOOT, "Global_X": 6451137.641 + side[vehicle, frame],
         "Global_Y": 1873344.962 - x[vehicle, frame] / FOOT, "v_Length": planted.length[vehicle] / FOOT,
         "v_Width": np.select([kinds == 3, kinds == 1], [8.4, 3.0], 6.2), "v_Class": kinds, "v_Vel": speed / FOOT,
-        "v_Acc": np.clip(accelerations[vehicle, frame] / FOOT, -11.2, 11.2), "Lane_ID": planted.lane[vehicle, frame].astype(int) + 1,
+        "v_Acc": np.clip(accelerations[vehicle, frame] / FOOT, -11.2, 11.2),
+        "Lane_ID": planted.lane[vehicle, frame].astype(int) + 1,
         "Preceding": np.where(ahead >= 0, ahead + 2, 0), "Following": np.where(after >= 0, after + 2, 0),
-        "Space_Headway": headway / FOOT, "Time_Headway": np.where(speed > 0.1, headway / np.maximum(speed, 0.1), 9999.99),
+        "Space_Headway": headway / FOOT,
+        "Time_Headway": np.where(speed > 0.1, headway / np.maximum(speed, 0.1), 9999.99),
     })  # fmt: skip
     return table[COLUMNS]
 
@@ -59,7 +61,10 @@ def measured(planted: Planted) -> pd.DataFrame:
 def position_noise(
     rng: np.random.Generator, shape: tuple[int, ...], kind: str, sigma: float
 ) -> npt.NDArray[np.float64]:
-    """Return noise (m) of standard deviation ``sigma``: frame by frame independent, correlated over 0.6 s, or smoothed over 1.1 s."""
+    """Return noise (m) of standard deviation ``sigma``.
+
+    Independent frame by frame, correlated over 0.6 s, or smoothed over 1.1 s.
+    """
     if kind == "smoothed":
         weight = np.hanning(SMOOTHING + 2)[1:-1]
         longer = rng.standard_normal((shape[0], shape[1] + SMOOTHING - 1))

@@ -1,7 +1,7 @@
-"""The same kind of recording, driven by SUMO: its car-following and lane changes, and effects on the headway of its drivers.
+"""The same kind of recording, driven by SUMO, with effects on its drivers' headway.
 
-Nothing of the car-following is ours here. What acts on the time headway can be hidden (a place, a time, a truck ahead, the
-own speed): it is set anew, driver by driver, before each step.
+Nothing of the car-following is ours here. What acts on the time headway can be hidden (a place, a time, a truck ahead,
+the own speed): it is set anew, driver by driver, before each step.
 """
 
 from __future__ import annotations
@@ -37,7 +37,9 @@ Headway = Callable[[float, float, float, bool], float]
 def run(
     chosen: Plan, length: Floats, kind: npt.NDArray[np.int64], theta: Floats, caps: Floats
 ) -> tuple[Floats, Floats, npt.NDArray[np.int8]]:
-    """Return position (m, NaN outside the section), speed (m/s) and lane (0 leftmost, -1 outside), ``(vehicles, frames)``.
+    """Return position (m), speed (m/s) and lane (0 leftmost), each of shape ``(vehicles, frames)``.
+
+    Outside the section the position is NaN and the lane -1.
 
     Parameters
     ----------
@@ -55,7 +57,8 @@ def run(
     with tempfile.TemporaryDirectory() as folder:
         files = _written(Path(folder), chosen, length, kind, theta)
         libsumo.start(["sumo", *files, "--step-length", str(STEP), "--no-step-log", "true", "--no-warnings", "true",
-                       "--step-method.ballistic", "true", "--seed", str(chosen.seed % 2**31), "--time-to-teleport", "-1"])  # fmt: skip
+                       "--step-method.ballistic", "true", "--seed", str(chosen.seed % 2**31), "--time-to-teleport",
+                       "-1"])  # fmt: skip
         try:
             for frame in range(-round(WARM_UP / STEP), frames):
                 libsumo.simulationStep()
@@ -114,12 +117,14 @@ def _written(folder: Path, chosen: Plan, length: Floats, kind: npt.NDArray[np.in
         own = str(rng.choice(MIX)) if model == MIXED else model
         lines.append(_element(
             "vType", id=f"driver{number}", carFollowModel=own, vClass="truck" if kind[number] == TRUCK else "passenger",
-            maxSpeed=round(v0, 2), speedFactor=1.2, tau=round(headway, 3), accel=round(a, 3), decel=round(b + (own == "Krauss"), 3),
+            maxSpeed=round(v0, 2), speedFactor=1.2, tau=round(headway, 3), accel=round(a, 3),
+            decel=round(b + (own == "Krauss"), 3),
             minGap=round(s0, 3), length=round(length[number], 2), lcKeepRight=0, lcStrategic=0, lcAssertive=2,
             lcSpeedGain=round(5.0 * chosen.lane_changes * rng.lognormal(0.0, 0.4), 2),
             **({"sigma": round(rng.uniform(0.1, 0.4), 2)} if own == "Krauss" else {}),
         ))  # fmt: skip
-        lines.append(_element("vehicle", id=number, type=f"driver{number}", route="along", depart=round(number * every, 1),
+        lines.append(_element("vehicle", id=number, type=f"driver{number}", route="along",
+            depart=round(number * every, 1),
                               departLane="free", departPos="base", departSpeed="avg"))  # fmt: skip
     routes.write_text("\n".join([*lines, "</routes>"]), encoding="utf-8")
     return ["-n", str(net), "-r", str(routes)]

@@ -102,4 +102,5 @@ def _ended(p: Planted) -> Planted:
     keep = first < last
     order = np.flatnonzero(keep)[np.argsort(first[keep], kind="stable")]
     return Planted(p.plan, p.x[order, :last], p.v[order, :last], p.lane[order, :last], p.length[order], p.kind[order],
-                   p.theta[order], p.affected[order], p.sights[order, :last] if p.sights.size else p.sights)  # fmt: skip
+                   p.theta[order], p.affected[order],
+                   p.sights[order, :last] if p.sights.size else p.sights)  # fmt: skip

@@ -47,8 +47,8 @@ class Achievable:
 def achievable(planted: Planted, *, seconds: float = 10.0, drivers: int = MOST_DRIVERS) -> Achievable:
     """Return the errors of the true model with and without its effects; in all of them each driver is fitted.
 
-    Without fitting, what a driver's own parameters can absorb would count as gain. The paths of drivers and leaders are as
-    they were measured, and smoothed: what noise hides cannot be gained. Of more than ``drivers`` some are
+    Without fitting, what a driver's own parameters can absorb would count as gain. The paths of drivers and leaders are
+    as they were measured, and smoothed: what noise hides cannot be gained. Of more than ``drivers`` some are
     chosen evenly. The traffic must have been simulated with ``remember=True``.
 
     Raises
@@ -71,7 +71,8 @@ def achievable(planted: Planted, *, seconds: float = 10.0, drivers: int = MOST_D
         effects[2 + np.arange(len(each)), each] = 0.0
     shown = _as_measured(planted)
     ade = best_errors(
-        MODELS.index(chosen.underlying), FORMS.index(chosen.form), effects, planted.affected, planted.kind, planted.theta,
+        MODELS.index(chosen.underlying), FORMS.index(chosen.form), effects, planted.affected, planted.kind,
+        planted.theta,
         np.array([*chosen.place, *chosen.time]), chosen.lane, chosen.only_lane, shown.x, shown.v, planted.lane,
         shown.sights, driver[some], start[some], round(seconds / FRAME), np.array(STARTS), np.array(STEPS),
     )  # fmt: skip
@@ -80,7 +81,7 @@ def achievable(planted: Planted, *, seconds: float = 10.0, drivers: int = MOST_D
 
 
 def _as_measured(planted: Planted) -> Planted:
-    """Return the paths of drivers, leaders and second leaders with what is left of measurement noise after smoothing."""
+    """Return the paths of drivers, leaders and second leaders with the noise that smoothing leaves."""
     rng = np.random.default_rng([planted.plan.seed, 3])
 
     def left_over() -> list[npt.NDArray[np.float64]]:

@@ -1,4 +1,7 @@
-"""`python -m tests.simulators.second -o DIR --seed S [--cases null=6,single=10,...]` writes recordings and what is hidden in them."""
+"""Write recordings and what is hidden in them.
+
+``python -m tests.simulators.second -o DIR --seed S [--cases null=6,single=10,...]``
+"""
 
 import argparse
 import json

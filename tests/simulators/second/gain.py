@@ -1,4 +1,4 @@
-"""What a hidden effect is worth: true drivers behind their leaders with and without it, each fitted to what was filmed."""
+"""What a hidden effect is worth to true drivers, each fitted to what was filmed."""
 
 import math
 from typing import Any
@@ -24,10 +24,12 @@ NOBODY = -2  # as the effect left out: all of them
 
 
 def worth(got: dict[str, Any], seed: int) -> dict[str, Any]:
-    """Mean position error in m over drivers in windows of 12 s: nothing hidden, everything, of several without each in turn.
+    """Return the mean position error (m) over drivers in windows of 12 s.
 
-    In all of them each driver has the parameters that are best then. Paths of drivers and leaders are as filmed and smoothed,
-    because what noise hides cannot be gained; `seed` draws the noise.
+    Nothing hidden, everything, and of several effects without each in turn.
+
+    In all of them each driver has the parameters that are best then. Paths of drivers and leaders are as filmed and
+    smoothed, because what noise hides cannot be gained; `seed` draws the noise.
     """
     world, rng = got["world"], np.random.default_rng(seed)
     hidden, law = w.rows_of(got["hidden"]), LAWS.index(got["scene"]["law"])
@@ -66,7 +68,10 @@ def windows(step, led):
 
 
 def as_filmed(see, lag, rng, noise):
-    """Views with what smoothing leaves of the noise in own and leader's position and speed; a speed beside of nobody is nan."""
+    """Return views with what smoothing leaves of the noise in own and leader's position and speed.
+
+    A speed beside of nobody is NaN.
+    """
     film, (place, speed), (ahead, leaders) = see.copy(), *(left_over(rng, noise, len(see)) for _ in range(2))
     then = np.maximum(np.arange(len(see)) - lag, 0)
     for column in (w.SLOWER, w.FASTER):

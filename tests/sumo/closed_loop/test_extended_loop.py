@@ -89,7 +89,8 @@ def test_who_has_what_some_have_is_as_the_drivers_table_says(known, tmp_path) ->
     model = ExtendedModel(TEXTBOOK, causes=(Cause("reaction_delay", {"tau": 0.4}, share=0.5),), drivers="drivers.csv")
     vehicles = np.arange(1, 9)
     own = pd.DataFrame({
-        "period": "p", "vehicle": vehicles[:5], "a": 1.0, "b": 1.5, "T": 1.2, "d0": 2.0, "d1": 0.0, "desired_speed_m_s": 30.0,
+        "period": "p", "vehicle": vehicles[:5], "a": 1.0, "b": 1.5, "T": 1.2, "d0": 2.0, "d1": 0.0,
+        "desired_speed_m_s": 30.0,
     })  # fmt: skip
     if known:
         own["has_what_some_have"] = [1, 0, 0, 1, 1]
@@ -166,7 +167,8 @@ def test_drivers_that_were_refitted_with_a_model_drive_by_it(tmp_path, capsys) -
     assert "drivers.parquet: no such file" in capsys.readouterr().err
     assert not (tmp_path / "none").exists()
     own = pd.DataFrame({
-        "period": "0750-0752", "vehicle": [1, 2, 3], "a": 1.0, "b": 1.5, "T": 1.2, "d0": 2.0, "d1": 0.0, "desired_speed_m_s": 6.0,
+        "period": "0750-0752", "vehicle": [1, 2, 3], "a": 1.0, "b": 1.5, "T": 1.2, "d0": 2.0, "d1": 0.0,
+        "desired_speed_m_s": 6.0,
     })  # fmt: skip
     own.to_parquet(tmp_path / "drivers.parquet")
     speed = speeds(command, tmp_path / "out")

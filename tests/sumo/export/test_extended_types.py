@@ -12,7 +12,7 @@ from idm_sumo.recordings.columns import FRAME_STEP
 from idm_sumo.roads import US101
 from idm_sumo.sumo.export.routes import Exported, export_routes
 from idm_sumo.sumo.session import simulation
-from tests.helpers.exported import drivers, sumo
+from tests.helpers.exports import drivers, sumo
 
 EXPRESSED = {"reaction_delay", "vehicle_class", "time_of_day", "desired_speed"}
 
@@ -47,7 +47,8 @@ def test_every_cause_is_expressed_or_said_not_to_be_in_one_line_and_in_the_file(
 
 def test_sumo_validates_and_runs_them_all(tmp_path) -> None:
     causes = (Cause("reaction_delay", {"tau": 0.4}), Cause("vehicle_class", {"theta": 0.4}),
-              Cause("time_of_day", {"theta": 0.2, "t_1": 0.0, "t_2": 10.0}), Cause("desired_speed", {"delta": 0.1, "lane": 0.0}))  # fmt: skip
+              Cause("time_of_day", {"theta": 0.2, "t_1": 0.0, "t_2": 10.0}),
+              Cause("desired_speed", {"delta": 0.1, "lane": 0.0}))  # fmt: skip
     table = drivers()
     result = export_routes(table, tmp_path / "us101.rou.xml", model=model_of(*causes), integration="ballistic")
     run = sumo(result.config_file)
@@ -127,7 +128,8 @@ def test_a_type_with_a_delay_drives_nearer_to_the_delayed_driver_than_one_withou
     leads = 11 + 2.5 * np.sin(2 * np.pi * time / 14) + np.sin(2 * np.pi * time / 5.3 + 1)
     distance = {}
     for name, causes in (("plain", ()), ("delayed", (Cause("reaction_delay", {"tau": tau}),))):
-        table = drivers(2, a=1.0, b=2.0, T=1.2, d0=2.0, lane=2, x_m=[60.0, 38.0], speed_m_s=float(leads[0]), depart_s=0.0,
+        table = drivers(2, a=1.0, b=2.0, T=1.2, d0=2.0, lane=2, x_m=[60.0, 38.0], speed_m_s=float(leads[0]),
+            depart_s=0.0,
                         vehicle_class=2, length_m=4.5, period="p", vehicle=[1, 2])  # fmt: skip
         result = export_routes(table, tmp_path / f"{name}.rou.xml", model=model_of(*causes))
         leader, follower = drive(result, leads[:-1])

@@ -23,7 +23,7 @@ from idm_sumo.roads.us101 import OFF_RAMP, ON_RAMP
 from idm_sumo.scenes.windows import Scenes, Window, build_scenes
 from idm_sumo.sumo.export import parity as p
 from idm_sumo.sumo.export.routes import export_routes
-from tests.helpers.exported import read_types
+from tests.helpers.exports import read_types
 
 MILLIMETRE = 1e-3  # m
 SCHEMES = ("euler", "ballistic")
@@ -181,7 +181,8 @@ def hard_cases() -> tuple[Scenes, np.ndarray, list[str]]:
     )
     cruise = distance(np.full_like(t, 20.0), 0.0)
     cases = {
-        "emergency braking": (cruise, stop), "standstill": (np.zeros_like(t), stand), "start-up": (np.zeros_like(t), start),
+        "emergency braking": (cruise, stop), "standstill": (np.zeros_like(t), stand),
+        "start-up": (np.zeros_like(t), start),
         "stop and go": (distance(np.full_like(t, 12.0), 0.0), stopped_then_go),
         "free road from standstill": (np.zeros_like(t), None),
     }  # fmt: skip
@@ -279,7 +280,8 @@ def test_parity_of_every_real_driver(calibrated: tuple[list[Scenes], pd.DataFram
     )
     for choice in ("refit", "exact"):
         result = pd.concat([
-            p.parity(table[table[c.PERIOD] == part.period], part, integration=integration, jam_distance=choice) for part in scenes
+            p.parity(table[table[c.PERIOD] == part.period], part, integration=integration,
+                jam_distance=choice) for part in scenes
         ])  # fmt: skip
         assert len(result) == len(drivers)
         assert result["largest_mm"].max() < 1.0

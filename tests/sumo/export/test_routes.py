@@ -22,7 +22,7 @@ from idm_sumo.sumo.closed_loop.insertion import departure_delays
 from idm_sumo.sumo.export.courses import StraightRoads
 from idm_sumo.sumo.export.distribution import export_distribution
 from idm_sumo.sumo.export.routes import Exported, export_routes
-from tests.helpers.exported import PERIODS, drivers, read_types, sumo
+from tests.helpers.exports import PERIODS, drivers, read_types, sumo
 
 
 @pytest.fixture(scope="module")
@@ -197,9 +197,12 @@ def recording() -> Recording:
     rows = [(1, 300.0, 6, 8), (2, 20.0, 1, 1), (3, 100.0, 7, 6)]
     tables = [
         pd.DataFrame({
-            c.PERIOD: PERIODS[0], c.VEHICLE: number, c.FRAME: 100 * number + np.arange(40), c.TIME: 1e9 + 10 * number + t,
-            c.X: start + 25.0 * t, c.Y: US101.lane_center(min(first, 6)), c.SPEED: 20.0, c.ACCELERATION: 0.0, c.HEADING: 0.0,
-            c.LENGTH: np.nan, c.WIDTH: np.nan, c.CLASS: 2, c.LANE: np.where(t < 3.0, first, last), c.LEADER: 0, c.HEADWAY: np.nan,
+            c.PERIOD: PERIODS[0], c.VEHICLE: number, c.FRAME: 100 * number + np.arange(40),
+            c.TIME: 1e9 + 10 * number + t,
+            c.X: start + 25.0 * t, c.Y: US101.lane_center(min(first, 6)), c.SPEED: 20.0, c.ACCELERATION: 0.0,
+            c.HEADING: 0.0,
+            c.LENGTH: np.nan, c.WIDTH: np.nan, c.CLASS: 2, c.LANE: np.where(t < 3.0, first, last), c.LEADER: 0,
+            c.HEADWAY: np.nan,
         })
         for number, start, first, last in rows
     ]  # fmt: skip
@@ -236,7 +239,8 @@ def test_departures_of_scenes_are_where_the_simulation_starts() -> None:
     ("columns", "words"),
     [
         ({"lane": 9}, "lane = 9"), ({"x_m": 5000.0}, "vehicle 10 of period 0750-0805 has no lane"),
-        ({"a": np.nan}, "a = nan"), ({"T": 99.0}, "T = 99"), ({"vehicle": 1}, "twice"), ({"speed_m_s": np.nan}, "speed_m_s"),
+        ({"a": np.nan}, "a = nan"), ({"T": 99.0}, "T = 99"), ({"vehicle": 1}, "twice"),
+        ({"speed_m_s": np.nan}, "speed_m_s"),
         ({"desired_speed_m_s": 0.0}, "desired_speed_m_s = 0"),
         ({"desired_speed_m_s": 40.0}, "below the desired speed 40 m/s"),
     ],

@@ -20,7 +20,7 @@ from idm_sumo.sumo.replay.one_vehicle import replay
 from idm_sumo.sumo.replay.perception import HAS_LEFT, OVERLAP, STRADDLES, compare_perception
 from idm_sumo.sumo.replay.playback import play
 from idm_sumo.sumo.surrogate.make import make_surrogate
-from tests.helpers.replayed import DRIVER, assert_same, crowd, vehicle
+from tests.helpers.replays import DRIVER, assert_same, crowd, vehicle
 
 SHORT = Window(observed=2, horizon=30)
 

@@ -1,4 +1,4 @@
-"""Inputs that several tests share."""
+"""Driver tables to export, and the real `sumo` program with its own schemas."""
 
 from __future__ import annotations
 

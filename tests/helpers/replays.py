@@ -1,4 +1,4 @@
-"""Inputs that several tests share."""
+"""Recorded traffic to be replayed, orderly and not, and the comparison of two replays."""
 
 from __future__ import annotations
 

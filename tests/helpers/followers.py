@@ -1,4 +1,4 @@
-"""Inputs that several tests share."""
+"""Windows of followers that really drive by an IDM, and pieces of what a search finds in them."""
 
 from __future__ import annotations
 
@@ -23,7 +23,10 @@ DRIVERS, EACH = 30, 3
 
 
 def followers(by_lane: np.ndarray, rng: np.random.Generator, lanes: int = 1) -> tuple[w.Windows, np.ndarray]:
-    """Return windows behind leaders that oscillate, one after the other lane by lane, driven by IDM drivers with the given magnitudes."""
+    """Return windows of IDM drivers, with given magnitudes, behind leaders that oscillate.
+
+    They lie in the lanes by turns.
+    """
     count, frames = DRIVERS * EACH, w.LEAD + w.HORIZON + 1
     time = 0.1 * np.arange(frames)
     wave = rng.uniform(0.2, 0.6, (count, 1))
@@ -50,6 +53,7 @@ def followers(by_lane: np.ndarray, rng: np.random.Generator, lanes: int = 1) -> 
 
 
 def candidate(z, name="perception_threshold", value=0.5, fixed=()):
+    """Return a cause that stands out by ``z`` standard errors."""
     return Candidate(name, value, 0.01, z, 1e-9, Atom(name, value, fixed), 1.0, 0.0)
 
 
@@ -57,10 +61,12 @@ FIT = Fit(np.zeros(5), np.eye(5), np.zeros((1, 5)), np.eye(1), np.ones(1), np.on
 
 
 def tried(z, name="perception_threshold", value=0.5, support=100.0):
+    """Return such a cause, fitted, likelier by ``support``."""
     return Tried(Candidate(name, value, 0.01, z, 1e-9, Atom(name, value), 1.0, 0.0), FIT, support)
 
 
 def free(covariate, z, *, is_credible=True):
+    """Return structure along a covariate that no cause explains."""
     return LeftOver(covariate, (0.0, 1.0), None, None, 0.2, z, 1e-9, is_credible)
 
 
@@ -78,14 +84,14 @@ def recorded(x: np.ndarray, *, is_smooth: bool = False) -> Recording:
     vehicles, frames = x.shape
     time = 0.1 * np.arange(frames)
     table = pd.DataFrame({
-        c.PERIOD: "p", c.VEHICLE: np.repeat(np.arange(1, vehicles + 1), frames), c.FRAME: np.tile(np.arange(frames), vehicles),
+        c.PERIOD: "p", c.VEHICLE: np.repeat(np.arange(1, vehicles + 1), frames),
+        c.FRAME: np.tile(np.arange(frames), vehicles),
         c.TIME: np.tile(time, vehicles), c.X: x.ravel(), c.Y: -2.0, c.SPEED: 10.0, c.ACCELERATION: 0.0, c.HEADING: 0.0,
         c.LENGTH: 4.5, c.WIDTH: 2.0, c.CLASS: 2, c.LANE: 1, c.LEADER: 0, c.HEADWAY: np.nan,
     })  # fmt: skip
     return Recording(Recording.from_table(table, road=US101).table, US101, is_smooth=is_smooth)
 
 
+# Spectra of what vehicles do and of what a camera adds.
 MOTION = no.Noise(0.0, np.array([0.4]), np.array([5.0]))
-
-
 ERRORS = no.Noise(0.04, np.array([0.02]), np.array([0.4]))

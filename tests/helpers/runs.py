@@ -1,0 +1,44 @@
+"""Commands run once for many tests: the files that they leave."""
+
+from __future__ import annotations
+
+import io
+from contextlib import redirect_stdout
+from pathlib import Path
+
+from idm_sumo.cli import main
+from tests.helpers.platoons import platoon_recording
+from tests.simulators.first import Plan, plan, simulate, write
+
+LATER = "0805-0820"  # the second period of the platoons
+
+
+def write_platoons(folder: Path) -> None:
+    """Write the small recording of two periods."""
+    platoon_recording().to_parquet(folder / "platoons.parquet")
+
+
+def calibrate(folder: Path, recording: Path) -> None:
+    """Calibrate the platoons' drivers, as a user does."""
+    main(["calibrate", str(recording), "-o", str(folder / "drivers.parquet")])
+
+
+def reproduce(folder: Path, recording: Path) -> None:
+    """Make the tables of the study in small, driven in SUMO."""
+    main(["reproduce", str(recording), "-o", str(folder / "study"), "--quick", "--no-agents"])
+
+
+def slow_place() -> Plan:
+    """Return the plan of a recording in which everybody is slower at one place."""
+    return plan(
+        5, effect="location", size="large", drivers=200, minutes=3.5, form="usual", underlying="idm", noise="white"
+    )
+
+
+def diagnose(folder: Path) -> None:
+    """Write the recording of :func:`slow_place`, diagnose it, and keep what the command said."""
+    write(simulate(slow_place()), folder / "planted.txt")
+    said = io.StringIO()
+    with redirect_stdout(said):
+        main(["diagnose", str(folder / "planted.txt"), "-o", str(folder / "diagnosis"), "--jobs", "1"])
+    (folder / "said.txt").write_text(said.getvalue())

@@ -1,0 +1,1 @@
+"""Values from outside or from an earlier version, kept to be compared with."""
