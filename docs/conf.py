@@ -22,6 +22,9 @@ extensions = [
     "sphinx.ext.autosummary",
     "sphinx-mathjax-offline",
 ]
+HAS_EXAMPLES = any((ROOT / "docs/examples").glob("*.py"))
+if HAS_EXAMPLES:
+    extensions.append("sphinx_gallery.gen_gallery")
 exclude_patterns = ["_build", "examples"]
 root_doc = "index"
 templates_path = ["_templates"]
@@ -37,6 +40,16 @@ autodoc_typehints = "none"  # the numpydoc sections say them
 autodoc_member_order = "bysource"
 numpydoc_show_class_members = False
 
+# The tests run the examples; here they are only shown, which takes no time.
+sphinx_gallery_conf = {
+    "examples_dirs": "examples",
+    "gallery_dirs": "gallery",
+    "plot_gallery": False,
+    "filename_pattern": r"\.py$",
+    "download_all_examples": False,
+    "show_memory": False,
+}
+
 html_theme = "pydata_sphinx_theme"
 html_title = f"idm-sumo {release}"
 html_show_sourcelink = False
@@ -51,8 +64,10 @@ html_theme_options = {
 
 
 def setup(app):
-    """Leave out what scikit-learn adds to every estimator: it refers to pages of scikit-learn's own."""
-    added = re.compile(r"set_\w+_request|get_metadata_routing")
+    """Leave out what scikit-learn adds to every estimator, and the gallery where there are no examples."""
+    added = re.compile(r"set_\w+_request|get_metadata_routing")  # they refer to pages of scikit-learn's own
     app.connect(
         "autodoc-skip-member", lambda app, what, name, member, skip, options: skip or bool(added.fullmatch(name))
     )
+    if not HAS_EXAMPLES:
+        app.connect("source-read", lambda app, page, text: text.append(text.pop().replace("gallery/index\n", "")))
