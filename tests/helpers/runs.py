@@ -5,10 +5,13 @@ from __future__ import annotations
 import io
 from contextlib import redirect_stdout
 from pathlib import Path
+from typing import TYPE_CHECKING
 
 from idm_sumo.cli import main
 from tests.helpers.platoons import platoon_recording
-from tests.simulators.first import Plan, plan, simulate, write
+
+if TYPE_CHECKING:
+    from tests.simulators.first import Plan
 
 LATER = "0805-0820"  # the second period of the platoons
 
@@ -30,6 +33,8 @@ def reproduce(folder: Path, recording: Path) -> None:
 
 def slow_place() -> Plan:
     """Return the plan of a recording in which everybody is slower at one place."""
+    from tests.simulators.first import plan  # needed by few tests, and slow to import
+
     return plan(
         5, effect="location", size="large", drivers=200, minutes=3.5, form="usual", underlying="idm", noise="white"
     )
@@ -37,6 +42,8 @@ def slow_place() -> Plan:
 
 def diagnose(folder: Path) -> None:
     """Write the recording of :func:`slow_place`, diagnose it, and keep what the command said."""
+    from tests.simulators.first import simulate, write
+
     write(simulate(slow_place()), folder / "planted.txt")
     said = io.StringIO()
     with redirect_stdout(said):
