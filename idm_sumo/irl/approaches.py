@@ -71,9 +71,11 @@ def _closest(x, y, heading, episodes, around, clearance, beside, when, which):  
                         along = separation(ego, other, ego[2], ego[3])
                         across = separation(ego, other, -ego[3], ego[2])
                         apart = max(
-                            along, across, separation(ego, other, other[2], other[3]),
+                            along,
+                            across,
+                            separation(ego, other, other[2], other[3]),
                             separation(ego, other, -other[3], other[2]),
-                        )  # fmt: skip
+                        )
                         if apart < clearance[i]:
                             clearance[i], beside[i], when[i], which[i] = apart, across > along, k, row
                     row += 1

@@ -59,15 +59,21 @@ def clone(
     seen = observe_along(demonstrations.state[:, :-1], episodes, around).reshape(-1, OBSERVATIONS)
     done = actions_of(demonstrations.control).reshape(len(seen), -1)
     network = MLPRegressor(
-        hidden_layer_sizes=tuple(hidden), activation="tanh", batch_size=min(BATCH, len(seen)),
-        learning_rate_init=LEARNING_RATE, max_iter=epochs, random_state=seed,
-    )  # fmt: skip
+        hidden_layer_sizes=tuple(hidden),
+        activation="tanh",
+        batch_size=min(BATCH, len(seen)),
+        learning_rate_init=LEARNING_RATE,
+        max_iter=epochs,
+        random_state=seed,
+    )
     spread = done.std(axis=0) + 1e-12
     with warnings.catch_warnings():
         warnings.simplefilter("ignore", ConvergenceWarning)  # the number of epochs is fixed
         network.fit(seen, done / spread)
-    layers = [(np.asarray(w, dtype=np.float64), np.asarray(b, dtype=np.float64))
-              for w, b in zip(network.coefs_, network.intercepts_, strict=True)]  # fmt: skip
+    layers = [
+        (np.asarray(w, dtype=np.float64), np.asarray(b, dtype=np.float64))
+        for w, b in zip(network.coefs_, network.intercepts_, strict=True)
+    ]
     layers[-1] = (layers[-1][0] * spread, layers[-1][1] * spread)
     facts = {
         "kind": "cloning",

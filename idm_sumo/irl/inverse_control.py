@@ -127,9 +127,11 @@ class LearnedReward:
         return {
             "weights": dict(zip(features.NAMES, self.weights.tolist(), strict=True)),
             "standard_errors": dict(zip(features.NAMES, self.standard_errors.tolist(), strict=True)),
-            "log_likelihood": float(self.log_likelihood), "demonstrations": self.demonstrations,
-            "dummy": float(self.dummy), "converged": bool(self.converged),
-        }  # fmt: skip
+            "log_likelihood": float(self.log_likelihood),
+            "demonstrations": self.demonstrations,
+            "dummy": float(self.dummy),
+            "converged": bool(self.converged),
+        }
 
 
 def log_likelihood(expansion: Expansion, weights: npt.ArrayLike, dummy: float = 0.0) -> Floats:
@@ -325,9 +327,10 @@ def _derivatives(expansion: Expansion, theta: Floats, free: Integers) -> tuple[F
         bent = np.stack([np.einsum("imn,in->im", curvature, w) for _, curvature in columns], axis=1)  # A_k w
         solved = np.stack([inverse @ curvature for _, curvature in columns], axis=1)  # A^-1 A_k
         score[part] = (
-            -np.einsum("ikm,im->ik", slopes, w) + 0.5 * np.einsum("ikm,im->ik", bent, w)
+            -np.einsum("ikm,im->ik", slopes, w)
+            + 0.5 * np.einsum("ikm,im->ik", bent, w)
             + 0.5 * np.trace(solved, axis1=2, axis2=3)
-        )  # fmt: skip
+        )
         rest = slopes - bent
         flat, turned = (m.reshape(*m.shape[:2], -1) for m in (solved, solved.swapaxes(2, 3)))
         bend -= (rest @ inverse @ rest.swapaxes(1, 2) + 0.5 * flat @ turned.swapaxes(1, 2)).sum(axis=0)
@@ -347,6 +350,11 @@ def _result(expansion: Expansion, theta: Floats, free: Integers, converged: bool
     covariance = np.zeros((features.COUNT, features.COUNT))
     covariance[np.ix_(free, free)] = inverse @ (score.T @ score) @ inverse
     return LearnedReward(
-        theta[:-1], np.sqrt(np.diag(covariance)), covariance, float(_likelihoods(expansion, theta).mean()),
-        len(expansion), float(theta[-1]), converged,
-    )  # fmt: skip
+        theta[:-1],
+        np.sqrt(np.diag(covariance)),
+        covariance,
+        float(_likelihoods(expansion, theta).mean()),
+        len(expansion),
+        float(theta[-1]),
+        converged,
+    )

@@ -103,9 +103,14 @@ class RewardReport(NamedTuple):
             Ready for JSON.
         """
         return {
-            "wanted": self.wanted.to_json(), "free": self.free.to_json(), "held_out_log_likelihood": self.held_out,
-            "scale": self.scale, "shift": self.shift, "standing": self.standing, "features": list(features.NAMES),
-        }  # fmt: skip
+            "wanted": self.wanted.to_json(),
+            "free": self.free.to_json(),
+            "held_out_log_likelihood": self.held_out,
+            "scale": self.scale,
+            "shift": self.shift,
+            "standing": self.standing,
+            "features": list(features.NAMES),
+        }
 
 
 def reward_of_json(stored: dict[str, Any]) -> Reward:
@@ -262,9 +267,13 @@ def train_agent(
     from idm_sumo.irl.vec_environment import ReplayVecEnv
 
     environment = ReplayVecEnv(
-        lessons.episodes, lessons.around, reward, horizon=lessons.demonstrations.control.shape[1],
-        number=training.episodes, seed=seed,
-    )  # fmt: skip
+        lessons.episodes,
+        lessons.around,
+        reward,
+        horizon=lessons.demonstrations.control.shape[1],
+        number=training.episodes,
+        seed=seed,
+    )
     return train(environment, training, seed=seed, checkpoint=checkpoint, progress=progress)
 
 

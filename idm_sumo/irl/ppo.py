@@ -128,10 +128,19 @@ def _plain(values: dict[str, Any]) -> dict[str, Any]:
 
 def _new_model(environment: ReplayVecEnv, t: Training, seed: int) -> PPO:
     return PPO(
-        "MlpPolicy", environment, learning_rate=lambda left: t.learning_rate * left,
-        n_steps=t.rollout, batch_size=t.batch, n_epochs=t.passes, gamma=t.discount, gae_lambda=t.trace, clip_range=t.clip, seed=seed, device="cpu",
+        "MlpPolicy",
+        environment,
+        learning_rate=lambda left: t.learning_rate * left,
+        n_steps=t.rollout,
+        batch_size=t.batch,
+        n_epochs=t.passes,
+        gamma=t.discount,
+        gae_lambda=t.trace,
+        clip_range=t.clip,
+        seed=seed,
+        device="cpu",
         policy_kwargs={"net_arch": list(t.hidden), "log_std_init": float(np.log(t.first_spread))},
-    )  # fmt: skip
+    )
 
 
 def _policy_of(model: PPO, facts: dict[str, Any]) -> Policy:

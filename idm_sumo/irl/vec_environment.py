@@ -145,8 +145,9 @@ class ReplayVecEnv(VecEnv):
         s = self.simulation
         names = ("row", "step", "state", "observation", "status", "overlapping")
         return {name: getattr(s, name).copy() for name in names} | {
-            "returns": self.returns.copy(), "rng": self.rng.bit_generator.state
-        }  # fmt: skip
+            "returns": self.returns.copy(),
+            "rng": self.rng.bit_generator.state,
+        }
 
     def restore(self, state: dict[str, Any]) -> None:
         """Continue from a stored :meth:`state`.

@@ -19,14 +19,23 @@ from idm_sumo.models import idm
 
 IDM, FULL_VELOCITY_DIFFERENCE, SMOOTH_VELOCITY_DIFFERENCE, KRAUSS, OPTIMAL_VELOCITY, GIPPS, IMPROVED_IDM = range(7)
 NAMES = (
-    "idm", "full_velocity_difference", "smooth_velocity_difference", "krauss", "optimal_velocity", "gipps",
+    "idm",
+    "full_velocity_difference",
+    "smooth_velocity_difference",
+    "krauss",
+    "optimal_velocity",
+    "gipps",
     "improved_idm",
-)  # fmt: skip
+)
 TITLES = (
-    "the IDM", "full velocity difference", "full velocity difference with a smooth optimal velocity",
+    "the IDM",
+    "full velocity difference",
+    "full velocity difference with a smooth optimal velocity",
     "Krauss's safe speed",
-    "optimal velocity", "Gipps's safe speed", "the improved IDM",
-)  # fmt: skip
+    "optimal velocity",
+    "Gipps's safe speed",
+    "the improved IDM",
+)
 WITHIN = 4.0  # m/s: difference to the optimal velocity that is answered by an acceleration of `a`
 OF_RATE = 3.0  # m/s: approach rate that is answered by a deceleration of `b`
 AT_ONCE = 1.0  # m/s: the same difference for the optimal velocity law, answered by `b`

@@ -184,10 +184,14 @@ class ExtendedModel:
         ]
         base = {**self.parameters._asdict(), "desired_speed": self.desired_speed}
         whole = {
-            "format": FORMAT, "source": self.source, "law": self.law, "reaction": self.reaction,
-            "base": base, "causes": causes,
+            "format": FORMAT,
+            "source": self.source,
+            "law": self.law,
+            "reaction": self.reaction,
+            "base": base,
+            "causes": causes,
             "drivers": self.drivers,
-        }  # fmt: skip
+        }
         return json.dumps(whole, indent=2) + "\n"
 
     @classmethod
