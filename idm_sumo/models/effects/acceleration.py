@@ -190,21 +190,34 @@ def effect_terms(stimuli, m):  # type: ignore[no-untyped-def]
     share = m[slots.SECOND_LEADER] if stimuli.second_gap < 1e6 else 0.0
     beside = stimuli.next_adjacent_speed if m[slots.FRICTION_NEXT] > 0.5 else stimuli.adjacent_speed
     return EffectTerms(
-        headway,
-        in_lane(stimuli.lane, m[slots.DESIRED_SPEED], m[slots.DESIRED_SPEED_LANE], m[slots.DESIRED_SPEED_ACROSS]),
-        gap_credit(stimuli.jump, stimuli.since_change, m[slots.RELAXATION] * of_gap, m[slots.RELAXATION_TIME]),
-        given_up, limited, stimuli.accepted_headway if given_up + limited > 0.0 else 0.0,
-        share * (1.0 - m[slots.SECOND_SPEED_ONLY]), share * m[slots.SECOND_SPEED_ONLY], stimuli.second_speed,
-        m[slots.BAND], m[slots.BAND] * m[slots.BAND_TAKEN], m[slots.ASYMMETRY],
-        m[slots.SPEED_HEADWAY], m[slots.PIVOT_SPEED],
-        m[slots.MEMORY] if stimuli.mean_speed == stimuli.mean_speed else 0.0, stimuli.mean_speed,
-        m[slots.PLACE], m[slots.PLACE_HEADWAY], m[slots.PLACE_BEGIN], m[slots.PLACE_END],
-        m[slots.FRICTION], beside, m[slots.PRESSURE],
-        braking_before(stimuli.until_cut_in, m[slots.COURTESY_BRAKING])
+        headway=headway,
+        limit=in_lane(stimuli.lane, m[slots.DESIRED_SPEED], m[slots.DESIRED_SPEED_LANE], m[slots.DESIRED_SPEED_ACROSS]),
+        credit=gap_credit(stimuli.jump, stimuli.since_change, m[slots.RELAXATION] * of_gap, m[slots.RELAXATION_TIME]),
+        given_up=given_up,
+        limited=limited,
+        accepted=stimuli.accepted_headway if given_up + limited > 0.0 else 0.0,
+        share=share * (1.0 - m[slots.SECOND_SPEED_ONLY]),
+        rate_share=share * m[slots.SECOND_SPEED_ONLY],
+        second_speed=stimuli.second_speed,
+        band=m[slots.BAND],
+        taken=m[slots.BAND] * m[slots.BAND_TAKEN],
+        asymmetry=m[slots.ASYMMETRY],
+        slope=m[slots.SPEED_HEADWAY],
+        pivot=m[slots.PIVOT_SPEED],
+        memory=m[slots.MEMORY] if stimuli.mean_speed == stimuli.mean_speed else 0.0,
+        mean_speed=stimuli.mean_speed,
+        place=m[slots.PLACE],
+        place_headway=m[slots.PLACE_HEADWAY],
+        begin=m[slots.PLACE_BEGIN],
+        end=m[slots.PLACE_END],
+        friction=m[slots.FRICTION],
+        adjacent_speed=beside,
+        pressure=m[slots.PRESSURE],
+        room=braking_before(stimuli.until_cut_in, m[slots.COURTESY_BRAKING])
         + braking_before(stimuli.until_own_change, m[slots.PRE_INSERTION_BRAKING]),
-        laws.REACTION + m[slots.REACTION_CHANGE],
-        farther_from_truck(stimuli.leader_class, m[slots.LEADER_CLASS_DISTANCE]),
-    )  # fmt: skip
+        reaction=laws.REACTION + m[slots.REACTION_CHANGE],
+        farther=farther_from_truck(stimuli.leader_class, m[slots.LEADER_CLASS_DISTANCE]),
+    )
 
 
 @njit(cache=True, error_model="numpy", forceinline=True)
