@@ -10,11 +10,12 @@ from idm_sumo.calibration import driver_table as d
 from idm_sumo.recordings import columns as c
 from idm_sumo.recordings.columns import FRAME_STEP
 from idm_sumo.recordings.recording import Recording
-from idm_sumo.roads import road
+from idm_sumo.roads import Road
 from idm_sumo.scenes.windows import Scenes
 
 DESTINATION = "destination"  # edge: "downstream" or "off_ramp"
 THROUGH, LEAVING = "downstream", "off_ramp"
+NEAR = 20.0  # m before an off-ramp, from where whoever is beside the main lanes takes it
 
 
 def departures(source: Scenes | Recording | Sequence[Scenes]) -> pd.DataFrame:
@@ -53,13 +54,20 @@ def _of_scenes(scenes: Scenes) -> pd.DataFrame:
 def _of_recording(recording: Recording) -> pd.DataFrame:
     rows = recording.table.groupby([c.PERIOD, c.VEHICLE], observed=True, sort=True)
     first, last = rows.head(1).reset_index(drop=True), rows.tail(1).reset_index(drop=True)
-    left = (last[c.LANE] == road.OFF_RAMP_LANE) | (
-        (last[c.LANE] == road.AUXILIARY_LANE) & (last[c.X] > road.OFF_RAMP_X - 20.0)
-    )
+    road, left = recording.road, _takes_off_ramp(recording.road, last)
     return pd.DataFrame({
         c.PERIOD: first[c.PERIOD].astype(str), c.VEHICLE: first[c.VEHICLE], d.FIRST_FRAME: first[c.FRAME],
         d.DEPART: first[c.FRAME] * FRAME_STEP, d.LANE: first[c.LANE].astype("int64"),
         d.X: first[c.X], d.Y: first[c.Y], d.SPEED: first[c.SPEED],
-        d.LENGTH: first[c.LENGTH].fillna(road.CAR_LENGTH), d.WIDTH: first[c.WIDTH].fillna(road.CAR_WIDTH),
+        d.LENGTH: first[c.LENGTH].fillna(road.car_length), d.WIDTH: first[c.WIDTH].fillna(road.car_width),
         d.CLASS: first[c.CLASS].astype("int64"), DESTINATION: left.map({True: LEAVING, False: THROUGH}),
     })  # fmt: skip
+
+
+def _takes_off_ramp(road: Road, last: pd.DataFrame) -> pd.Series:
+    """Return which vehicles leave the road, by their last rows."""
+    left = last[c.LANE].isin([ramp.number for ramp in road.off_ramps])
+    before = last[c.LANE].isin([lane.number for lane in road.auxiliary_lanes])
+    for ramp in road.off_ramps:
+        left |= before & (last[c.X] > ramp.start - NEAR)
+    return left

@@ -33,7 +33,6 @@ from idm_sumo.calibration.solver import SMOOTHING, STARTS, design_of_starts, fit
 from idm_sumo.calibration.table import NAMES, full_ade
 from idm_sumo.models import idm
 from idm_sumo.recordings import columns as c
-from idm_sumo.roads import road
 from idm_sumo.runtime.errors import InputError
 from idm_sumo.scenes.windows import Scenes
 
@@ -85,7 +84,7 @@ def hierarchical(
     scenes: Scenes | Sequence[Scenes],
     *,
     population: Population | None = None,
-    desired_speed: float = road.SPEED_LIMIT,
+    desired_speed: float | None = None,
 ) -> tuple[pd.DataFrame, Population]:
     """Fit all drivers together with the population they come from.
 
@@ -94,8 +93,8 @@ def hierarchical(
     scenes : Scenes or sequence of Scenes
     population : Population, optional
         Known from other drivers: then these are only drawn to it, and one driver is enough.
-    desired_speed : float
-        m/s.
+    desired_speed : float, optional
+        m/s; by default the road's speed limit.
 
     Returns
     -------
@@ -258,7 +257,7 @@ def _as_table(
     which: npt.NDArray[np.int64],
     part: Part,
     population: Population,
-    desired_speed: float,
+    desired_speed: float | None,
 ) -> pd.DataFrame:
     """Return one row a window, NaN where nothing can be fitted."""
     n = len(scenes)

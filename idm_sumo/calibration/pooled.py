@@ -21,7 +21,6 @@ from idm_sumo.calibration.problem import Problem, prepare
 from idm_sumo.calibration.solver import SMOOTHING, design_of_starts
 from idm_sumo.calibration.steps import steps_from
 from idm_sumo.models.idm import IDMParameters
-from idm_sumo.roads import road
 from idm_sumo.runtime.errors import InputError
 from idm_sumo.scenes.windows import Scenes
 
@@ -38,7 +37,7 @@ REACH = (0.1, 0.002)  # of the last compass search, in search coordinates
 
 def pooled(
     scenes: Scenes | Sequence[Scenes], *, objective: str = "ade", loss: str | None = None,
-    desired_speed: float = road.SPEED_LIMIT,
+    desired_speed: float | None = None,
 ) -> IDMParameters:  # fmt: skip
     """Return the one parameter set with the smallest mean objective over all drivers together.
 
@@ -47,8 +46,8 @@ def pooled(
     scenes : Scenes or sequence of Scenes
     objective, loss : str
         As for :func:`~idm_sumo.calibration.table.calibrate`.
-    desired_speed : float
-        m/s.
+    desired_speed : float, optional
+        m/s; by default the road's speed limit.
 
     Raises
     ------

@@ -13,7 +13,6 @@ from idm_sumo.models import bicycle
 from idm_sumo.models.idm import SMALLEST_GAP
 from idm_sumo.models.steering import lookahead_distance, pure_pursuit
 from idm_sumo.recordings.columns import FRAME_STEP
-from idm_sumo.roads import road
 from idm_sumo.runtime.errors import InputError
 from idm_sumo.runtime.threads import in_threads
 from idm_sumo.scenes.traffic import NOBODY, leader_row
@@ -80,7 +79,7 @@ def prepare(
     *,
     objective: str = "ade",
     loss: str | None = None,
-    desired_speed: npt.ArrayLike = road.SPEED_LIMIT,
+    desired_speed: npt.ArrayLike | None = None,
     mask: npt.NDArray[np.bool_] | None = None,
 ) -> Problem:
     """Prepare scenes for the compiled rollout.
@@ -91,8 +90,8 @@ def prepare(
     objective : {"ade", "gap", "speed", "log-gap"}
     loss : {"squared", "huber", "soft-l1"}, optional
         Of the error; "squared" by default. The ADE has its own, the Euclidean distance.
-    desired_speed : array_like, shape (vehicles,) or ()
-        m/s.
+    desired_speed : array_like, shape (vehicles,) or (), optional
+        m/s; by default the road's speed limit.
     mask : bool, shape (vehicles, frames), optional
         False where a recorded frame is not to count. Frames that are NaN never do.
 
@@ -104,7 +103,7 @@ def prepare(
     code, loss_code = _codes(objective, loss)
     n, first, h = len(scenes), scenes.start, scenes.window.horizon
     frames = slice(first, first + h + 1)
-    limit = _desired_speeds(desired_speed, n)
+    limit = _desired_speeds(scenes.road.desired_speed(desired_speed), n)
     counted = _counted(scenes, mask)
     t = scenes.traffic
     corridor = tuple(np.empty((n, h + 1)) for _ in range(4))
@@ -114,7 +113,8 @@ def prepare(
     forward, lateral = np.ones((n, h)), np.zeros((n, h))
     start = np.stack([getattr(scenes, name)[:, first] for name in ("x", "y", "heading")], axis=1)
     y, speed = (np.ascontiguousarray(getattr(scenes, name)[:, frames]) for name in ("y", "speed"))
-    in_threads(_drive_laterally, n, start, y, speed, scenes.length, road.lane_center(scenes.lane), forward, lateral)
+    middle = scenes.road.lane_center(scenes.lane)
+    in_threads(_drive_laterally, n, start, y, speed, scenes.length, middle, forward, lateral)
     if code == ADE:
         target = x[:, 1:]
     elif code == SPEED:
@@ -124,7 +124,7 @@ def prepare(
         target = np.log(np.maximum(gap, SMALLEST_GAP)) if code == LOG_GAP else gap
         counted &= np.isfinite(gap)
         if scenes.leader_source == LEADER_FROM_LANE:  # the gap of a twin that left the lane is not this lane's
-            counted &= road.lane_at(np.nan_to_num(y[:, 1:])) == scenes.lane[:, None]
+            counted &= scenes.road.lane_at(np.nan_to_num(y[:, 1:])) == scenes.lane[:, None]
     counted &= np.isfinite(target)
     if code == ADE:
         counted &= np.isfinite(lateral)

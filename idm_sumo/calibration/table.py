@@ -18,7 +18,6 @@ from idm_sumo.calibration.kernel import from_search
 from idm_sumo.calibration.problem import Problem, only, prepare
 from idm_sumo.models import idm
 from idm_sumo.recordings import columns as c
-from idm_sumo.roads import road
 from idm_sumo.runtime.errors import InputError
 from idm_sumo.runtime.progress import Progress, silent
 from idm_sumo.scenes.windows import Scenes
@@ -41,7 +40,7 @@ def calibrate(
     solver: str = GAUSS_NEWTON,
     starts: int | None = None,
     seed: int = 0,
-    desired_speed: npt.ArrayLike = road.SPEED_LIMIT,
+    desired_speed: npt.ArrayLike | None = None,
     mask: npt.NDArray[np.bool_] | None = None,
     jobs: int | None = None,
     progress: Progress | None = None,
@@ -89,7 +88,7 @@ def calibrate(
     if solver not in SOLVERS:
         raise InputError(f"solver: {solver!r} is unknown; use one of {', '.join(SOLVERS)}")
     report, n = progress or silent, len(scenes)
-    limit = np.asarray(desired_speed, dtype=np.float64)
+    limit = np.asarray(scenes.road.desired_speed(desired_speed), dtype=np.float64)
     work = partial(_calibrate_chunk, objective=objective, loss=loss, solver=solver, starts=starts, seed=seed)
     size = CHUNK if solver == GAUSS_NEWTON else SLOW_CHUNK
     if jobs is not None and jobs > 1:
@@ -192,7 +191,7 @@ def _spread(values: Floats, which: Integers, n: int) -> Floats:
     return result
 
 
-def full_ade(scenes: Scenes, problem: Problem, theta: Floats, desired_speed: npt.ArrayLike) -> Floats:
+def full_ade(scenes: Scenes, problem: Problem, theta: Floats, desired_speed: npt.ArrayLike | None) -> Floats:
     """Return the ADE (m) of the full two-dimensional replay over the counted frames, NaN without parameters.
 
     It differs from the objective by tenths of a millimetre; by centimetres, or once in thousands of

@@ -24,7 +24,6 @@ from idm_sumo.calibration.driver_table import FIRST_FRAME, PARAMETERS, key_colum
 from idm_sumo.calibration.problem import Problem, prepare
 from idm_sumo.models import idm
 from idm_sumo.recordings import columns as c
-from idm_sumo.roads import road
 from idm_sumo.runtime.errors import InputError
 from idm_sumo.runtime.threads import in_threads
 from idm_sumo.scenes.windows import Scenes
@@ -43,9 +42,7 @@ FIRST_STEP, LAST_STEP = 0.4, 2e-3  # of the search, in those coordinates
 SMALLEST_DROP = 1e-3  # relative: a sweep that gains less halves the step
 
 
-def linearise(
-    parameters: npt.ArrayLike, mean_speed: npt.ArrayLike, desired_speed: npt.ArrayLike = road.SPEED_LIMIT
-) -> Floats:
+def linearise(parameters: npt.ArrayLike, mean_speed: npt.ArrayLike, desired_speed: npt.ArrayLike) -> Floats:
     r"""Return parameters without ``d1`` that want the same gap at, and about, the mean speed.
 
     .. math:: d_0' = d_0 + \tfrac12 d_1\sqrt{\bar v/v_0},\qquad T' = T + \frac{d_1}{2\sqrt{\bar v v_0}}
@@ -177,7 +174,7 @@ def _refit_all(first, last, found, p, own, design, scheme):  # type: ignore[no-u
 
 
 def refit_table(drivers: pd.DataFrame, scenes: Scenes | Sequence[Scenes], *, integration: str = "euler",
-                desired_speed: float = road.SPEED_LIMIT) -> pd.DataFrame:  # fmt: skip
+                desired_speed: float | None = None) -> pd.DataFrame:  # fmt: skip
     """Return the columns that let a driver table be exported: the refit, its ADE, the mean speed.
 
     Returns
@@ -204,7 +201,7 @@ def refit_table(drivers: pd.DataFrame, scenes: Scenes | Sequence[Scenes], *, int
 
 
 def jam_distance_costs(drivers: pd.DataFrame, scenes: Scenes | Sequence[Scenes], *, integration: str = "euler",
-                       desired_speed: float = road.SPEED_LIMIT) -> pd.DataFrame:  # fmt: skip
+                       desired_speed: float | None = None) -> pd.DataFrame:  # fmt: skip
     """Say what each way to do without ``d1`` costs every driver over its calibration window.
 
     Returns
@@ -224,7 +221,7 @@ def jam_distance_costs(drivers: pd.DataFrame, scenes: Scenes | Sequence[Scenes],
         lost = np.isnan(theta).any(axis=1)
         ways = {
             "ade_m": (theta, "paper"), "ade_exact_m": (theta, integration),
-            "ade_linearised_m": (linearise(theta, mean_speeds(part), desired_speed), integration),
+            "ade_linearised_m": (linearise(theta, mean_speeds(part), part.road.desired_speed(desired_speed)), integration),
             "ade_dropped_m": (theta * [1.0, 1.0, 1.0, 1.0, 0.0], integration),
         }  # fmt: skip
         ade = {name: np.where(lost, np.nan, integrators.ades(problem, *way)) for name, way in ways.items()}

@@ -16,7 +16,6 @@ from idm_sumo.recordings.leaders import row_ahead, row_of
 from idm_sumo.recordings.leaders_from_headway import JUMP, leader_lengths, recorded_leaders
 from idm_sumo.recordings.recording import Recording
 from idm_sumo.recordings.smoothing import running_mean, same_run
-from idm_sumo.roads import road
 
 LEAST_JUMP = 0.5  # m; a smaller step of the gap is noise
 NEVER = 1e6  # s, since or until an event that there is not
@@ -45,13 +44,14 @@ class Ahead(NamedTuple):
 
 def look_around(recording: Recording) -> Ahead:
     """Return who is ahead and behind in each row of a smoothed recording; arrays of shape ``(rows,)``."""
-    return _with_rows(recording.table) if recording.has_leader_rows else _without_rows(recording)
+    return _with_rows(recording) if recording.has_leader_rows else _without_rows(recording)
 
 
-def _with_rows(table: pd.DataFrame) -> Ahead:
+def _with_rows(recording: Recording) -> Ahead:
+    table = recording.table
     x, speed, acceleration = (table[name].to_numpy(np.float64) for name in (c.X, c.SPEED, c.ACCELERATION))
     of_late = running_mean(acceleration, same_run(table), LATELY)
-    length = table[c.LENGTH].fillna(road.CAR_LENGTH).to_numpy(np.float64)
+    length = table[c.LENGTH].fillna(recording.road.car_length).to_numpy(np.float64)
     named = row_of(table, table[c.LEADER].to_numpy(np.int64))
     leader = np.where(named >= 0, named, row_ahead(table))
     second = np.where(leader >= 0, leader[leader], -1)

@@ -16,7 +16,6 @@ from idm_sumo.recordings import columns as c
 from idm_sumo.recordings.columns import FRAME_STEP
 from idm_sumo.recordings.recording import Recording
 from idm_sumo.recordings.smoothing import running_mean, same_run
-from idm_sumo.roads.road import CAR_LENGTH
 
 LEAD = 25  # frames before the start: the past that a delay reaches into, and a twin's run-up
 HORIZON = 120  # frames, 12 s
@@ -202,7 +201,7 @@ def _columns(recording: Recording, ahead: Ahead) -> Floats:
     table = recording.table
     same = same_run(table)
     x, v = table[c.X].to_numpy(np.float64), table[c.SPEED].to_numpy(np.float64)
-    length = table[c.LENGTH].fillna(CAR_LENGTH).to_numpy(np.float64)
+    length = table[c.LENGTH].fillna(recording.road.car_length).to_numpy(np.float64)
     events = leader_events(table, ahead)
     seen = np.empty((COLUMNS, len(table)))
     seen[[REAR, SPEED, ACCELERATION, KIND]] = ahead.rear, ahead.speed, ahead.acceleration, ahead.kind

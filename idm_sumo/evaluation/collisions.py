@@ -39,7 +39,6 @@ from numba import njit
 
 from idm_sumo.models.bicycle import center_of_front
 from idm_sumo.recordings.columns import FRAME_STEP
-from idm_sumo.roads import road
 from idm_sumo.scenes.windows import LEADER_FROM_LANE, Scenes
 from idm_sumo.simulation.rollout import Trajectories
 
@@ -104,7 +103,7 @@ def _first_cells(scenes: Scenes) -> tuple[npt.NDArray[np.int64], int]:
     ones: a slanting truck reaches far, and a car without perception may drift anywhere.
     """
     if scenes.leader_source == LEADER_FROM_LANE:
-        return scenes.traffic.cell(1, scenes.first_frame + scenes.start), road.MAIN_LANES
+        return scenes.traffic.cell(1, scenes.first_frame + scenes.start), scenes.road.main_lanes
     return scenes.cell + scenes.start, 1
 
 

@@ -14,7 +14,7 @@ from idm_sumo.evaluation.waves import wave_speeds
 from idm_sumo.recordings import columns as c
 from idm_sumo.recordings.leaders import row_ahead
 from idm_sumo.recordings.recording import Recording
-from idm_sumo.roads import road
+from idm_sumo.roads import Road
 from idm_sumo.runtime.errors import InputError
 from idm_sumo.runtime.progress import Progress, silent
 
@@ -58,6 +58,7 @@ class TrafficMeasures:
     following: pd.DataFrame
     counts: pd.Series
     partial: bool
+    road: Road
 
     @property
     def periods(self) -> list[str]:
@@ -191,7 +192,7 @@ def measure_traffic(recording: Recording) -> TrafficMeasures:
     """
     return TrafficMeasures(
         m.edie(recording), m.speed_by_position(recording), m.travel_times(recording), m.lane_changes(recording),
-        wave_speeds(recording), following(recording), m.vehicle_counts(recording), not recording.has_leader_rows,
+        wave_speeds(recording), following(recording), m.vehicle_counts(recording), not recording.has_leader_rows, recording.road,
     )  # fmt: skip
 
 
@@ -212,17 +213,17 @@ def following(recording: Recording) -> pd.DataFrame:
     pandas.DataFrame
         ``period, vehicle, gap_m, time_headway_s, speed_m_s``; NaN without a leader.
     """
-    table = recording.table
-    main = (table[c.LANE] <= road.MAIN_LANES) & table[c.X].between(0.0, road.SECTION_LENGTH)
+    table, road = recording.table, recording.road
+    main = (table[c.LANE] <= road.main_lanes) & table[c.X].between(0.0, road.length)
     rows = np.flatnonzero(main & (table[c.FRAME] % ONCE_A_SECOND == 0))
     if recording.has_leader_rows:
         ahead = row_ahead(table)[rows]
-        x, length = table[c.X].to_numpy(), table[c.LENGTH].fillna(road.CAR_LENGTH).to_numpy()
+        x, length = table[c.X].to_numpy(), table[c.LENGTH].fillna(road.car_length).to_numpy()
         headway = np.where(ahead >= 0, x[ahead] - x[rows], np.nan)
         gap = headway - length[ahead]
     else:
         headway = table[c.HEADWAY].to_numpy()[rows]
-        gap = headway - road.CAR_LENGTH
+        gap = headway - road.car_length
     speed = table[c.SPEED].to_numpy()[rows]
     moving = np.where(speed > MOVING, speed, np.nan)
     return pd.DataFrame({
@@ -256,7 +257,7 @@ def _of(table: pd.DataFrame, periods: list[str]) -> pd.DataFrame:
 def _figures(measured: TrafficMeasures, periods: list[str]) -> dict[str, float]:
     """Return the measures of a recording by itself."""
     fields, changes = _of(measured.fields, periods), _of(measured.lane_changes, periods)
-    fields = fields[fields[c.LANE] <= road.MAIN_LANES]
+    fields = fields[fields[c.LANE] <= measured.road.main_lanes]
     waves = _of(measured.waves, periods)["wave_speed_m_s"].dropna()
     follow = _of(measured.following, periods)
     flow, density = _flow_and_density(fields)
@@ -322,7 +323,7 @@ def _field_differences(
     both = ours.assign(**{c.PERIOD: ours[c.PERIOD].astype(str)}).merge(
         renamed, on=keys, how="outer", suffixes=("", "_o")
     )
-    both = both[both[c.LANE] <= road.MAIN_LANES]
+    both = both[both[c.LANE] <= reference.road.main_lanes]
     if not reference.partial and not other.partial:  # a region without vehicles has zero flow and density, and no speed
         both = both.fillna({name + end: 0.0 for name in (m.FLOW, m.DENSITY) for end in ("", "_o")})
     names = {m.MEAN_SPEED: "speed_rmse_m_s", m.FLOW: "flow_rmse_veh_h", m.DENSITY: "density_rmse_veh_km"}
@@ -336,7 +337,7 @@ def _notes(measures: dict[str, TrafficMeasures]) -> tuple[str, ...]:
         if measured.partial:
             notes.append(
                 f"{name} holds only some of the vehicles: flow, density and counts of the traffic cannot be measured, "
-                f"and gaps are its headways minus an assumed leader length of {road.CAR_LENGTH:.1f} m"
+                f"and gaps are its headways minus an assumed leader length of {measured.road.car_length:.1f} m"
             )
             if len(measured.periods) > 1:
                 notes.append(

@@ -25,13 +25,12 @@ from idm_sumo.recordings import columns as c
 from idm_sumo.recordings.columns import FRAME_STEP
 from idm_sumo.recordings.recording import Recording
 from idm_sumo.recordings.smoothing import runs
-from idm_sumo.roads import road
+from idm_sumo.roads import Road
 
 Floats = npt.NDArray[np.float64]
 
 SEGMENTS = 8  # parts of the section
-MEASURED_LANES = road.AUXILIARY_LANE  # lanes 1 to 6; the ramps lie mostly outside the section
-STATIONS = (25.0, 600.0)  # m, between which travel times are taken: real vehicles are first seen at 12 m, last at 631 m
+INSIDE = (25.0, 40.08)  # m, of the stations from start and end of the section; US-101 is recorded from 12 to 631 m
 HELD = 10  # frames that a vehicle must stay in a lane for its change to count
 PER_HOUR, PER_KM = 3600.0, 1000.0
 
@@ -56,11 +55,12 @@ def edie(recording: Recording, *, segments: int = SEGMENTS, minutes: float = 1.0
     Returns
     -------
     pandas.DataFrame
-        ``period, minute`` (number of the interval), ``lane`` (1 to 6), ``segment``, ``x_m`` (its middle),
+        ``period, minute`` (number of the interval), ``lane`` (main and auxiliary), ``segment``, ``x_m`` (its middle),
         ``flow_veh_h``, ``density_veh_km``, ``speed_m_s``, ``vehicle_seconds``. Regions without vehicles are
         missing. Flow and density are NaN if the recording holds only some of the vehicles.
     """
-    table, edges = _in_section(recording.table), np.linspace(0.0, road.SECTION_LENGTH, segments + 1)
+    road = recording.road
+    table, edges = _in_section(recording), np.linspace(0.0, road.length, segments + 1)
     table = table.assign(**{
         SEGMENT: np.minimum(np.searchsorted(edges, table[c.X], side="right") - 1, segments - 1),
         MINUTE: (_seconds(recording.table)[table.index] // (60.0 * minutes)).astype(np.int64),
@@ -68,7 +68,8 @@ def edie(recording: Recording, *, segments: int = SEGMENTS, minutes: float = 1.0
     regions = table.groupby([c.PERIOD, MINUTE, c.LANE, SEGMENT], observed=True)[c.SPEED]
     sums = regions.agg(["sum", "size"]).reset_index()
     distance, time = sums["sum"].to_numpy() * FRAME_STEP, sums["size"].to_numpy() * FRAME_STEP
-    area = _lengths(edges)[sums[c.LANE].to_numpy() - 1, sums[SEGMENT].to_numpy()] * _durations(recording, sums, minutes)
+    area = _lengths(road, edges)[sums[c.LANE].to_numpy(), sums[SEGMENT].to_numpy()]
+    area = area * _durations(recording, sums, minutes)
     if not recording.has_leader_rows:
         area = np.full(len(sums), np.nan)
     return sums[[c.PERIOD, MINUTE, c.LANE, SEGMENT]].assign(**{
@@ -77,11 +78,16 @@ def edie(recording: Recording, *, segments: int = SEGMENTS, minutes: float = 1.0
     })  # fmt: skip
 
 
-def _in_section(table: pd.DataFrame) -> pd.DataFrame:
-    """Return the rows inside the section, lanes 1-6."""
-    inside = table[c.X].between(0.0, road.SECTION_LENGTH) & (table[c.LANE] <= MEASURED_LANES)
-    inside &= (table[c.LANE] < road.AUXILIARY_LANE) | table[c.X].between(road.ON_RAMP_X, road.OFF_RAMP_X)
-    return table[inside]
+def _in_section(recording: Recording) -> pd.DataFrame:
+    """Return the rows in the section on main and auxiliary lanes.
+
+    Ramps lie mostly outside the section.
+    """
+    table, road = recording.table, recording.road
+    on_lanes = table[c.LANE] <= road.main_lanes
+    for side in road.auxiliary_lanes:
+        on_lanes |= (table[c.LANE] == side.number) & table[c.X].between(side.start, side.end)
+    return table[on_lanes & table[c.X].between(0.0, road.length)]
 
 
 def _seconds(table: pd.DataFrame) -> Floats:
@@ -90,11 +96,14 @@ def _seconds(table: pd.DataFrame) -> Floats:
     return np.asarray((table[c.FRAME] - first) * FRAME_STEP, dtype=np.float64)
 
 
-def _lengths(edges: Floats) -> Floats:
-    """Return lane lengths (m) by segment, shape ``(6, segments)``."""
-    whole = np.tile(np.diff(edges), (MEASURED_LANES, 1))
-    inside = np.clip(edges, road.ON_RAMP_X, road.OFF_RAMP_X)
-    whole[road.AUXILIARY_LANE - 1] = np.diff(inside)
+def _lengths(road: Road, edges: Floats) -> Floats:
+    """Return lane lengths (m) by lane number and segment.
+
+    The shape is ``(last lane + 1, segments)``.
+    """
+    whole = np.tile(np.diff(edges), (road.last_lane + 1, 1))
+    for side in road.auxiliary_lanes:
+        whole[side.number] = np.diff(np.clip(edges, side.start, side.end))
     return whole
 
 
@@ -125,28 +134,28 @@ def speed_by_position(recording: Recording, *, bins: int = SEGMENTS) -> pd.DataF
         ``period, segment, x_m, speed_m_s, speed_se_m_s`` and ``vehicles``, of the main lanes. The standard
         error is over the vehicles' own mean speeds there, since frames are not independent.
     """
-    table = _in_section(recording.table)
-    table = table[table[c.LANE] <= road.MAIN_LANES]
-    segment = np.minimum((table[c.X] / road.SECTION_LENGTH * bins).astype(np.int64), bins - 1)
+    table, road = _in_section(recording), recording.road
+    table = table[table[c.LANE] <= road.main_lanes]
+    segment = np.minimum((table[c.X] / road.length * bins).astype(np.int64), bins - 1)
     table = table.assign(**{SEGMENT: segment})
     own = table.groupby([c.PERIOD, SEGMENT, c.VEHICLE], observed=True)[c.SPEED].mean()
     by_vehicle = own.groupby([c.PERIOD, SEGMENT], observed=True).agg(["sem", "size"])
     speed = table.groupby([c.PERIOD, SEGMENT], observed=True)[c.SPEED].mean()
     out = pd.DataFrame({MEAN_SPEED: speed, "speed_se_m_s": by_vehicle["sem"], "vehicles": by_vehicle["size"]})
     out = out.reset_index()
-    out.insert(2, "x_m", (out[SEGMENT] + 0.5) * road.SECTION_LENGTH / bins)
+    out.insert(2, "x_m", (out[SEGMENT] + 0.5) * road.length / bins)
     return out
 
 
-def travel_times(recording: Recording, *, stations: tuple[float, float] = STATIONS) -> pd.DataFrame:
+def travel_times(recording: Recording, *, stations: tuple[float, float] | None = None) -> pd.DataFrame:
     """Return each vehicle's travel time between two stations.
 
     Parameters
     ----------
     recording : Recording
         Recorded or simulated traffic.
-    stations : (float, float)
-        Positions of the stations (m).
+    stations : (float, float), optional
+        Positions of the stations (m); by default a little inside both ends of the section.
 
     Returns
     -------
@@ -154,7 +163,8 @@ def travel_times(recording: Recording, *, stations: tuple[float, float] = STATIO
         ``period, vehicle, entered_s`` (since the period's first frame), ``travel_time_s``. Vehicles that did not
         pass both stations are missing. The moments are interpolated between frames.
     """
-    passed = [_passing(recording.table, station) for station in stations]
+    first, last = stations or (INSIDE[0], recording.road.length - INSIDE[1])
+    passed = [_passing(recording.table, station) for station in (first, last)]
     both = passed[0].merge(passed[1], on=[c.PERIOD, c.VEHICLE], suffixes=("", "_end"))
     both["travel_time_s"] = both["seconds_end"] - both["seconds"]
     kept = both.rename(columns={"seconds": "entered_s"})[[c.PERIOD, c.VEHICLE, "entered_s", "travel_time_s"]]
@@ -195,8 +205,8 @@ def lane_changes(recording: Recording, *, held: int = HELD) -> pd.DataFrame:
         ``period, vehicle, km``, ``changes`` between main lanes, ``merges`` from the auxiliary lane or the ramp,
         ``exits`` to them.
     """
-    table = recording.table
-    lane = np.minimum(table[c.LANE].to_numpy(np.int64), road.AUXILIARY_LANE)  # ramps continue the auxiliary lane
+    table, main = recording.table, recording.road.main_lanes
+    lane = np.minimum(table[c.LANE].to_numpy(np.int64), main + 1)  # side lanes continue each other
     starts, lengths = runs(table)
     stretch = np.repeat(np.arange(len(starts)), lengths)
     breaks = np.flatnonzero((np.diff(lane) != 0) | (np.diff(stretch) != 0)) + 1
@@ -205,7 +215,6 @@ def lane_changes(recording: Recording, *, held: int = HELD) -> pd.DataFrame:
     first = first[long]
     before, after = lane[first[:-1]], lane[first[1:]]
     changed = (stretch[first[1:]] == stretch[first[:-1]]) & (before != after)
-    main = road.MAIN_LANES
     kinds = {"changes": (before <= main) & (after <= main), "merges": before > main, "exits": after > main}
     driven = table[c.SPEED] * FRAME_STEP / PER_KM
     counts = pd.DataFrame({c.PERIOD: table[c.PERIOD], c.VEHICLE: table[c.VEHICLE], "km": driven})

@@ -15,7 +15,6 @@ import pandas as pd
 from idm_sumo.evaluation.collisions import first_contacts
 from idm_sumo.recordings import columns as c
 from idm_sumo.recordings.columns import FRAME_STEP
-from idm_sumo.roads import road
 from idm_sumo.scenes.perception import leaders_along
 from idm_sumo.scenes.windows import Scenes
 from idm_sumo.simulation.rollout import Trajectories
@@ -213,9 +212,9 @@ def is_critical(gap: Floats, approach_rate: Floats) -> npt.NDArray[np.bool_]:
 def _motion_metrics(scenes: Scenes, trajectories: Trajectories) -> dict[str, Floats]:
     acceleration = np.diff(trajectories.speed, axis=1) / FRAME_STEP
     jerk = np.diff(acceleration, axis=1) / FRAME_STEP
-    off_center = np.abs(trajectories.y[:, 1:] - road.lane_center(scenes.lane)[:, None])
+    off_center = np.abs(trajectories.y[:, 1:] - scenes.road.lane_center(scenes.lane)[:, None])
     return {
         "hard_acceleration_share": (np.abs(acceleration) > HARD_ACCELERATION).mean(axis=1),
         "jerk_rms_m_s3": _root_mean_square(jerk) if jerk.shape[1] else np.zeros(len(scenes)),
-        "lane_departure_share": (off_center > 0.5 * road.LANE_WIDTH).mean(axis=1),
+        "lane_departure_share": (off_center > 0.5 * scenes.road.lane_width(scenes.lane)[:, None]).mean(axis=1),
     }

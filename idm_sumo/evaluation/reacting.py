@@ -23,7 +23,6 @@ from idm_sumo.evaluation.metrics import score
 from idm_sumo.models import bicycle
 from idm_sumo.recordings import columns as c
 from idm_sumo.recordings.columns import FRAME_STEP
-from idm_sumo.roads import road
 from idm_sumo.runtime.errors import InputError
 from idm_sumo.scenes.traffic import NOBODY, Traffic, sort_into_cells
 from idm_sumo.scenes.windows import LEADER_FROM_LANE, Scenes
@@ -37,7 +36,7 @@ STATE = (c.X, c.Y, c.HEADING, c.SPEED)
 
 def score_with_reacting(
     scenes: Scenes, parameters: npt.ArrayLike, followers: pd.DataFrame | npt.ArrayLike, *, reacting: int = 3,
-    desired_speed: float = road.SPEED_LIMIT,
+    desired_speed: float | None = None,
 ) -> pd.DataFrame:  # fmt: skip
     """Score every vehicle with followers that react.
 
@@ -52,8 +51,8 @@ def score_with_reacting(
         others, a row with vehicle 0; or one set for all.
     reacting : int
         Largest number of followers that react, the first ones.
-    desired_speed : float
-        Desired speed of all vehicles (m/s).
+    desired_speed : float, optional
+        Desired speed of all vehicles (m/s); by default the road's speed limit.
 
     Returns
     -------
@@ -70,13 +69,14 @@ def score_with_reacting(
             f"period {scenes.period}: the recording does not hold the vehicles behind, so they cannot react"
         )
     theta = np.broadcast_to(np.asarray(parameters, dtype=np.float64), (len(scenes), 5))
-    replayed = drive_idm(scenes, theta, desired_speed=desired_speed)
+    limit = float(scenes.road.desired_speed(desired_speed))
+    replayed = drive_idm(scenes, theta, desired_speed=limit)
     rows = []
     for index in range(len(scenes)):
         one = scenes.subset(np.array([index]))
         behind = vehicles_behind(one, replayed.x[index], reacting)
         own = np.vstack([theta[index], parameters_of_followers(followers, one.traffic.vehicle[behind.row])])
-        driven, traffic = _drive_chain(one, behind, own, desired_speed)
+        driven, traffic = _drive_chain(one, behind, own, limit)
         rows.append(score(replace(one, traffic=traffic), driven).assign(followers=len(behind.row)))
     return pd.concat(rows, ignore_index=True)
 
@@ -163,7 +163,7 @@ def _drive_chain(
     others = _others(scenes, behind)
     out = Trajectories.empty(len(begin), scenes.window.horizon)
     _chain(
-        theta, desired_speed, start, begin, length, float(road.lane_center(lane)), (lane - 1) * others.frames + scenes.start,
+        theta, desired_speed, start, begin, length, float(scenes.road.lane_center(lane)), (lane - 1) * others.frames + scenes.start,
         others.offsets, others.x, others.speed, others.length, others.vehicle,
         out.x, out.y, out.heading, out.speed, out.acceleration, out.steering, out.gap,
     )  # fmt: skip
@@ -179,7 +179,7 @@ def _rows_of_window(scenes: Scenes) -> tuple[Integers, Integers]:
     """
     t, first, frames = scenes.traffic, int(scenes.first_frame[0]), scenes.window.frames
     rows, cells = [], []
-    for lane in range(1, road.MAIN_LANES + 1):
+    for lane in range(1, scenes.road.main_lanes + 1):
         begin = int(t.cell(lane, first))
         span = t.offsets[begin : begin + frames + 1]
         rows.append(np.arange(span[0], span[-1]))
@@ -205,7 +205,7 @@ def _sorted(scenes: Scenes, cells: Integers, columns: dict[str, npt.NDArray[np.g
     frames = scenes.window.frames
     numbers = {name: np.asarray(values, dtype=np.float64) for name, values in columns.items() if name != c.VEHICLE}
     vehicle = np.asarray(columns[c.VEHICLE], dtype=np.int64)
-    return sort_into_cells(cells, road.MAIN_LANES * frames, numbers, vehicle, int(scenes.first_frame[0]), frames)
+    return sort_into_cells(cells, scenes.road.main_lanes * frames, numbers, vehicle, int(scenes.first_frame[0]), frames)
 
 
 def _with_reacting(scenes: Scenes, others: Traffic, out: Trajectories, behind: ReactingVehicles) -> Traffic:
@@ -213,7 +213,7 @@ def _with_reacting(scenes: Scenes, others: Traffic, out: Trajectories, behind: R
     steps = out.x.shape[1]
     there = np.arange(steps) >= behind.step[:, None]
     cell = np.repeat(np.arange(len(others.offsets) - 1), np.diff(others.offsets))
-    lane = road.lane_at(out.y[1:][there])
+    lane = scenes.road.lane_at(out.y[1:][there])
     added_cell = (lane - 1) * others.frames + scenes.start + np.nonzero(there)[1]
     size = {
         name: np.repeat(getattr(scenes.traffic, name)[behind.row], there.sum(axis=1))

@@ -19,7 +19,6 @@ from scipy.stats import theilslopes
 from idm_sumo.recordings import columns as c
 from idm_sumo.recordings.columns import FRAME_STEP
 from idm_sumo.recordings.recording import Recording
-from idm_sumo.roads import road
 
 Floats = npt.NDArray[np.float64]
 
@@ -51,27 +50,29 @@ def wave_speeds(recording: Recording) -> pd.DataFrame:
     rows = []
     for period in recording.periods:
         table = recording.of_period(period).table
-        for lane in range(1, road.MAIN_LANES + 1):
-            field = speed_field(table[table[c.LANE] == lane])
+        for lane in range(1, recording.road.main_lanes + 1):
+            field = speed_field(table[table[c.LANE] == lane], recording.road.length)
             speed, correlation = (np.nan, np.nan) if field is None else wave_of(field)
             rows.append((period, lane, speed, correlation))
     return pd.DataFrame(rows, columns=[c.PERIOD, c.LANE, "wave_speed_m_s", "correlation"])
 
 
-def speed_field(table: pd.DataFrame) -> Floats | None:
+def speed_field(table: pd.DataFrame, length: float) -> Floats | None:
     """Return one lane's mean speeds in space and time.
 
     Parameters
     ----------
     table : pandas.DataFrame
         Rows of one lane and period.
+    length : float
+        Length of the section (m).
 
     Returns
     -------
     float64, shape (positions, times), or None
         Mean speed (m/s) in cells of 20 m and 1 s; None if there are too few vehicles.
     """
-    positions = int(road.SECTION_LENGTH // CELL_LENGTH)
+    positions = int(length // CELL_LENGTH)
     inside = table[table[c.X].between(0.0, positions * CELL_LENGTH, inclusive="left")]
     if inside.empty:
         return None

@@ -7,7 +7,6 @@ import numpy.typing as npt
 from numba import njit
 
 from idm_sumo.models import idm
-from idm_sumo.roads import road
 
 Floats = npt.NDArray[np.float64]
 
@@ -35,7 +34,7 @@ def _pooled_acceleration(v, rate, gap, theta, desired_speed, out):  # type: igno
         )
 
 
-def plain(codes: Floats, pooled: idm.IDMParameters, desired_speed: float = road.SPEED_LIMIT) -> Floats:
+def plain(codes: Floats, pooled: idm.IDMParameters, desired_speed: float) -> Floats:
     r"""Return what is told apart in a first second, shape ``(drivers, 13)``, in the order of :data:`NAMES`.
 
     Parameters

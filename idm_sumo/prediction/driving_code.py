@@ -24,7 +24,6 @@ import numpy.typing as npt
 import pandas as pd
 
 from idm_sumo.prediction.observation import watched
-from idm_sumo.roads import road
 from idm_sumo.runtime.errors import InputError
 from idm_sumo.scenes.windows import Scenes
 
@@ -91,7 +90,7 @@ def driving_code(scenes: Scenes, frames: int | None = None) -> pd.DataFrame:
     return pd.DataFrame({
         SPEED: speed.mean(axis=1),
         APPROACH_RATE: _mean_where(seen, speed - leader.speed),
-        OFFSET: (y - road.lane_center(road.lane_at(y))).mean(axis=1),
+        OFFSET: (y - scenes.road.lane_center(scenes.road.lane_at(y))).mean(axis=1),
         TIME_HEADWAY: _mean_where(seen, headway),
         LEADER_FRAMES: seen.sum(axis=1),
     })  # fmt: skip

@@ -29,7 +29,6 @@ from idm_sumo.calibration.problem import Problem, only, prepare
 from idm_sumo.prediction.observation import first_second
 from idm_sumo.prediction.rollout_predictor import OK, Prediction, RolloutPredictor
 from idm_sumo.prediction.spread import logarithms
-from idm_sumo.roads import road
 from idm_sumo.runtime.errors import InputError
 from idm_sumo.scenes.windows import LEADER_FROM_LANE, Scenes, Window
 
@@ -212,7 +211,7 @@ def recent(scenes: Scenes, frames: int) -> Scenes:
     return _cut(scenes, _first(scenes, frames), scenes.start + scenes.window.horizon + 1, window)
 
 
-def past(scenes: Scenes, frames: int, desired_speed: float = road.SPEED_LIMIT) -> tuple[Scenes, Problem]:
+def past(scenes: Scenes, frames: int, desired_speed: float | None = None) -> tuple[Scenes, Problem]:
     """Return the last observed frames as windows to be driven from the first of them to the simulation's start.
 
     Where leaders come from the lane, what counts ends where the driver leaves the lane it is in at first.
@@ -225,7 +224,7 @@ def past(scenes: Scenes, frames: int, desired_speed: float = road.SPEED_LIMIT) -
     before = _cut(scenes, _first(scenes, frames), scenes.start + 1, Window(1, frames - 1))
     if scenes.leader_source != LEADER_FROM_LANE:
         return before, prepare(before, desired_speed=desired_speed)
-    lanes = road.lane_at(before.y)
+    lanes = before.road.lane_at(before.y)
     before = replace(before, lane=lanes[:, 0], cell=before.traffic.cell(lanes[:, 0], before.first_frame))
     stayed = np.cumprod(lanes == lanes[:, :1], axis=1).astype(np.bool_)
     return before, prepare(before, desired_speed=desired_speed, mask=stayed)

@@ -18,7 +18,6 @@ from sklearn.utils.validation import check_is_fitted, validate_data
 from idm_sumo.models.idm import LOWER, UPPER, IDMParameters
 from idm_sumo.prediction.driving_code import FEATURES, driving_code
 from idm_sumo.recordings import columns as c
-from idm_sumo.roads import road
 from idm_sumo.runtime.errors import InputError
 from idm_sumo.scenes.perception import leaders_along
 from idm_sumo.scenes.windows import Scenes
@@ -121,7 +120,7 @@ def average_parameters(theta: npt.ArrayLike) -> IDMParameters:
     return IDMParameters(*np.asarray(theta, dtype=np.float64).mean(axis=0).tolist())
 
 
-def first_gap_parameters(scenes: Scenes, pooled: IDMParameters, *, desired_speed: float = road.SPEED_LIMIT) -> Floats:
+def first_gap_parameters(scenes: Scenes, pooled: IDMParameters, *, desired_speed: float | None = None) -> Floats:
     r"""Return pooled parameters in which every driver keeps the gap it starts with.
 
     The baseline without any learning about drivers. Only ``T`` differs: it makes the gap at
@@ -139,10 +138,10 @@ def first_gap_parameters(scenes: Scenes, pooled: IDMParameters, *, desired_speed
     """
     start = slice(scenes.start, scenes.start + 1)
     gap = leaders_along(scenes, scenes.x[:, start], scenes.y[:, start], scenes.start).gap[:, 0]
-    speed = scenes.speed[:, scenes.start]
-    solvable = np.isfinite(gap) & (speed > 0.0) & (speed < desired_speed)
+    speed, limit = scenes.speed[:, scenes.start], scenes.road.desired_speed(desired_speed)
+    solvable = np.isfinite(gap) & (speed > 0.0) & (speed < limit)
     v, d = speed[solvable], gap[solvable]
-    share = v / desired_speed
+    share = v / limit
     headway = (d * np.sqrt(1.0 - share**4) - pooled.d0 - pooled.d1 * np.sqrt(share)) / v
     theta = np.tile(np.asarray(pooled, dtype=np.float64), (len(scenes), 1))
     theta[solvable, IDMParameters._fields.index("T")] = np.clip(headway, LOWER.T, UPPER.T)

@@ -7,7 +7,6 @@ import numpy.typing as npt
 import pandas as pd
 
 from idm_sumo.recordings.columns import FRAME_STEP
-from idm_sumo.roads import road
 from idm_sumo.runtime.errors import InputError
 from idm_sumo.scenes.perception import LeadersAlong, leaders_along
 from idm_sumo.scenes.windows import Scenes
@@ -77,7 +76,7 @@ def first_second(scenes: Scenes, frames: int | None = None) -> pd.DataFrame:
     x, y, speed, leader = watched(scenes, scenes.window.observed if frames is None else frames)
     seen = np.isfinite(leader.gap)
     gap = np.where(seen, leader.gap, np.nan)
-    lane = road.lane_at(y[:, -1])
+    lane = scenes.road.lane_at(y[:, -1])
     return pd.DataFrame({
         SPEED: speed[:, -1],
         GAP: gap[:, -1],
@@ -86,7 +85,7 @@ def first_second(scenes: Scenes, frames: int | None = None) -> pd.DataFrame:
         LEADER_ACCELERATION: _slope(np.where(_same_leader(x + gap, leader.speed), leader.speed, np.nan)),
         POSITION: x[:, -1],
         LANE: lane.astype(np.float64),
-        OFFSET: y[:, -1] - road.lane_center(lane),
+        OFFSET: y[:, -1] - scenes.road.lane_center(lane),
         LATERAL_SPEED: _slope(y),
         SEEN: seen.mean(axis=1),
     })  # fmt: skip

@@ -23,7 +23,6 @@ from idm_sumo.prediction.observation import COLUMNS, first_second
 from idm_sumo.prediction.spread import remaining_covariance
 from idm_sumo.prediction.through_rollout import at, fit_weights
 from idm_sumo.recordings.columns import FRAME_STEP
-from idm_sumo.roads import road
 from idm_sumo.runtime.errors import InputError
 from idm_sumo.scenes.windows import Scenes
 
@@ -69,8 +68,8 @@ class RolloutPredictor(BaseEstimator):  # type: ignore[misc]
         How strongly drivers are drawn to the pooled one.
     folds : int
         In which drivers are left out in turn, to learn how far the prediction is off.
-    desired_speed : float
-        m/s.
+    desired_speed : float, optional
+        m/s; by default the road's speed limit.
     seed : int
         Of the folds.
     one_for_all : IDMParameters, optional
@@ -91,13 +90,15 @@ class RolloutPredictor(BaseEstimator):  # type: ignore[misc]
         Learned from.
     observed_ : int
         Frames that were seen of them.
+    desired_speed_ : float
+        m/s, as given or the limit of the road that was learned from.
     """
 
     def __init__(
         self,
         ridge: float = 0.03,
         folds: int = 5,
-        desired_speed: float = road.SPEED_LIMIT,
+        desired_speed: float | None = None,
         seed: int = 1,
         one_for_all: IDMParameters | None = None,
     ) -> None:
@@ -116,6 +117,7 @@ class RolloutPredictor(BaseEstimator):  # type: ignore[misc]
             If no window can be driven.
         """
         every = _driveable([scenes] if isinstance(scenes, Scenes) else list(scenes), self.desired_speed)
+        self.desired_speed_ = float(every[0].road.desired_speed(self.desired_speed))
         problems = [prepare(one, desired_speed=self.desired_speed) for one in every]
         codes = [first_second(one)[list(COLUMNS)].to_numpy(np.float64) for one in every]
         self.observed_ = every[0].window.observed
@@ -187,7 +189,7 @@ class RolloutPredictor(BaseEstimator):  # type: ignore[misc]
     def _standardise(self, code: Floats) -> None:
         """Remember what is usual and how far the training drivers went."""
         usual = np.isfinite(code[:, 1]) & np.isfinite(code[:, 3])
-        values = basis.plain(code[usual], self.pooled_, self.desired_speed)
+        values = basis.plain(code[usual], self.pooled_, self.desired_speed_)
         self.mean_, self.deviation_ = values.mean(axis=0), np.maximum(values.std(axis=0), 1e-6)
         more = basis.expand(self._standard(values))
         self.more_mean_, self.more_deviation_ = more.mean(axis=0), np.maximum(more.std(axis=0), 1e-6)
@@ -200,12 +202,12 @@ class RolloutPredictor(BaseEstimator):  # type: ignore[misc]
 
     def _scaling(self, code: Floats) -> Floats:
         """Return what the scale depends on, standardised; 0, what is usual, of drivers that get the population's parameters."""
-        values = self._standard(basis.plain(code, self.pooled_, self.desired_speed))[:, [basis.V, basis.LOG_GAP]]
+        values = self._standard(basis.plain(code, self.pooled_, self.desired_speed_))[:, [basis.V, basis.LOG_GAP]]
         return np.asarray(np.where(self._known(code)[:, None], values, 0.0))
 
     def _features(self, code: Floats) -> Floats:
         """Return the constant and the standardised features; a driver without a leader has none."""
-        more = basis.expand(self._standard(basis.plain(code, self.pooled_, self.desired_speed)))
+        more = basis.expand(self._standard(basis.plain(code, self.pooled_, self.desired_speed_)))
         more = np.clip((more - self.more_mean_) / self.more_deviation_, -FURTHEST, FURTHEST)
         return np.column_stack([np.ones(len(code)), more])
 
@@ -261,7 +263,7 @@ class RolloutPredictor(BaseEstimator):  # type: ignore[misc]
         return np.asarray(~np.any(list(self._reasons(code).values()), axis=0))
 
 
-def _driveable(every: list[Scenes], desired_speed: float) -> list[Scenes]:
+def _driveable(every: list[Scenes], desired_speed: float | None) -> list[Scenes]:
     found = [one.subset(usable_windows(prepare(one, desired_speed=desired_speed), one)) for one in every]
     if not sum(map(len, found)):
         raise InputError("prediction: no training window can be driven; see `idm-sumo inspect` for why")

@@ -14,7 +14,6 @@ from idm_sumo.models.effects.lane_change_relaxation import headway_after
 from idm_sumo.models.effects.reaction_delay import acted_on, follow_another, knows_new_leader
 from idm_sumo.recordings.columns import FRAME_STEP
 from idm_sumo.recordings.recording import Recording
-from idm_sumo.roads import road
 from idm_sumo.scenes.traffic import NOBODY
 from idm_sumo.scenes.windows import LEADER_FROM_LANE, Scenes
 from idm_sumo.simulation.rollout import Trajectories, perceive, steer
@@ -84,7 +83,7 @@ def set_out(
     recording: Recording | tuple[Others, Twin],
     model: ExtendedModel,
     parameters: npt.ArrayLike,
-    desired_speed: npt.ArrayLike,
+    desired_speed: npt.ArrayLike | None,
 ) -> tuple[Minds, Road, Body]:
     """Return drivers, road and vehicles at the start.
 
@@ -96,24 +95,25 @@ def set_out(
     model : ExtendedModel
     parameters : array_like, shape (windows, 5) or (5,)
         Of each driver; the model's own belong to the median driver.
-    desired_speed : array_like, shape (windows,) or ()
-        m/s.
+    desired_speed : array_like, shape (windows,) or (), optional
+        m/s; by default the road's speed limit.
     """
-    n, t = len(scenes), scenes.traffic
+    n, t, limit = len(scenes), scenes.traffic, scenes.road.desired_speed(desired_speed)
     others, twin = what_is_seen(recording, scenes) if isinstance(recording, Recording) else recording
-    lanes = np.minimum(scenes.lane, road.MAIN_LANES)
     rows = scenes.start + scenes.window.horizon + 1
     minds = Minds(
-        magnitudes=np.ascontiguousarray(model.magnitudes_by_lane()[lanes]),
+        magnitudes=np.ascontiguousarray(model.magnitudes_by_lane(scenes.road.main_lanes)[scenes.lane]),
         theta=np.ascontiguousarray(np.broadcast_to(np.asarray(parameters, dtype=np.float64), (n, 5))),
-        limit=np.ascontiguousarray(np.broadcast_to(np.asarray(desired_speed, dtype=np.float64), (n,))),
+        limit=np.ascontiguousarray(np.broadcast_to(np.asarray(limit, dtype=np.float64), (n,))),
         past=np.full((n, rows, 3), np.nan),
         leader=np.full(n, NOBODY_YET, dtype=np.int64),
         changed=np.column_stack([twin.jump, -twin.since, twin.accepted]),
         driven=np.column_stack([twin.driven, twin.moments]),
     )
     alone = scenes.leader_source != LEADER_FROM_LANE
-    body = Body(scenes.vehicle, scenes.lane, scenes.length, road.lane_center(scenes.lane), scenes.cell, scenes.start)
+    body = Body(
+        scenes.vehicle, scenes.lane, scenes.length, scenes.road.lane_center(scenes.lane), scenes.cell, scenes.start
+    )
     ground = Road(t.offsets, t.x, t.speed, t.length, t.vehicle, t.frames, alone, others, twin)
     _remember_observed(minds, ground, body, scenes.x, scenes.speed)
     return minds, ground, body
@@ -125,7 +125,7 @@ def drive_extended(
     model: ExtendedModel,
     parameters: npt.ArrayLike,
     *,
-    desired_speed: npt.ArrayLike = road.SPEED_LIMIT,
+    desired_speed: npt.ArrayLike | None = None,
 ) -> Trajectories:
     """Drive every vehicle by an extended model and pure pursuit from its start over the horizon.
 

@@ -12,7 +12,6 @@ from numba import njit
 from idm_sumo.models import bicycle, idm
 from idm_sumo.models.steering import lookahead_distance, pure_pursuit
 from idm_sumo.recordings.columns import FRAME_STEP
-from idm_sumo.roads import road
 from idm_sumo.runtime.threads import in_threads
 from idm_sumo.scenes.traffic import NOBODY, leader_row
 from idm_sumo.scenes.windows import Scenes
@@ -71,7 +70,7 @@ def drive_idm(
     scenes: Scenes,
     parameters: npt.ArrayLike,
     *,
-    desired_speed: npt.ArrayLike = road.SPEED_LIMIT,
+    desired_speed: npt.ArrayLike | None = None,
 ) -> Trajectories:
     """Drive every vehicle by IDM and pure pursuit from its start over the horizon.
 
@@ -80,8 +79,8 @@ def drive_idm(
     scenes : Scenes
     parameters : array_like, shape (vehicles, 5) or (5,)
         ``a, b, T, d0, d1`` in SI units.
-    desired_speed : array_like, shape (vehicles,) or ()
-        m/s.
+    desired_speed : array_like, shape (vehicles,) or (), optional
+        m/s; by default the road's speed limit.
 
     Returns
     -------
@@ -90,12 +89,13 @@ def drive_idm(
     """
     n = len(scenes)
     theta = np.array(np.broadcast_to(parameters, (n, 5)), dtype=np.float64, order="C")  # no view: one type to numba
-    limit = np.array(np.broadcast_to(desired_speed, (n,)), dtype=np.float64)
+    limit = np.array(np.broadcast_to(scenes.road.desired_speed(desired_speed), (n,)), dtype=np.float64)
     out = Trajectories.empty(n, scenes.window.horizon)
     first, t = scenes.start, scenes.traffic
     start = np.stack([getattr(scenes, name)[:, first] for name in ("x", "y", "heading", "speed")], axis=1)
     in_threads(
-        _drive_all, n, theta, limit, start, scenes.length, road.lane_center(scenes.lane), scenes.cell + first, scenes.vehicle,
+        _drive_all, n, theta, limit, start, scenes.length, scenes.road.lane_center(scenes.lane), scenes.cell + first,
+        scenes.vehicle,
         t.offsets, t.x, t.speed, t.length, t.vehicle,
         out.x, out.y, out.heading, out.speed, out.acceleration, out.steering, out.gap, out.leader,
     )  # fmt: skip

@@ -22,7 +22,6 @@ from idm_sumo.recordings.columns import FRAME_STEP
 from idm_sumo.recordings.leaders_from_headway import leader_lengths, leader_runs, recorded_leaders
 from idm_sumo.recordings.recording import Recording
 from idm_sumo.recordings.smoothing import running_mean, same_run
-from idm_sumo.roads import road
 from idm_sumo.scenes.traffic import NOBODY, first_ahead
 from idm_sumo.scenes.windows import LEADER_FROM_LANE, Scenes
 from idm_sumo.simulation.rollout import perceive
@@ -112,7 +111,7 @@ def _leaders(recording: Recording, scenes: Scenes) -> _Known:
     table = recording.table
     if scenes.leader_source == LEADER_FROM_LANE:
         t = scenes.traffic
-        cell = t.cell(road.lane_at(table[c.Y]), table[c.FRAME].to_numpy())
+        cell = t.cell(scenes.road.lane_at(table[c.Y]), table[c.FRAME].to_numpy())
         who, gap = _perceive_all(
             cell, table[c.X].to_numpy(), table[c.VEHICLE].to_numpy(), t.offsets, t.x, t.length, t.vehicle
         )
@@ -248,8 +247,9 @@ def slower(one, other):  # type: ignore[no-untyped-def]
 def slower_beside(offsets, x, speed, vehicle, cell, frames, lane, front, own):  # type: ignore[no-untyped-def]
     """Return, of the adjacent lanes, the lower mean speed (m/s) near and that of the slower next one; NaN without anybody there."""
     mean, next_one = np.nan, np.nan
+    lanes = (len(offsets) - 1) // frames
     for side in (-1, 1):
-        if 1 <= lane + side <= road.MAIN_LANES:
+        if 1 <= lane + side <= lanes:
             there = cell + side * frames
             mean = slower(mean, mean_speed_near(offsets, x, speed, vehicle, there, front, own))
             next_one = slower(next_one, next_speed(offsets, x, speed, vehicle, there, front, own))

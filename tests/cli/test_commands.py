@@ -13,6 +13,7 @@ import pytest
 from idm_sumo.cli import main
 from idm_sumo.models.effects import Cause, ExtendedModel
 from idm_sumo.models.idm import TEXTBOOK
+from idm_sumo.roads import US101
 from tests.helpers.ngsim_files import official
 from tests.helpers.platoons import platoon_recording
 
@@ -304,7 +305,7 @@ def test_replay_with_an_extended_model_is_the_same_in_both_back_ends(
     law: str, recording: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
     model = tmp_path / "model.json"
-    ExtendedModel(TEXTBOOK, causes=(Cause("reaction_delay", {"tau": 0.5}),), law=law).write(model)
+    ExtendedModel(TEXTBOOK, US101.speed_limit, causes=(Cause("reaction_delay", {"tau": 0.5}),), law=law).write(model)
     for backend in ("sumo", "kernel"):
         main(
             [
@@ -342,7 +343,7 @@ def test_replay_takes_a_driver_for_one_without_what_some_have_if_that_is_nearer(
     model, given = tmp_path / "model.json", ["replay", str(recording), "--vehicle", "4", "--backend", "kernel"]
     stops = Cause("location", {"alpha": -1.4, "x_1": 0.0, "x_2": 1000.0}, share=0.3)
     late = Cause("reaction_delay", {"tau": 0.5})
-    ExtendedModel(TEXTBOOK, causes=(stops, late)).write(model)
+    ExtendedModel(TEXTBOOK, US101.speed_limit, causes=(stops, late)).write(model)
     main([*given, "--model", str(model), "-o", str(tmp_path / "out")])
     kept = json.loads((tmp_path / "out" / "manifest.json").read_text())
     assert [cause["name"] for cause in kept["model_file"]["causes"]] == ["reaction_delay"]
@@ -352,7 +353,7 @@ def test_drivers_of_an_idm_are_refused_where_the_model_follows_another_law(
     recording: Path, drivers: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
     model = tmp_path / "model.json"
-    ExtendedModel(TEXTBOOK, law="krauss").write(model)
+    ExtendedModel(TEXTBOOK, US101.speed_limit, law="krauss").write(model)
     given = ["--vehicle", "4", "--drivers", str(drivers), "--model", str(model), "-o", str(tmp_path / "no")]
     line = refused(["replay", str(recording), *given], capsys)
     assert "krauss" in line

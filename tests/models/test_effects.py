@@ -21,6 +21,7 @@ from idm_sumo.models.effects import (
 )
 from idm_sumo.models.effects.reaction_delay import REMEMBERED, acted_on, follow_another, recall
 from idm_sumo.models.idm import IDMParameters
+from idm_sumo.roads import US101
 from idm_sumo.runtime.errors import InputError
 
 DRIVER = (1.2, 1.8, 1.3, 2.0, 0.4)
@@ -320,7 +321,7 @@ def test_a_cause_of_some_drivers_survives_its_file_and_the_others_are_without_it
         Cause("location", {"alpha": -0.1, "x_1": 2.0, "x_2": 9.0}),
     )
     model = ExtendedModel.from_json(
-        ExtendedModel(IDMParameters(1.1, 1.7, 1.2, 2.0, 0.0), causes=(late, place)).to_json()
+        ExtendedModel(IDMParameters(1.1, 1.7, 1.2, 2.0, 0.0), US101.speed_limit, causes=(late, place)).to_json()
     )
     assert model.causes[0].share == model.share == 0.4
     assert [cause.name for cause in model.without_partial_causes().causes] == ["location"]
@@ -340,7 +341,7 @@ def test_a_model_of_another_law_survives_its_file_and_an_older_file_is_an_idm(tm
     back = ExtendedModel.read(tmp_path / "model.json")
     assert back.law == "krauss"
     assert not back.is_idm
-    assert (back.magnitudes_by_lane()[:, slots.LAW] == laws.KRAUSS).all()
+    assert (back.magnitudes_by_lane(8)[:, slots.LAW] == laws.KRAUSS).all()
     assert back.magnitudes()[slots.REACTION_CHANGE] == pytest.approx(-0.2)
     older = model.to_json().replace('  "law": "krauss",\n  "reaction": 0.8,\n', "")
     assert older != model.to_json()
@@ -380,8 +381,12 @@ def test_the_other_kind_of_an_effect_survives_its_file(cause, usual, instead, tm
         "",
         "{}",
         '{"format": "other"}',
-        ExtendedModel(IDMParameters(1, 1, 1, 1, 0)).to_json().replace("[]", '[{"name": "ghost", "parameters": {}}]'),
-        ExtendedModel(IDMParameters(1, 1, 1, 1, 0), law="krauss").to_json().replace("krauss", "ghost"),
+        ExtendedModel(IDMParameters(1, 1, 1, 1, 0), US101.speed_limit)
+        .to_json()
+        .replace("[]", '[{"name": "ghost", "parameters": {}}]'),
+        ExtendedModel(IDMParameters(1, 1, 1, 1, 0), US101.speed_limit, law="krauss")
+        .to_json()
+        .replace("krauss", "ghost"),
     ],
 )
 def test_what_is_no_model_is_refused_in_one_line(text, tmp_path):
@@ -394,9 +399,9 @@ def test_what_is_no_model_is_refused_in_one_line(text, tmp_path):
 
 @pytest.mark.parametrize("tau", [-0.1, 3.0, float("nan")])
 def test_a_size_out_of_bounds_is_refused_with_its_bounds(tau, tmp_path):
-    ExtendedModel(IDMParameters(1, 1, 1, 1, 0), causes=(Cause("reaction_delay", {"tau": tau}),)).write(
-        tmp_path / "m.json"
-    )
+    ExtendedModel(
+        IDMParameters(1, 1, 1, 1, 0), US101.speed_limit, causes=(Cause("reaction_delay", {"tau": tau}),)
+    ).write(tmp_path / "m.json")
     with pytest.raises(InputError, match=r"m\.json: cause 'reaction_delay': tau = .* s; give it from 0 to 1\.5"):
         ExtendedModel.read(tmp_path / "m.json")
 

@@ -19,7 +19,7 @@ DRIVEN = [effect for effect in CATALOGUE if effect.parameters]
 
 
 def model_of(*causes: Cause) -> ExtendedModel:
-    return ExtendedModel(TEXTBOOK, causes=causes)
+    return ExtendedModel(TEXTBOOK, US101.speed_limit, causes=causes)
 
 
 def everywhere(effect) -> Cause:

@@ -18,11 +18,9 @@ from idm_sumo.models.effects import slots
 from idm_sumo.models.effects.catalogue import BY_NAME
 from idm_sumo.models.effects.record import format_quantity
 from idm_sumo.models.idm import IDMParameters
-from idm_sumo.roads import road
 from idm_sumo.runtime.errors import InputError
 
 FORMAT = "idm-sumo extended model 1"
-LANES = 8  # largest lane number of a recording
 GOLDEN = (5**0.5 - 1.0) / 2.0  # golden ratio; fractional parts of its multiples fill the unit interval evenly
 
 
@@ -87,7 +85,7 @@ class ExtendedModel:
     """
 
     parameters: IDMParameters
-    desired_speed: float = road.SPEED_LIMIT
+    desired_speed: float
     causes: tuple[Cause, ...] = field(default=())
     source: str = ""
     law: str = laws.NAMES[laws.IDM]
@@ -152,15 +150,20 @@ class ExtendedModel:
                 cause.fill(m)
         return m
 
-    def magnitudes_by_lane(self) -> npt.NDArray[np.float64]:
+    def magnitudes_by_lane(self, lanes: int) -> npt.NDArray[np.float64]:
         """Return the magnitudes for each lane number.
+
+        Parameters
+        ----------
+        lanes : int
+            Largest lane number.
 
         Returns
         -------
-        float64, shape (LANES + 1, slots.COUNT)
+        float64, shape (lanes + 1, slots.COUNT)
             Row 0 ignores the lanes of the causes.
         """
-        return np.stack([self.magnitudes(lane) for lane in range(LANES + 1)])
+        return np.stack([self.magnitudes(lane) for lane in range(lanes + 1)])
 
     def to_json(self) -> str:
         """Return the model as text.

@@ -94,7 +94,9 @@ class ModelDrivers:
         self._place = {str(vehicle): i for i, vehicle in enumerate(demand[c.VEHICLE])}
         has = model.has_partial_causes(demand[c.VEHICLE]) if has is None else has
         self._without = (~has).astype(np.int64)
-        self._magnitudes = np.stack([model.magnitudes_by_lane(), model.without_partial_causes().magnitudes_by_lane()])
+        self._magnitudes = np.stack(
+            [each.magnitudes_by_lane(road.MAIN_LANES) for each in (model, model.without_partial_causes())]
+        )
         self._theta = np.ascontiguousarray(theta, dtype=np.float64)
         self._limit = np.full(n, desired_speed, dtype=np.float64)
         self._length = demand[d.LENGTH].fillna(road.CAR_LENGTH).to_numpy(dtype=np.float64)

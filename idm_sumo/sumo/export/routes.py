@@ -122,7 +122,7 @@ def export_routes(
     table = table.assign(depart=_simulation_times(table), id=identifiers(table), **_places(table, source))
     order = np.lexsort((table["id"], table["depart"]))
     if model is None:
-        model = ExtendedModel(TEXTBOOK)
+        model = ExtendedModel(TEXTBOOK, float(table[d.DESIRED_SPEED].max()))
     held = express(model, table, theta, table[d.DESIRED_SPEED].to_numpy(dtype=np.float64))
     root = _routes(table.iloc[order], held.of(order))
     files = _write(Path(path), root, net, integration)

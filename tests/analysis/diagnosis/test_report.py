@@ -22,6 +22,7 @@ from idm_sumo.diagnosis import CauseFound, Diagnosis, Estimate, Gain, Power, Reg
 from idm_sumo.diagnosis.result import Law, LawCompared, OtherLaw
 from idm_sumo.models.effects import Cause, ExtendedModel
 from idm_sumo.models.idm import TEXTBOOK
+from idm_sumo.roads import US101
 from tests.helpers import runs
 from tests.helpers.pairs import pair
 
@@ -54,7 +55,9 @@ def named() -> Diagnosis:
     cause = CauseFound(
         "location", alpha, Region((200.0, 300.0)), 2e-6, 1.0, "All slow down there.", ("measurement_artefact",)
     )
-    model = ExtendedModel(TEXTBOOK, causes=(Cause("location", {"alpha": -0.12, "x_1": 200.0, "x_2": 300.0}),))
+    model = ExtendedModel(
+        TEXTBOOK, US101.speed_limit, causes=(Cause("location", {"alpha": -0.12, "x_1": 200.0, "x_2": 300.0}),)
+    )
     table = residuals()
     drivers = pd.DataFrame({
         "period": "p", "vehicle": np.arange(40), "held_out": np.arange(40) % 2 == 0, "windows": 3,
@@ -73,7 +76,7 @@ def named() -> Diagnosis:
                    RuledOut("hysteresis", 0.9, ())),
         untestable={"leader_class": "no classes were recorded"},
         power=(Power("reaction_delay", "tau", "s", 0.2, 0.93),),
-        model=model, base_model=ExtendedModel(TEXTBOOK), residuals=table, drivers=drivers, scans=(scan,),
+        model=model, base_model=ExtendedModel(TEXTBOOK, US101.speed_limit), residuals=table, drivers=drivers, scans=(scan,),
         excluded={"no leader for 12 s": 3}, notes=("a note",), seconds={"fit": 1.0},
     )  # fmt: skip
 

@@ -36,7 +36,11 @@ def drive(folder, recorded, *causes, ours=True, has=None) -> tuple[pd.DataFrame,
     types = populations.calibrated_types(demand, theta, lane_change)
     files = closed_loop.write_run(folder / "simulation", "extended", recorded, demand, types, downstream=None)
     has = None if has is None else np.full(len(demand), has)
-    drivers = ModelDrivers(ExtendedModel(TEXTBOOK, causes=causes), demand, theta, has=has) if ours else None
+    drivers = (
+        ModelDrivers(ExtendedModel(TEXTBOOK, US101.speed_limit, causes=causes), demand, theta, has=has)
+        if ours
+        else None
+    )
     outcome = closed_loop.run(files, folder / "run.parquet", ours=drivers)
     frames = closed_loop.as_recording(outcome, recorded, demand, "run").table
     return frames, outcome, 0 if drivers is None else drivers.driven_steps
@@ -81,12 +85,16 @@ def test_who_has_not_what_some_have_drives_without(tmp_path, recorded, plain) ->
         - plain[0][plain[0][c.X] > 450.0].groupby(c.VEHICLE)[c.FRAME].min()
     )
     first = last[last.index % 5 == 4].to_numpy()  # of each lane, who has nobody ahead
-    assert (first > 0).tolist() == ExtendedModel(TEXTBOOK, causes=(place,)).has_partial_causes([14, 19]).tolist()
+    assert (first > 0).tolist() == ExtendedModel(TEXTBOOK, US101.speed_limit, causes=(place,)).has_partial_causes(
+        [14, 19]
+    ).tolist()
 
 
 @pytest.mark.parametrize("known", [True, False])
 def test_who_has_what_some_have_is_as_the_drivers_table_says(known, tmp_path) -> None:
-    model = ExtendedModel(TEXTBOOK, causes=(Cause("reaction_delay", {"tau": 0.4}, share=0.5),), drivers="drivers.csv")
+    model = ExtendedModel(
+        TEXTBOOK, US101.speed_limit, causes=(Cause("reaction_delay", {"tau": 0.4}, share=0.5),), drivers="drivers.csv"
+    )
     vehicles = np.arange(1, 9)
     own = pd.DataFrame({
         "period": "p", "vehicle": vehicles[:5], "a": 1.0, "b": 1.5, "T": 1.2, "d0": 2.0, "d1": 0.0,
@@ -109,7 +117,9 @@ def test_who_has_what_some_have_is_as_the_drivers_table_says(known, tmp_path) ->
 
 def test_accelerations_are_of_the_step_before_and_of_late(recorded) -> None:
     demand = demand_of(recorded)
-    drivers = ModelDrivers(ExtendedModel(TEXTBOOK), demand, np.tile([1.0, 1.5, 1.2, 2.0, 0.0], (len(demand), 1)))
+    drivers = ModelDrivers(
+        ExtendedModel(TEXTBOOK, US101.speed_limit), demand, np.tile([1.0, 1.5, 1.2, 2.0, 0.0], (len(demand), 1))
+    )
     time = np.arange(60) * FRAME_STEP
     speed = np.stack([5.0 + 0.5 * time, np.where(time < 4.0, 8.0, 9.0)])
     found = np.array([drivers._accelerations(np.array([3, 0]), now) for now in speed.T])
@@ -149,7 +159,9 @@ def speeds(command, out) -> pd.Series:
 @pytest.mark.parametrize("law", ["idm", "full_velocity_difference"])
 def test_interactive_adds_the_extended_population(law, tmp_path, capsys) -> None:
     command = four_cars(tmp_path)
-    model = ExtendedModel(TEXTBOOK, causes=(Cause("location", {"alpha": -0.5, "x_1": 200.0, "x_2": 500.0}),), law=law)
+    model = ExtendedModel(
+        TEXTBOOK, US101.speed_limit, causes=(Cause("location", {"alpha": -0.5, "x_1": 200.0, "x_2": 500.0}),), law=law
+    )
     model.write(tmp_path / "model.json")
     speed = speeds(command, tmp_path / "out")
     assert speed["extended"] < speed["own-loop"] - 0.3
@@ -160,7 +172,7 @@ def test_interactive_adds_the_extended_population(law, tmp_path, capsys) -> None
 
 def test_drivers_that_were_refitted_with_a_model_drive_by_it(tmp_path, capsys) -> None:
     command = four_cars(tmp_path)
-    model = ExtendedModel(TEXTBOOK, drivers="drivers.parquet")
+    model = ExtendedModel(TEXTBOOK, US101.speed_limit, drivers="drivers.parquet")
     model.write(tmp_path / "model.json")
     with pytest.raises(SystemExit):
         main([*command, "--replay-bias", "0", "--jobs", "1", "-o", str(tmp_path / "none")])

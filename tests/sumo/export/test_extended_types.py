@@ -18,7 +18,7 @@ EXPRESSED = {"reaction_delay", "vehicle_class", "time_of_day", "desired_speed"}
 
 
 def model_of(*causes: Cause) -> ExtendedModel:
-    return ExtendedModel(TEXTBOOK, causes=causes)
+    return ExtendedModel(TEXTBOOK, US101.speed_limit, causes=causes)
 
 
 def types_of(path: Path) -> dict[str, dict[str, str]]:
@@ -168,7 +168,9 @@ def delayed(tau: float, leader: np.ndarray, start: np.ndarray) -> np.ndarray:
 
 def test_a_law_that_is_no_idm_is_said_to_be_our_loops_only(tmp_path) -> None:
     plain = export_routes(drivers(), tmp_path / "plain.rou.xml")
-    result = export_routes(drivers(), tmp_path / "us101.rou.xml", model=ExtendedModel(TEXTBOOK, law="krauss"))
+    result = export_routes(
+        drivers(), tmp_path / "us101.rou.xml", model=ExtendedModel(TEXTBOOK, US101.speed_limit, law="krauss")
+    )
     (said,) = [note for note in result.notes if note.startswith("law krauss")]
     assert "interactive --model" in said
     assert types_of(result.route_file) == types_of(plain.route_file)

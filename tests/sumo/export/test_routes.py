@@ -163,7 +163,7 @@ def test_linearised_wants_the_same_gap_at_the_mean_speed(tmp_path: Path) -> None
     mean = np.linspace(3.0, 18.0, 30)
     table = drivers(d1=2.0, mean_speed_m_s=mean)
     theta = table[list(idm.IDMParameters._fields)].to_numpy()
-    linear = linearise(theta, mean)
+    linear = linearise(theta, mean, US101.speed_limit)
     assert (linear[:, 4] == 0.0).all()
     for row, plain, v in zip(theta, linear, mean, strict=True):
         gap = [idm.desired_gap(v, 0.0, *values, US101.speed_limit) for values in (row, plain)]
