@@ -23,11 +23,10 @@ from idm_sumo.recordings import columns as c
 from idm_sumo.recordings.cleaning import clean
 from idm_sumo.recordings.recording import Recording
 from idm_sumo.recordings.smoothing import smooth
-from idm_sumo.roads import road
 from idm_sumo.runtime.errors import InputError
 from idm_sumo.runtime.progress import Progress, silent
 from idm_sumo.scenes.windows import Scenes, Window, build_scenes
-from idm_sumo.sumo.export.translation import desired_speeds, sumo_parameters, with_parameters
+from idm_sumo.sumo.export.translation import checked_speeds, sumo_parameters, with_parameters
 
 Floats = npt.NDArray[np.float64]
 
@@ -165,10 +164,10 @@ def parameters_for(population: str, drivers: Drivers, demand: pd.DataFrame, spee
     InputError
         If there is nothing to predict from.
     """
-    vehicle = demand[c.VEHICLE].to_numpy()
+    vehicle, limit = demand[c.VEHICLE].to_numpy(), drivers.scenes.road.speed_limit
     keys = {c.PERIOD: drivers.scenes.period, c.VEHICLE: vehicle}
     everybody = pd.DataFrame(keys | drivers.pooled._asdict()).assign(**{MEAN_SPEED: speeds.reindex(vehicle).to_numpy()})
-    theta, _ = sumo_parameters(everybody, "linearised", road.SPEED_LIMIT, "euler", "pooled")
+    theta, _ = sumo_parameters(everybody, "linearised", limit, "euler", "pooled")
     if population == "pooled":
         return theta, len(demand)
     table = drivers.table if population == "drivers" else drivers.predicted
@@ -179,7 +178,7 @@ def parameters_for(population: str, drivers: Drivers, demand: pd.DataFrame, spee
     if MEAN_SPEED not in table:
         table = table.assign(**{MEAN_SPEED: speeds.reindex(table[c.VEHICLE]).fillna(speeds.mean()).to_numpy()})
     way = "refit" if set(REFIT) <= set(table) else "linearised"
-    own, _ = sumo_parameters(table, way, road.SPEED_LIMIT, "euler", population)
+    own, _ = sumo_parameters(table, way, limit, "euler", population)
     known, row = _known_to(table, demand)
     theta[known] = own[row]
     return theta, int((~known).sum())
@@ -233,7 +232,7 @@ def refitted_for(
     table = read_drivers(beside)
     if DESIRED_SPEED not in table:
         raise InputError(f"{beside}: column {DESIRED_SPEED} is missing; write the table with `idm-sumo diagnose`")
-    table = table.assign(**{DESIRED_SPEED: desired_speeds(table, None, str(beside))})
+    table = table.assign(**{DESIRED_SPEED: checked_speeds(table, table[DESIRED_SPEED], str(beside))})
     table = table[table[c.PERIOD] == period].drop_duplicates(c.VEHICLE)
     known, row = _known_to(table, demand)
     theta[known] = table[PARAMETERS].to_numpy()[row]

@@ -22,7 +22,7 @@ from idm_sumo.models.effects import ExtendedModel
 from idm_sumo.recordings import columns as c
 from idm_sumo.recordings.recording import Recording
 from idm_sumo.recordings.smoothing import smooth
-from idm_sumo.roads import road
+from idm_sumo.roads import Road
 from idm_sumo.runtime.errors import InputError
 from idm_sumo.runtime.files import MANIFEST, new_folder
 from idm_sumo.runtime.progress import Progress, silent
@@ -157,7 +157,7 @@ def _check_ego(settings: Settings, demand: pd.DataFrame, recorded: Recording) ->
             f"--ego {settings.ego}: is not in period {recorded.periods[0]} of {recorded.source}; `idm-sumo "
             f"inspect RECORDING --vehicles` lists its vehicles"
         )
-    if own[d.LANE].iloc[0] > road.MAIN_LANES:
+    if own[d.LANE].iloc[0] > recorded.road.main_lanes:
         raise InputError(
             f"--ego {settings.ego}: enters by the on-ramp, and we drive on main lanes only; choose another vehicle"
         )
@@ -184,10 +184,10 @@ def _cases(
         elif drivers is not None:
             own = "drivers" if population in LOOPS else population
             theta, pooled = parameters_for(own, drivers, demand, speeds)
-            types = calibrated_types(demand, theta, lane_change)
+            types = calibrated_types(demand, theta, lane_change, recorded.road.speed_limit)
         ours = None
         if population in LOOPS and settings.model is not None:
-            ours = _ours(settings.model, population, demand, recorded.periods[0], theta)
+            ours = _ours(settings.model, population, demand, recorded, theta)
         options = SUBLANE.get(settings.lane_change_model, ())
         files = write_run(
             part / "simulation", population, recorded, demand, types, downstream=downstream, options=options
@@ -197,7 +197,7 @@ def _cases(
     return cases
 
 
-def _ours(file: Path, population: str, demand: pd.DataFrame, period: str, calibrated: Floats) -> ModelDrivers:
+def _ours(file: Path, population: str, demand: pd.DataFrame, recorded: Recording, calibrated: Floats) -> ModelDrivers:
     """Return the drivers of a population of our own loop.
 
     They drive with a model's causes, or by its law without them.
@@ -206,8 +206,9 @@ def _ours(file: Path, population: str, demand: pd.DataFrame, period: str, calibr
     if population != EXTENDED:
         model = replace(model, causes=())
         if model.is_idm:
-            return ModelDrivers(model, demand, calibrated, model.desired_speed)
-    return ModelDrivers(model, demand, *refitted_for(model, file, demand, period, calibrated))
+            return ModelDrivers(model, demand, calibrated, recorded.road)
+    theta, limits, has = refitted_for(model, file, demand, recorded.periods[0], calibrated)
+    return ModelDrivers(model, demand, theta, recorded.road, limits, has)
 
 
 def _run_all(
@@ -229,7 +230,7 @@ def _run_all(
                 "fcd": part / "fcd" / f"{case.name.replace(', ', '-').replace(' ', '')}.parquet",
                 "name": case.name,
                 "seed": case.seed or settings.seed,
-                "ego": _ego(settings, demand, drivers),
+                "ego": _ego(settings, recorded.road, demand, drivers),
                 "ours": case.ours,
                 "gui": settings.gui,
             },
@@ -251,7 +252,7 @@ def _run_all(
     return done
 
 
-def _ego(settings: Settings, demand: pd.DataFrame, drivers: Drivers | None) -> Ego | None:
+def _ego(settings: Settings, road: Road, demand: pd.DataFrame, drivers: Drivers | None) -> Ego | None:
     """Return the vehicle we drive and its parameters.
 
     They are its own calibrated ones, or else the pooled ones.
@@ -261,4 +262,4 @@ def _ego(settings: Settings, demand: pd.DataFrame, drivers: Drivers | None) -> E
     own = demand[demand[c.VEHICLE] == settings.ego].iloc[0]
     fitted = drivers.table[drivers.table[c.VEHICLE] == settings.ego]
     theta = np.asarray(drivers.pooled if fitted.empty else fitted[PARAMETERS].iloc[0], dtype=np.float64)
-    return Ego(settings.ego, int(own[d.LANE]), theta, float(own[d.LENGTH]))
+    return Ego(settings.ego, road, int(own[d.LANE]), theta, float(own[d.LENGTH]))

@@ -16,7 +16,6 @@ from idm_sumo.evaluation.comparison import Comparison, TrafficMeasures, matched_
 from idm_sumo.recordings import columns as c
 from idm_sumo.recordings.columns import FRAME_STEP
 from idm_sumo.recordings.recording import Recording
-from idm_sumo.roads import road
 
 from ..page.style import new_figure
 
@@ -84,11 +83,10 @@ def _speed_by_position(ax: Axes, measures: Mapping[str, TrafficMeasures], period
         mean, se = table[m.MEAN_SPEED], table["speed_se_m_s"].fillna(0.0)
         ax.plot(table["x_m"], mean, color=paint[name], marker="o", markersize=3)
         ax.fill_between(table["x_m"], mean - se, mean + se, color=paint[name], alpha=0.2, linewidth=0)
-    for place in (road.ON_RAMP_X, road.OFF_RAMP_X):
+    road = reference.road
+    for place in road.ramp_places:
         ax.axvline(place, color="0.8", linewidth=1, zorder=0)
-    ax.set(
-        title=period, xlabel="position (m)", ylabel="mean speed (m/s)", ylim=(0, HIGHEST), xlim=(0, road.SECTION_LENGTH)
-    )
+    ax.set(title=period, xlabel="position (m)", ylabel="mean speed (m/s)", ylim=(0, HIGHEST), xlim=(0, road.length))
 
 
 def _distribution(
@@ -111,7 +109,7 @@ def _distribution(
     ax.set(title=period, ylabel="density", xlim=(edges[0], edges[-1]))
 
 
-def time_space(recordings: Mapping[str, Recording], *, lanes: Sequence[int] = range(1, road.MAIN_LANES + 1)) -> Figure:
+def time_space(recordings: Mapping[str, Recording], *, lanes: Sequence[int] | None = None) -> Figure:
     """Draw time-space diagrams, coloured by speed.
 
     One row a recording (of one period), one column a lane.
@@ -119,8 +117,11 @@ def time_space(recordings: Mapping[str, Recording], *, lanes: Sequence[int] = ra
     Parameters
     ----------
     recordings : mapping of str to Recording
-    lanes : sequence of int, keyword-only
+    lanes : sequence of int, keyword-only, optional
+        By default all main lanes.
     """
+    if lanes is None:
+        lanes = range(1, max(recording.road.main_lanes for recording in recordings.values()) + 1)
     figure, axes = new_figure(2.6 * len(lanes), 0.6 + 1.9 * len(recordings), columns=len(lanes), rows=len(recordings))
     longest = max(_minutes(recording.table).max() for recording in recordings.values())
     image: Any = None
@@ -128,7 +129,7 @@ def time_space(recordings: Mapping[str, Recording], *, lanes: Sequence[int] = ra
         table = recording.table.assign(minutes=_minutes(recording.table))
         for column, lane in enumerate(lanes):
             ax = axes[row * len(lanes) + column]
-            image = _lane_image(ax, table[table[c.LANE] == lane], longest)
+            image = _lane_image(ax, table[table[c.LANE] == lane], longest, recording.road.length)
             ax.set(
                 title=f"lane {lane}" if row == 0 else "",
                 xlabel="minute" if row == len(recordings) - 1 else "",
@@ -144,13 +145,13 @@ def _minutes(table: pd.DataFrame) -> pd.Series:
     return (table[c.FRAME] - table[c.FRAME].min()) * FRAME_STEP / 60.0
 
 
-def _lane_image(ax: Axes, table: pd.DataFrame, longest: float) -> Any:
+def _lane_image(ax: Axes, table: pd.DataFrame, longest: float, length: float) -> Any:
     """Draw mean speeds of fine cells of one lane.
 
     Cells without a vehicle are white.
     """
     times = np.arange(0.0, longest + CELL_TIME / 60.0, CELL_TIME / 60.0)
-    places = np.arange(0.0, road.SECTION_LENGTH + CELL_LENGTH, CELL_LENGTH)
+    places = np.arange(0.0, length + CELL_LENGTH, CELL_LENGTH)
     where = (table["minutes"], table[c.X])
     count = np.histogram2d(*where, bins=(times, places))[0]
     total = np.histogram2d(*where, bins=(times, places), weights=table[c.SPEED])[0]

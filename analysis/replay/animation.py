@@ -14,7 +14,7 @@ from matplotlib.transforms import Affine2D
 from idm_sumo.recordings import columns as c
 from idm_sumo.recordings.columns import FRAME_STEP
 from idm_sumo.recordings.recording import Recording
-from idm_sumo.roads import road
+from idm_sumo.roads import Road
 from idm_sumo.runtime.progress import Progress, silent
 from idm_sumo.scenes.windows import LEADER_OF_TWIN, Scenes
 from idm_sumo.simulation.rollout import Trajectories
@@ -62,10 +62,10 @@ def _draw(ax: Axes, scenes: Scenes, trajectories: Trajectories, k: int, around: 
     ax.clear()
     frame = scenes.start + k
     middle = scenes.x[0, frame]
-    _road(ax, middle)
+    _road(ax, scenes.road, middle)
     if around is not None:
         near = around[around[c.X].between(middle - BEHIND - 20, middle + AHEAD + 20)]
-        sizes = near[[c.LENGTH, c.WIDTH]].fillna({c.LENGTH: road.CAR_LENGTH, c.WIDTH: road.CAR_WIDTH})
+        sizes = near[[c.LENGTH, c.WIDTH]].fillna({c.LENGTH: scenes.road.car_length, c.WIDTH: scenes.road.car_width})
         for row in near[[c.X, c.Y, c.HEADING]].join(sizes).to_numpy():
             x, y, heading, length, width = row
             _car(ax, x, y, heading, length, width, TRAFFIC)
@@ -84,15 +84,15 @@ def _draw(ax: Axes, scenes: Scenes, trajectories: Trajectories, k: int, around: 
     ax.legend(loc="lower left", bbox_to_anchor=(0.0, 1.02), fontsize=7, ncols=2, borderaxespad=0.0)
 
 
-def _road(ax: Axes, middle: float) -> None:
-    width = road.MAIN_LANES * road.LANE_WIDTH
-    for lane in range(road.MAIN_LANES + 1):
-        edge = lane in (0, road.MAIN_LANES)
-        ax.axhline(
-            -lane * road.LANE_WIDTH, color="0.5", linewidth=1.2 if edge else 0.6, linestyle="-" if edge else (0, (8, 8))
-        )
+def _road(ax: Axes, road: Road, middle: float) -> None:
+    for lane, y in enumerate(road.markings):
+        edge = lane in (0, road.main_lanes)
+        ax.axhline(y, color="0.5", linewidth=1.2 if edge else 0.6, linestyle="-" if edge else (0, (8, 8)))
     ax.set(
-        xlim=(middle - BEHIND, middle + AHEAD), ylim=(-width - 1, 1), xlabel="position along the road (m)", yticks=[]
+        xlim=(middle - BEHIND, middle + AHEAD),
+        ylim=(-road.width - 1, 1),
+        xlabel="position along the road (m)",
+        yticks=[],
     )
     ax.set_aspect("equal")
     ax.grid(visible=False)

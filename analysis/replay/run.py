@@ -55,8 +55,8 @@ class Request:
         ``"sumo"`` or ``"kernel"``.
     drivers : Path or None
         Table with its parameters; without one they are fitted to the vehicle itself.
-    desired_speed : float
-        m/s.
+    desired_speed : float, optional
+        m/s; by default the road's speed limit.
     seed : int
     model : Path or None
         An extended model of ``diagnose``; its desired speed counts. Without drivers it is fitted to the vehicle too,
@@ -69,7 +69,7 @@ class Request:
     window: Window
     backend: str
     drivers: Path | None
-    desired_speed: float
+    desired_speed: float | None
     seed: int
     model: Path | None = None
 
@@ -104,6 +104,7 @@ def replay_one(
     if model is not None:
         _check_drivers(model, request)
         request = changed(request, desired_speed=model.desired_speed)
+    request = changed(request, desired_speed=float(recording.road.desired_speed(request.desired_speed)))
     scenes = _scene_of(recording, request)
     theta, origin = _parameters(request, scenes)
     driven = {f"idm_{origin}": _drive(request, scenes, theta)}

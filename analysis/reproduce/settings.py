@@ -10,7 +10,6 @@ from typing import Any, Literal
 from pydantic import ConfigDict, Field, TypeAdapter, ValidationError
 from pydantic.dataclasses import dataclass
 
-from idm_sumo.roads.road import SPEED_LIMIT
 from idm_sumo.runtime.errors import InputError
 from idm_sumo.scenes.windows import Window
 from idm_sumo.sumo.surrogate.builtin import SURROGATE
@@ -38,8 +37,8 @@ class Settings:
         ``k`` of the nearest neighbours.
     code_speed : str
         The driving code's speed: ``"own"``, or ``"relative"`` to the leader.
-    desired_speed : float
-        Desired speed (m/s), the speed limit.
+    desired_speed : float, optional
+        Desired speed (m/s); by default the road's speed limit.
     frame_counts : tuple of int
         Observed frames in the rows of the table of frames.
     neighbour_counts : tuple of int
@@ -72,7 +71,7 @@ class Settings:
     rollout_start: Literal["observed", "entry"] = "observed"
     neighbours: int = Field(default=8, ge=1)
     code_speed: Literal["own", "relative"] = "own"
-    desired_speed: float = Field(default=SPEED_LIMIT, gt=0)
+    desired_speed: float | None = Field(default=None, gt=0)
     frame_counts: tuple[int, ...] = (2, 4, 6, 10, 20)
     neighbour_counts: tuple[int, ...] = (1, 2, 3, 4, 5, 6, 8, 10, 12, 15, 20, 25, 30, 35, 40, 45, 50)
     backend: Literal["sumo", "kernel"] = "sumo"

@@ -142,7 +142,8 @@ def calibrate(options: argparse.Namespace) -> None:
             costs = jam_distance_costs(fits, one, desired_speed=options.desired_speed)
             tables.append(_beside(fits, costs, driving_code(one), departures(one)))
     table = pd.concat(tables, ignore_index=True)
-    write(table.assign(desired_speed_m_s=options.desired_speed), options.output)
+    limit = found.scenes[0].road.desired_speed(options.desired_speed)
+    write(table.assign(desired_speed_m_s=limit), options.output)
     for reason, count in found.left_out.items():
         note(f"{count} vehicle{'s' * (count != 1)} not calibrated: {reason}")
     shared.note_origin(found.notes)

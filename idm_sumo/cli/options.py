@@ -10,7 +10,6 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from idm_sumo.cli.console import note, progress_bar
-from idm_sumo.roads import road
 
 if TYPE_CHECKING:
     from idm_sumo.recordings.recording import Recording
@@ -128,8 +127,8 @@ def window_arguments(parser: argparse.ArgumentParser) -> None:
     )
     parser.add_argument("--rollout-start", choices=("observed", "entry"), default="observed",
                         help="simulate from the last observed frame (default) or from entry")  # fmt: skip
-    parser.add_argument("--desired-speed", type=float, default=road.SPEED_LIMIT, metavar="V",
-                        help=f"v0 in m/s (default {road.SPEED_LIMIT:.2f}, 55 mph)")  # fmt: skip
+    parser.add_argument("--desired-speed", type=float, metavar="V",
+                        help="v0 in m/s (default: the speed limit of the recorded road)")  # fmt: skip
 
 
 def output_argument(parser: argparse.ArgumentParser, metavar: str, help_text: str) -> None:

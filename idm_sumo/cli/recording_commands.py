@@ -109,10 +109,11 @@ def fetch(options: argparse.Namespace) -> None:
     options : argparse.Namespace
     """
     from idm_sumo.recordings.fetch import fetch as download
+    from idm_sumo.roads import BUILT_IN
 
     with progress_bar() as report:
         result = download(options.dest, location=options.location, verify=options.verify, progress=report)
-    if options.location != "us-101":  # the reader knows the geometry of US-101 only
+    if options.location.lower() not in BUILT_IN:  # what its rows mean on another road is not known
         say(f"wrote {result.path}: {result.rows:,} rows of {options.location}")
         return
     inspection = result.inspect()

@@ -8,7 +8,7 @@ from typing import Any, NamedTuple
 import numpy as np
 import numpy.typing as npt
 
-from idm_sumo.roads import road
+from idm_sumo.irl.ground import Ground
 from idm_sumo.scenes.windows import LEADER_FROM_LANE, Scenes
 
 Floats = npt.NDArray[np.float64]
@@ -34,6 +34,8 @@ class Surroundings(NamedTuple):
         Vehicle number.
     reach : float
         Length of the longest vehicle (m).
+    ground : Ground
+        The road they drive on.
     """
 
     offsets: Integers
@@ -46,6 +48,7 @@ class Surroundings(NamedTuple):
     width: Floats
     vehicle: Integers
     reach: float
+    ground: Ground
 
 
 class Episodes(NamedTuple):
@@ -120,7 +123,7 @@ def _episodes(scenes: Scenes, shift: int) -> Episodes:
     start = np.stack([getattr(scenes, name)[:, first] for name in ("x", "y", "heading", "speed")], axis=1)
     return Episodes(
         start, scenes.length, scenes.width, cell + shift, np.full(n, scenes.traffic.frames),
-        np.full(n, road.MAIN_LANES if on_lanes else 1), scenes.vehicle,
+        np.full(n, scenes.road.main_lanes if on_lanes else 1), scenes.vehicle,
     )  # fmt: skip
 
 
@@ -136,4 +139,5 @@ def _surroundings(scenes: Sequence[Scenes]) -> Surroundings:
     return Surroundings(
         np.concatenate([*offsets, rows[-1:]]), front, front - 0.5 * length * np.cos(heading),
         y - 0.5 * length * np.sin(heading), heading, speed, length, width, vehicle, float(length.max(initial=0.0)),
+        Ground.of(scenes[0].road),
     )  # fmt: skip

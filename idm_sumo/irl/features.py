@@ -15,34 +15,30 @@ middle: ``x, y`` (m), heading ``psi`` (rad, 0 along the road) and speed ``v`` (m
 
 from __future__ import annotations
 
-from math import cos, exp, pi, sin
+from math import cos, exp, sin
 
 import numpy as np
 from numba import njit
 
 from idm_sumo.evaluation.collisions import first_row_from
-from idm_sumo.evaluation.risk import LENGTH_SCALE, WIDTH_SCALE, risk_derivatives
-from idm_sumo.roads import road
+from idm_sumo.evaluation.risk import risk_derivatives
+from idm_sumo.irl.ground import Ground
 
 LANE, BOUNDARY, SPEED, HEADING, COLLISION, ACCELERATION, STEERING = range(7)
 NAMES = ("lane", "boundary", "speed", "heading", "collision", "acceleration", "steering")
 COUNT = len(NAMES)
 STATE_FEATURES = 5  # the first ones depend on the state, the others on the controls
 
-LANE_SPREAD = 0.25 * road.LANE_WIDTH  # m, standard deviation of the bump over a lane's middle
+LANE_SPREAD = 0.25  # lane widths, standard deviation of the bump over a lane's middle
 BOUNDARY_DECAY = 1.0  # m, within which the nearness of the road's edge falls to 1/e
 HEADING_SCALE = 0.05  # rad, a quick lane change
 ACCELERATION_SCALE = 1.0  # m/s^2
 STEERING_SCALE = 0.01  # rad, a lateral acceleration of 0.9 m/s^2 at 16 m/s
-ROAD_WIDTH = road.MAIN_LANES * road.LANE_WIDTH
-
-# Risk of two cars of usual size in the same place, where the collision feature is -1.
-FULL_RISK = 1.0 / (4.0 * pi * LENGTH_SCALE * road.CAR_LENGTH * WIDTH_SCALE * road.CAR_WIDTH)
 VIEW = 60.0  # m, beyond it a risk is below 1e-12 of the full one for all but the longest trucks
 
 
 @njit(cache=True)
-def lane_middle(y: float) -> tuple[float, float, float]:
+def lane_middle(y: float, ground: Ground) -> tuple[float, float, float]:
     r"""Return the nearness to the middle of a lane.
 
     .. math:: \sum_i e^{-(y - y_i)^2 / 2 s^2}
@@ -51,6 +47,8 @@ def lane_middle(y: float) -> tuple[float, float, float]:
     ----------
     y : float
         Lateral position (m).
+    ground : Ground
+        The road.
 
     Returns
     -------
@@ -58,17 +56,18 @@ def lane_middle(y: float) -> tuple[float, float, float]:
         Feature, 1 on a middle, and its derivatives by ``y``.
     """
     value = first = second = 0.0
-    for lane in range(road.MAIN_LANES):
-        z = (y + (lane + 0.5) * road.LANE_WIDTH) / LANE_SPREAD
+    for lane in range(len(ground.middles)):
+        spread = LANE_SPREAD * ground.widths[lane]
+        z = (y - ground.middles[lane]) / spread
         bump = exp(-0.5 * z * z)
         value += bump
-        first -= bump * z / LANE_SPREAD
-        second += bump * (z * z - 1.0) / LANE_SPREAD**2
+        first -= bump * z / spread
+        second += bump * (z * z - 1.0) / spread**2
     return value, first, second
 
 
 @njit(cache=True)
-def boundaries(y: float) -> tuple[float, float, float]:
+def boundaries(y: float, ground: Ground) -> tuple[float, float, float]:
     """Return minus the nearness to the road's edges.
 
     .. math:: -e^{y/s} - e^{-(y + w)/s}
@@ -77,18 +76,20 @@ def boundaries(y: float) -> tuple[float, float, float]:
     ----------
     y : float
         Lateral position (m).
+    ground : Ground
+        The road.
 
     Returns
     -------
     value, first, second : float
         Feature, -1 on an edge and less beyond, and its derivatives by ``y``.
     """
-    left, right = exp(y / BOUNDARY_DECAY), exp(-(y + ROAD_WIDTH) / BOUNDARY_DECAY)
+    left, right = exp(y / BOUNDARY_DECAY), exp(-(y + ground.width) / BOUNDARY_DECAY)
     return -left - right, (right - left) / BOUNDARY_DECAY, -(left + right) / BOUNDARY_DECAY**2
 
 
 @njit(cache=True)
-def forward_speed(v: float, psi: float) -> tuple[float, float, float, float, float]:
+def forward_speed(v: float, psi: float, speed_limit: float) -> tuple[float, float, float, float, float]:
     r"""Return the speed along the road, over the limit.
 
     .. math:: v\cos\psi/v_0
@@ -97,6 +98,8 @@ def forward_speed(v: float, psi: float) -> tuple[float, float, float, float, flo
     ----------
     v, psi : float
         Speed (m/s) and heading (rad).
+    speed_limit : float
+        m/s.
 
     Returns
     -------
@@ -105,7 +108,7 @@ def forward_speed(v: float, psi: float) -> tuple[float, float, float, float, flo
     v, psi, v_psi, psi_psi : float
         Its derivatives.
     """
-    c, s = cos(psi) / road.SPEED_LIMIT, sin(psi) / road.SPEED_LIMIT
+    c, s = cos(psi) / speed_limit, sin(psi) / speed_limit
     return v * c, c, -v * s, -s, -v * c
 
 
@@ -192,7 +195,7 @@ def collision(x, y, psi, length, width, cell, stride, lanes, own, around):  # ty
                     total[5] + r[5], total[6] + r[6], total[7] + r[7], total[8] + r[8], total[9] + r[9],
                 )  # fmt: skip
             row += 1
-    f = -1.0 / FULL_RISK
+    f = -1.0 / around.ground.full_risk
     return (
         f * total[0], f * total[1], f * total[2], f * total[3], f * total[4],
         f * total[5], f * total[6], f * total[7], f * total[8], f * total[9],
@@ -214,9 +217,9 @@ def values(x, y, psi, v, acceleration, steering, length, width, cell, stride, la
     out : float64, shape (features,)
         Written.
     """
-    out[LANE] = lane_middle(y)[0]
-    out[BOUNDARY] = boundaries(y)[0]
-    out[SPEED] = forward_speed(v, psi)[0]
+    out[LANE] = lane_middle(y, around.ground)[0]
+    out[BOUNDARY] = boundaries(y, around.ground)[0]
+    out[SPEED] = forward_speed(v, psi, around.ground.speed_limit)[0]
     out[HEADING] = along_road(psi)[0]
     out[COLLISION] = collision(x, y, psi, length, width, cell, stride, lanes, own, around)[0]
     out[ACCELERATION] = effort(acceleration, ACCELERATION_SCALE)[0]
@@ -240,9 +243,11 @@ def state_derivatives(x, y, psi, v, length, width, cell, stride, lanes, own, aro
     """
     gradient[:] = 0.0
     hessian[:] = 0.0
-    _, gradient[LANE, 1], hessian[LANE, 1, 1] = lane_middle(y)
-    _, gradient[BOUNDARY, 1], hessian[BOUNDARY, 1, 1] = boundaries(y)
-    _, gradient[SPEED, 3], gradient[SPEED, 2], cross, hessian[SPEED, 2, 2] = forward_speed(v, psi)
+    _, gradient[LANE, 1], hessian[LANE, 1, 1] = lane_middle(y, around.ground)
+    _, gradient[BOUNDARY, 1], hessian[BOUNDARY, 1, 1] = boundaries(y, around.ground)
+    _, gradient[SPEED, 3], gradient[SPEED, 2], cross, hessian[SPEED, 2, 2] = forward_speed(
+        v, psi, around.ground.speed_limit
+    )
     hessian[SPEED, 2, 3] = hessian[SPEED, 3, 2] = cross
     _, gradient[HEADING, 2], hessian[HEADING, 2, 2] = along_road(psi)
     c = collision(x, y, psi, length, width, cell, stride, lanes, own, around)

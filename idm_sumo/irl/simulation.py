@@ -35,7 +35,6 @@ from idm_sumo.irl.demonstrations import start_state
 from idm_sumo.irl.episodes import Episodes, Surroundings
 from idm_sumo.models import bicycle
 from idm_sumo.recordings.columns import FRAME_STEP
-from idm_sumo.roads import road
 
 Floats = npt.NDArray[np.float64]
 Observations = npt.NDArray[np.float32]
@@ -213,11 +212,13 @@ def _neighbours(cell, x, length, v, own, around, out):  # type: ignore[no-untype
 
 @njit(cache=True)
 def _observe(x, y, psi, v, length, cell, stride, lanes, own, around, out):  # type: ignore[no-untyped-def]
-    lane = int(min(max(np.floor(-y / road.LANE_WIDTH), 0), road.MAIN_LANES - 1))
-    out[0] = v / road.SPEED_LIMIT
-    out[1] = y / road.LANE_WIDTH + lane + 0.5
+    ground, lane = around.ground, 0
+    while lane + 1 < len(ground.middles) and y <= ground.markings[lane + 1]:
+        lane += 1
+    out[0] = v / ground.speed_limit
+    out[1] = (y - ground.middles[lane]) / ground.widths[lane]
     out[2] = psi / HEADING_UNIT
-    out[3] = -y / features.ROAD_WIDTH
+    out[3] = -y / ground.width
     here = lane if lanes > 1 else 0
     _neighbours(cell + here * stride, x, length, v, own, around, out[4:8])
     for side in range(2):
@@ -281,7 +282,7 @@ def _advance(control, row, step, state, observation, out, status, overlapping, e
         _observe(x, y, psi, v, length, cell, stride, lanes, own, around, observation[i])
         touching = _touches(x, y, psi, length, width, cell, stride, lanes, own, around)
         overlapping[i] = overlapping[i] and touching  # measured positions may overlap from the start
-        if not -features.ROAD_WIDTH <= y <= 0.0:
+        if not -around.ground.width <= y <= 0.0:
             status[i] = OFF_ROAD
         elif touching and not overlapping[i]:
             status[i] = COLLIDED

@@ -243,29 +243,3 @@ def _constant(values: npt.ArrayLike) -> Floats:
     out = np.array(values, dtype=np.float64) + 0.0  # turns -0.0 into 0.0
     out.setflags(write=False)
     return out
-
-
-# The section's numbers one by one, until every module takes them from the road of its recording.
-FOOT = 0.3048
-LANE_WIDTH = 12 * FOOT
-MAIN_LANES = 5
-AUXILIARY_LANE = 6
-ON_RAMP_LANE = 7
-OFF_RAMP_LANE = 8
-SECTION_LENGTH = 2100 * FOOT
-ON_RAMP_X = 578 * FOOT
-OFF_RAMP_X = 1276 * FOOT
-SPEED_LIMIT = 55 * 0.44704
-CAR_LENGTH = 15.5 * FOOT
-CAR_WIDTH = 6.4 * FOOT
-
-
-def lane_center(lane: npt.ArrayLike) -> Floats:
-    """Return the ``y`` (m) of the middle of each lane, 1 leftmost."""
-    return -(np.asarray(lane, dtype=np.float64) - 0.5) * LANE_WIDTH
-
-
-def lane_at(y: npt.ArrayLike) -> Integers:
-    """Return the main lane, 1 to 5, that holds lateral position ``y`` (m); clipped at the edges."""
-    index = np.floor(-np.asarray(y, dtype=np.float64) / LANE_WIDTH).astype(np.int64) + 1
-    return np.clip(index, 1, MAIN_LANES)

@@ -1,11 +1,12 @@
-"""The US-101 network: where it is, its routes, and recorded places as SUMO places.
+"""SUMO's network of a road: its file, its routes, and recorded places as SUMO places.
 
-SUMO's coordinates are the recording's (``network/us101.nod.xml``), so ``x`` and ``y`` need no
-conversion; what this module adds is which edge, lane and position along it they belong to.
+SUMO's coordinates are the recording's, so ``x`` and ``y`` need no conversion. What this module adds is
+which edge, lane and position along it they belong to.
 """
 
 from __future__ import annotations
 
+from dataclasses import dataclass
 from functools import cache
 from pathlib import Path
 from typing import Any, NamedTuple
@@ -13,15 +14,39 @@ from typing import Any, NamedTuple
 import numpy as np
 import numpy.typing as npt
 
-from idm_sumo.roads.road import AUXILIARY_LANE, OFF_RAMP_LANE, ON_RAMP_LANE
+from idm_sumo.roads import Road
 from idm_sumo.runtime.errors import InputError
 
-MAINLINE = ("upstream", "entry", "weave", "exit", "downstream", "outflow")
-WEAVE = MAINLINE.index("weave")  # the edge that has the auxiliary lane
-ON_RAMP = "on_ramp"
-OFF_RAMP = "off_ramp"
-ORIGINS = ("upstream", ON_RAMP)
-DESTINATIONS = ("outflow", OFF_RAMP)
+
+@dataclass(frozen=True)
+class Layout:
+    """How the edges of a network make up a road.
+
+    Attributes
+    ----------
+    mainline : tuple of str
+        Edges of the main lanes in driving order; they reach beyond the section on both sides.
+    weave : str
+        The edge of the main road that has the auxiliary lane.
+    downstream : str
+        The edge that begins where the section ends.
+    on_ramp, off_ramp : str
+        Edges whose lane continues the auxiliary lane.
+    """
+
+    mainline: tuple[str, ...]
+    weave: str
+    downstream: str
+    on_ramp: str
+    off_ramp: str
+
+
+LAYOUTS = {
+    "us-101": Layout(
+        mainline=("upstream", "entry", "weave", "exit", "downstream", "outflow"),
+        weave="weave", downstream="downstream", on_ramp="on_ramp", off_ramp="off_ramp",
+    ),
+}  # fmt: skip
 
 
 class Place(NamedTuple):
@@ -41,120 +66,178 @@ class Place(NamedTuple):
     position: npt.NDArray[np.float64]
 
 
-def net_file() -> Path:
-    """Return the built network: below the package in a wheel, beside it in a clone.
+def of(road: Road) -> RoadNetwork:
+    """Return SUMO's network of a road.
 
     Raises
     ------
     InputError
-        If it is in neither place.
+        If none belongs to it.
     """
-    package = Path(__file__).resolve().parents[1]
-    for folder in (package, package.parent):
-        if (path := folder / "network" / "us101.net.xml").is_file():
-            return path
-    raise InputError("network/us101.net.xml is missing: build it with `python network/build.py`")
+    if road.name not in LAYOUTS:
+        raise InputError(f"road {road.name!r} has no SUMO network; there are networks of {', '.join(LAYOUTS)}")
+    return RoadNetwork(road, LAYOUTS[road.name])
+
+
+@dataclass(frozen=True)
+class RoadNetwork:
+    """The SUMO network of a road.
+
+    Attributes
+    ----------
+    road : Road
+    layout : Layout
+    """
+
+    road: Road
+    layout: Layout
+
+    @property
+    def mainline(self) -> tuple[str, ...]:
+        """Edges of the main road in driving order."""
+        return self.layout.mainline
+
+    @property
+    def origins(self) -> tuple[str, str]:
+        """Edges that vehicles come from: the main road's first and the on-ramp."""
+        return self.mainline[0], self.layout.on_ramp
+
+    @property
+    def destinations(self) -> tuple[str, str]:
+        """Edges that vehicles go to: the main road's last and the off-ramp."""
+        return self.mainline[-1], self.layout.off_ramp
+
+    @property
+    def file(self) -> Path:
+        """Path of the built network: below the package in a wheel, beside it in a clone.
+
+        Raises
+        ------
+        InputError
+            If it is in neither place.
+        """
+        package = Path(__file__).resolve().parents[1]
+        for folder in (package, package.parent):
+            if (path := folder / "network" / self.road.network).is_file():
+                return path
+        raise InputError(f"network/{self.road.network} is missing: build it with `python network/build.py`")
+
+    def load(self) -> Any:
+        """Return the network as a :class:`sumolib.net.Net`, read once."""
+        return _load(self.file)
+
+    def mainline_ends(self) -> tuple[float, ...]:
+        """Return the ``x`` (m) at which each edge of the main road ends."""
+        return tuple(float(self.load().getEdge(name).getShape()[-1][0]) for name in self.mainline)
+
+    def route(self, origin: str, destination: str) -> tuple[str, ...]:
+        """Return the edges from an origin to a destination, both included.
+
+        Raises
+        ------
+        InputError
+            If an edge does not exist or there is no way.
+        """
+        return _route(self, origin, destination)
+
+    def place(self, x: npt.ArrayLike, lane: npt.ArrayLike) -> Place:
+        """Return edge, lane and position of recorded places.
+
+        Parameters
+        ----------
+        x : array_like
+            Distance (m) downstream of the section's start.
+        lane : array_like of int
+            Recorded lane. The side lanes are one strip: on-ramp, auxiliary lane or off-ramp according to ``x``.
+
+        Raises
+        ------
+        InputError
+            If a place is outside the network.
+        """
+        x, lane = np.broadcast_arrays(np.asarray(x, dtype=np.float64), np.asarray(lane, dtype=np.int64))
+        starts = np.array([_line(self, edge, 0)[0, 0] for edge in self.mainline])
+        segment = np.searchsorted(starts, x, side="right") - 1
+        edge = np.array(self.mainline)[np.maximum(segment, 0)]
+        right, weave = lane > self.road.main_lanes, self.mainline.index(self.layout.weave)
+        ramp = np.where(segment < weave, self.layout.on_ramp, np.where(segment > weave, self.layout.off_ramp, edge))
+        edge = np.where(right, ramp, edge)
+        count = [_lane_count(self, str(name)) for name in edge.ravel()]
+        index = np.where(right.ravel(), 0, count - lane.ravel()).reshape(lane.shape)
+        position = np.full(x.shape, np.nan)
+        for name in np.unique(edge):
+            line = _line(self, str(name), 0)  # all lanes of an edge begin and end at the same x
+            here = edge == name
+            position[here] = np.interp(x[here], line[:, 0], line[:, 2], left=np.nan, right=np.nan)
+        if (outside := np.isnan(position) | (lane < 1) | (lane > self.road.last_lane)).any():
+            where = f"x = {x[outside].flat[0]:g} m, lane {lane[outside].flat[0]}"
+            raise InputError(
+                f"{where} is outside the network; check units (metres) and lane numbers (1 to {self.road.last_lane})"
+            )
+        return Place(edge, index, position)
+
+    def coordinates(
+        self, where: Place
+    ) -> tuple[npt.NDArray[np.float64], npt.NDArray[np.float64], npt.NDArray[np.int64]]:
+        """Return ``x``, ``y`` (m, lane centre) and recorded lane of places; the inverse of :meth:`place`."""
+        edge, index, position = np.broadcast_arrays(*where)
+        x, y, lane = np.empty(edge.shape), np.empty(edge.shape), np.empty(edge.shape, dtype=np.int64)
+        for name in np.unique(edge):
+            for number in np.unique(index[edge == name]):
+                here = (edge == name) & (index == number)
+                line = _line(self, str(name), int(number))
+                x[here] = np.interp(position[here], line[:, 2], line[:, 0])
+                y[here] = np.interp(position[here], line[:, 2], line[:, 1])
+                lane[here] = self.recorded_lane(str(name), int(number))
+        return x, y, lane
+
+    def recorded_lane(self, edge: str, lane_index: int) -> int:
+        """Return the number that a recording of this road gives to a SUMO lane."""
+        if edge == self.layout.on_ramp:
+            return self.road.on_ramps[0].number
+        if edge == self.layout.off_ramp:
+            return self.road.off_ramps[0].number
+        return _lane_count(self, edge) - lane_index
+
+    def main_lane(self, edge: str, lane: int) -> str:
+        """Return SUMO's name of a main lane (1 leftmost) on an edge of the main road."""
+        return f"{edge}_{_lane_count(self, edge) - lane}"
+
+    def strip(self, lane: int) -> tuple[str, ...]:
+        """Return SUMO's lanes that make up a main lane (1 leftmost), upstream to downstream."""
+        return tuple(self.main_lane(edge, lane) for edge in self.mainline)
 
 
 @cache
-def load() -> Any:
-    """Return the network as a :class:`sumolib.net.Net`, read once."""
+def _load(path: Path) -> Any:
     from sumolib.net import readNet
 
-    return readNet(str(net_file()), withInternal=False)
+    return readNet(str(path), withInternal=False)
 
 
 @cache
-def mainline_ends() -> tuple[float, ...]:
-    """Return the ``x`` (m) at which each edge of the main road ends, in the order of `MAINLINE`."""
-    return tuple(float(load().getEdge(name).getShape()[-1][0]) for name in MAINLINE)
-
-
-@cache
-def route(origin: str, destination: str) -> tuple[str, ...]:
-    """Return the edges from one of `ORIGINS` to one of `DESTINATIONS`, both included.
-
-    Raises
-    ------
-    InputError
-        If an edge does not exist or there is no way.
-    """
-    net = load()
+def _route(network: RoadNetwork, origin: str, destination: str) -> tuple[str, ...]:
+    net, ways = network.load(), f"routes go from {network.origins} to {network.destinations}"
     for name in (origin, destination):
         if not net.hasEdge(name):
-            raise InputError(f"no edge {name!r} in {net_file().name}; routes go from {ORIGINS} to {DESTINATIONS}")
+            raise InputError(f"no edge {name!r} in {network.road.network}; {ways}")
     path, _ = net.getShortestPath(net.getEdge(origin), net.getEdge(destination))
     if not path:
-        raise InputError(f"no way from {origin!r} to {destination!r}; routes go from {ORIGINS} to {DESTINATIONS}")
+        raise InputError(f"no way from {origin!r} to {destination!r}; {ways}")
     return tuple(edge.getID() for edge in path)
 
 
-def place(x: npt.ArrayLike, lane: npt.ArrayLike) -> Place:
-    """Return edge, lane and position of recorded places.
-
-    Parameters
-    ----------
-    x : array_like
-        Distance (m) downstream of the section's start.
-    lane : array_like of int
-        Recorded lane, 1 leftmost to 8. Lanes 6, 7 and 8 are one strip: on-ramp, auxiliary
-        lane or off-ramp according to ``x``.
-
-    Raises
-    ------
-    InputError
-        If a place is outside the network.
-    """
-    x, lane = np.broadcast_arrays(np.asarray(x, dtype=np.float64), np.asarray(lane, dtype=np.int64))
-    starts = np.array([_line(edge, 0)[0, 0] for edge in MAINLINE])
-    segment = np.searchsorted(starts, x, side="right") - 1
-    edge = np.array(MAINLINE)[np.maximum(segment, 0)]
-    right = lane >= AUXILIARY_LANE
-    edge = np.where(right & (segment < WEAVE), ON_RAMP, np.where(right & (segment > WEAVE), OFF_RAMP, edge))
-    index = np.where(right, 0, [_lane_count(str(name)) for name in edge.ravel()] - lane.ravel()).reshape(lane.shape)
-    position = np.full(x.shape, np.nan)
-    for name in np.unique(edge):
-        line = _line(str(name), 0)  # all lanes of an edge begin and end at the same x
-        here = edge == name
-        position[here] = np.interp(x[here], line[:, 0], line[:, 2], left=np.nan, right=np.nan)
-    if (outside := np.isnan(position) | (lane < 1) | (lane > OFF_RAMP_LANE)).any():
-        where = f"x = {x[outside].flat[0]:g} m, lane {lane[outside].flat[0]}"
-        raise InputError(
-            f"{where} is outside the network; check units (metres) and lane numbers (1 to {OFF_RAMP_LANE})"
-        )
-    return Place(edge, index, position)
-
-
-def coordinates(where: Place) -> tuple[npt.NDArray[np.float64], npt.NDArray[np.float64], npt.NDArray[np.int64]]:
-    """Return ``x``, ``y`` (m, lane centre) and recorded lane of places; the inverse of :func:`place`."""
-    edge, index, position = np.broadcast_arrays(*where)
-    x, y, lane = np.empty(edge.shape), np.empty(edge.shape), np.empty(edge.shape, dtype=np.int64)
-    for name in np.unique(edge):
-        for number in np.unique(index[edge == name]):
-            here = (edge == name) & (index == number)
-            line = _line(str(name), int(number))
-            x[here] = np.interp(position[here], line[:, 2], line[:, 0])
-            y[here] = np.interp(position[here], line[:, 2], line[:, 1])
-            lane[here] = recorded_lane(str(name), int(number))
-    return x, y, lane
-
-
-def recorded_lane(edge: str, lane_index: int) -> int:
-    """Return the number NGSIM gives to a SUMO lane: 1 leftmost to 5, 6 auxiliary, 7 and 8 ramps."""
-    if edge == ON_RAMP:
-        return ON_RAMP_LANE
-    return OFF_RAMP_LANE if edge == OFF_RAMP else _lane_count(edge) - lane_index
+@cache
+def _lane_count(network: RoadNetwork, edge: str) -> int:
+    """Return how many lanes count from the left; on a ramp one more than the main lanes, in whose line it lies."""
+    if edge in (network.layout.on_ramp, network.layout.off_ramp):
+        return network.road.main_lanes + 1
+    return int(network.load().getEdge(edge).getLaneNumber())
 
 
 @cache
-def _lane_count(edge: str) -> int:
-    """Return how many lanes count from the left; 6 on a ramp, which lies in lane 6's line."""
-    return AUXILIARY_LANE if edge in (ON_RAMP, OFF_RAMP) else int(load().getEdge(edge).getLaneNumber())
-
-
-@cache
-def _line(edge: str, lane_index: int) -> npt.NDArray[np.float64]:
+def _line(network: RoadNetwork, edge: str, lane_index: int) -> npt.NDArray[np.float64]:
     """Return the middle of a lane: x (increasing), y and distance from its start, one point a row (m)."""
-    points = np.array(load().getEdge(edge).getLane(lane_index).getShape(), dtype=np.float64)[:, :2]
+    points = np.array(network.load().getEdge(edge).getLane(lane_index).getShape(), dtype=np.float64)[:, :2]
     along = np.concatenate([[0.0], np.cumsum(np.hypot(*np.diff(points, axis=0).T))])
     return np.column_stack([points, along])

@@ -10,7 +10,6 @@ from xml.etree import ElementTree
 
 from idm_sumo.recordings.columns import FRAME_STEP
 from idm_sumo.runtime.errors import InputError
-from idm_sumo.sumo.network import net_file
 
 # What every simulation shares.
 ALWAYS = (
@@ -53,17 +52,15 @@ def load_libsumo() -> Any:
 
 
 @contextmanager
-def simulation(
-    options: Sequence[str] = REPLAY, *, net: Path | None = None, step_length: float = FRAME_STEP
-) -> Iterator[Any]:
-    """Run SUMO on our network, in steps of a recorded frame by default; yields the module libsumo.
+def simulation(options: Sequence[str] = REPLAY, *, net: Path, step_length: float = FRAME_STEP) -> Iterator[Any]:
+    """Run SUMO on a network, in steps of a recorded frame by default; yields the module libsumo.
 
     Parameters
     ----------
     options : sequence of str
         Options of ``sumo`` beside those every simulation shares.
-    net : Path, optional
-        The network; by default the US-101 section.
+    net : Path
+        The network, for example ``network.of(road).file``.
     step_length : float
         Length of a simulation step, s.
 
@@ -74,19 +71,16 @@ def simulation(
     RuntimeError
         If a simulation already runs in this process: libsumo holds one.
     """
-    path = net_file() if net is None else net
-    _check_net(path)
+    _check_net(net)
     sumo = load_libsumo()
     if sumo.isLoaded():
         raise RuntimeError("one simulation a process: leave the first `with simulation()` before the next")
-    command = ["sumo", "--net-file", str(path), "--step-length", str(step_length), *ALWAYS, *options]
+    command = ["sumo", "--net-file", str(net), "--step-length", str(step_length), *ALWAYS, *options]
     try:
         sumo.start(command)
     except sumo.TraCIException as error:
         reason = " ".join(str(error).split())
-        raise InputError(
-            f"{path}: SUMO does not start ({reason}); check this network and {' '.join(options)}"
-        ) from None
+        raise InputError(f"{net}: SUMO does not start ({reason}); check this network and {' '.join(options)}") from None
     try:
         yield sumo
     finally:

@@ -11,17 +11,19 @@ from hypothesis import strategies as st
 
 from idm_sumo.irl import features as f
 from idm_sumo.irl.episodes import episodes_of
+from idm_sumo.irl.ground import Ground
 from idm_sumo.recordings.columns import FRAME_STEP
 from idm_sumo.roads import US101
 from tests.helpers.builders import Car, scenes
 
+GROUND = Ground.of(US101)
 STEP = 1e-5
 
 
 @pytest.mark.parametrize(
     ("function", "low", "high"),
-    [(f.lane_middle, -18.0, 0.0), (f.boundaries, -18.0, 0.0), (f.along_road, -0.5, 0.5),
-        (lambda u: f.effort(u, 0.7), -3, 3)],
+    [(lambda y: f.lane_middle(y, GROUND), -18.0, 0.0), (lambda y: f.boundaries(y, GROUND), -18.0, 0.0),
+        (f.along_road, -0.5, 0.5), (lambda u: f.effort(u, 0.7), -3, 3)],
 )  # fmt: skip
 def test_derivatives_of_one_number(function: Callable[[float], tuple[float, ...]], low: float, high: float) -> None:
     for z in np.linspace(low, high, 37):
@@ -32,23 +34,29 @@ def test_derivatives_of_one_number(function: Callable[[float], tuple[float, ...]
 
 @given(st.floats(0, 30), st.floats(-0.6, 0.6))
 def test_derivatives_of_forward_speed(v: float, psi: float) -> None:
-    _, by_v, by_psi, cross, twice = f.forward_speed(v, psi)
+    _, by_v, by_psi, cross, twice = f.forward_speed(v, psi, US101.speed_limit)
     assert by_v == pytest.approx(
-        (f.forward_speed(v + STEP, psi)[0] - f.forward_speed(v - STEP, psi)[0]) / (2 * STEP), rel=1e-6
+        (f.forward_speed(v + STEP, psi, US101.speed_limit)[0] - f.forward_speed(v - STEP, psi, US101.speed_limit)[0])
+        / (2 * STEP),
+        rel=1e-6,
     )
-    up, down = f.forward_speed(v, psi + STEP), f.forward_speed(v, psi - STEP)
+    up, down = f.forward_speed(v, psi + STEP, US101.speed_limit), f.forward_speed(v, psi - STEP, US101.speed_limit)
     assert by_psi == pytest.approx((up[0] - down[0]) / (2 * STEP), rel=1e-6, abs=1e-8)
     assert cross == pytest.approx((up[1] - down[1]) / (2 * STEP), rel=1e-6, abs=1e-8)
     assert twice == pytest.approx((up[2] - down[2]) / (2 * STEP), rel=1e-6, abs=1e-8)
 
 
 def test_a_lanes_middle_is_best_and_the_edge_worst() -> None:
-    middles = [f.lane_middle(float(US101.lane_center(lane)))[0] for lane in range(1, 6)]
+    middles = [f.lane_middle(float(US101.lane_center(lane)), GROUND)[0] for lane in range(1, 6)]
     assert middles == pytest.approx([1.0] * 5, abs=1e-3)
-    assert f.lane_middle(-US101.widths[0])[0] < 0.3
-    assert f.boundaries(0.0)[0] == pytest.approx(f.boundaries(-f.ROAD_WIDTH)[0]) == pytest.approx(-1.0, abs=1e-6)
-    assert f.boundaries(-0.5 * f.ROAD_WIDTH)[0] > -1e-3
-    assert f.boundaries(1.0)[0] < -2.0
+    assert f.lane_middle(-US101.widths[0], GROUND)[0] < 0.3
+    assert (
+        f.boundaries(0.0, GROUND)[0]
+        == pytest.approx(f.boundaries(-US101.width, GROUND)[0])
+        == pytest.approx(-1.0, abs=1e-6)
+    )
+    assert f.boundaries(-0.5 * US101.width, GROUND)[0] > -1e-3
+    assert f.boundaries(1.0, GROUND)[0] < -2.0
 
 
 def _collision(x: float, y: float, psi: float, *cars: Car) -> tuple[float, ...]:

@@ -7,7 +7,6 @@ import pytest
 
 from idm_sumo.irl import simulation as sim
 from idm_sumo.irl.episodes import episodes_of
-from idm_sumo.irl.features import ROAD_WIDTH
 from idm_sumo.irl.policy import Policy, drive_policy
 from idm_sumo.irl.reward import ALIVE, PENALTY, WORST, Reward
 from idm_sumo.recordings.columns import FRAME_STEP
@@ -32,7 +31,7 @@ def test_observation_of_a_scene_counted_by_hand() -> None:
     assert seen[0] == pytest.approx(10 / US101.speed_limit)
     assert seen[1] == pytest.approx(0.5 / US101.widths[0], abs=1e-6)
     assert seen[2] == 0.0
-    assert seen[3] == pytest.approx(-y / ROAD_WIDTH)
+    assert seen[3] == pytest.approx(-y / US101.width)
     gaps = [24 + 2 * dt - 5, 10 + 1 * dt]  # to the leader's rear; from the own rear (4 m long) to the follower's front
     assert seen[4:8] == pytest.approx([gaps[0] / (gaps[0] + 20), 0.2, gaps[1] / (gaps[1] + 20), -0.1], abs=1e-6)
     assert seen[8:12] == pytest.approx([30 / 50, 0.0, 1.0, 0.0], abs=1e-6)

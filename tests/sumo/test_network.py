@@ -3,6 +3,7 @@
 import itertools
 import subprocess
 import sys
+from dataclasses import replace
 from pathlib import Path
 
 import libsumo
@@ -32,6 +33,7 @@ OBSERVED_CENTRES = [
     (7, 66.0, 152, ON_RAMP - 0.01),  # the ramps are recorded from 500 ft and to 1,424 ft
     (8, 66.8, OFF_RAMP, 434),
 ]
+NETWORK = network.of(US101)
 
 
 @pytest.fixture(params=[[], ["--lateral-resolution", "3.66"]], ids=["lanes", "sublanes"])
@@ -39,9 +41,9 @@ def sumo(request):
     """Run a simulation on the network in which vehicles stand where they are put."""
     options = ["--step-length", "0.1", "--no-step-log", "--no-warnings", "--xml-validation", "never"]
     collisions = ["--collision.action", "warn", "--collision.mingap-factor", "0"]
-    libsumo.start(["sumo", "-n", str(network.net_file()), *options, *collisions, *request.param])
-    for origin, destination in itertools.product(network.ORIGINS, network.DESTINATIONS):
-        libsumo.route.add(f"{origin} {destination}", network.route(origin, destination))
+    libsumo.start(["sumo", "-n", str(NETWORK.file), *options, *collisions, *request.param])
+    for origin, destination in itertools.product(NETWORK.origins, NETWORK.destinations):
+        libsumo.route.add(f"{origin} {destination}", NETWORK.route(origin, destination))
     yield libsumo
     libsumo.close()
 
@@ -64,13 +66,13 @@ def test_recorded_lane_centres_fall_in_the_right_sumo_lane(sumo, lane, centre_ft
         put(sumo, "car", x, -centre_ft * FOOT)
         sumo.simulationStep()
         edge, index = sumo.vehicle.getRoadID("car"), sumo.vehicle.getLaneIndex("car")
-        assert network.recorded_lane(edge, index) == lane, f"at x = {x:.1f} m"
+        assert NETWORK.recorded_lane(edge, index) == lane, f"at x = {x:.1f} m"
         assert abs(sumo.vehicle.getLateralLanePosition("car")) < US101.widths[0] / 2
 
 
 def test_sumo_coordinates_are_the_recorded_ones(sumo):
     for lane, x in itertools.product(range(1, 9), np.linspace(100, 540, 23)):
-        where = network.place(x, lane)
+        where = NETWORK.place(x, lane)
         at = sumo.simulation.convert2D(str(where.edge), float(where.position), int(where.lane_index))
         expected = (x, US101.lane_center(min(lane, 6)))
         np.testing.assert_allclose(at, expected, atol=1e-6)
@@ -135,8 +137,8 @@ def test_distances_stay_exact_while_cars_cross_every_junction(sumo):
 
 @given(x=st.floats(-250, 600), lane=st.integers(1, 8))
 def test_place_and_coordinates_are_inverse(x, lane):
-    where = network.place([x], [lane])
-    back_x, back_y, back_lane = network.coordinates(where)
+    where = NETWORK.place([x], [lane])
+    back_x, back_y, back_lane = NETWORK.coordinates(where)
     assert back_x[0] == pytest.approx(x, abs=1e-6)
     if lane < 6:
         assert (back_lane[0], back_y[0]) == (lane, pytest.approx(float(US101.lane_center(lane))))
@@ -146,19 +148,19 @@ def test_place_and_coordinates_are_inverse(x, lane):
 
 def test_place_outside_the_network_is_named():
     with pytest.raises(InputError, match=r"x = 2100 m, lane 3 is outside"):
-        network.place([10.0, 2100.0], [2, 3])
+        NETWORK.place([10.0, 2100.0], [2, 3])
 
 
 def test_route_to_nowhere_is_named():
     with pytest.raises(InputError, match="no way from 'outflow' to 'upstream'"):
-        network.route("outflow", "upstream")
+        NETWORK.route("outflow", "upstream")
     with pytest.raises(InputError, match="no edge 'Ventura'"):
-        network.route("Ventura", "off_ramp")
+        NETWORK.route("Ventura", "off_ramp")
 
 
 def test_there_is_room_before_and_behind_the_section():
-    assert network.load().getEdge("upstream").getShape()[0][0] <= -250
-    assert network.load().getEdge("outflow").getShape()[-1][0] >= END + 500
+    assert NETWORK.load().getEdge("upstream").getShape()[0][0] <= -250
+    assert NETWORK.load().getEdge("outflow").getShape()[-1][0] >= END + 500
 
 
 def build(*arguments):
@@ -177,7 +179,7 @@ def test_speed_limit_is_an_option(tmp_path):
     from sumolib.net import readNet
 
     assert build("--speed-limit-mph", 65, "-o", tmp_path / "fast.net.xml").returncode == 0
-    fast, usual = readNet(str(tmp_path / "fast.net.xml")), network.load()
+    fast, usual = readNet(str(tmp_path / "fast.net.xml")), NETWORK.load()
     np.testing.assert_allclose([edge.getSpeed() for edge in fast.getEdges()], 65 * 0.44704, atol=1e-3)
     np.testing.assert_allclose([edge.getSpeed() for edge in usual.getEdges()], US101.speed_limit, atol=1e-4)
     assert [edge.getLength() for edge in fast.getEdges()] == [edge.getLength() for edge in usual.getEdges()]
@@ -195,3 +197,15 @@ def test_bad_build_options_give_one_line(arguments, message):
     assert result.returncode == 2
     assert message in result.stderr
     assert len(result.stderr.strip().splitlines()) == 1
+
+
+def test_a_main_lane_is_found_on_every_edge_by_its_number():
+    assert NETWORK.strip(1) == ("upstream_4", "entry_4", "weave_5", "exit_4", "downstream_4", "outflow_4")
+    for name in NETWORK.strip(3):
+        edge, index = name.rsplit("_", 1)
+        assert NETWORK.recorded_lane(edge, int(index)) == 3
+
+
+def test_a_road_without_a_network_is_named():
+    with pytest.raises(InputError, match="'test track' has no SUMO network"):
+        network.of(replace(US101, name="test track"))

@@ -5,9 +5,12 @@ import sys
 import pytest
 
 from idm_sumo.recordings.columns import FRAME_STEP
+from idm_sumo.roads import US101
 from idm_sumo.runtime.errors import InputError
-from idm_sumo.sumo.network import MAINLINE
+from idm_sumo.sumo import network
 from idm_sumo.sumo.session import load_libsumo, simulation
+
+NETWORK = network.of(US101)
 
 
 def one_line(error: pytest.ExceptionInfo[InputError]) -> str:
@@ -17,24 +20,24 @@ def one_line(error: pytest.ExceptionInfo[InputError]) -> str:
 
 
 def test_a_simulation_runs_on_the_section_in_recorded_frames() -> None:
-    with simulation() as sumo:
-        assert set(MAINLINE) <= set(sumo.edge.getIDList())
+    with simulation(net=NETWORK.file) as sumo:
+        assert set(NETWORK.mainline) <= set(sumo.edge.getIDList())
         sumo.simulationStep()
         assert sumo.simulation.getTime() == pytest.approx(FRAME_STEP)
     assert not load_libsumo().isLoaded()
 
 
 def test_a_second_simulation_is_refused_while_the_first_runs_and_possible_after() -> None:
-    with simulation() as sumo:
-        with pytest.raises(RuntimeError, match="one simulation a process"), simulation():
+    with simulation(net=NETWORK.file) as sumo:
+        with pytest.raises(RuntimeError, match="one simulation a process"), simulation(net=NETWORK.file):
             pass
         sumo.simulationStep()
-    with simulation() as sumo:
+    with simulation(net=NETWORK.file) as sumo:
         assert sumo.simulation.getTime() == 0.0
 
 
 def test_an_error_inside_closes_the_simulation() -> None:
-    with pytest.raises(KeyError), simulation():
+    with pytest.raises(KeyError), simulation(net=NETWORK.file):
         raise KeyError
     assert not load_libsumo().isLoaded()
 
@@ -51,12 +54,12 @@ def test_a_broken_network_is_named(tmp_path, content, complaint) -> None:
         pass
     assert complaint in one_line(error)
     assert str(path) in one_line(error)
-    with simulation() as sumo:  # and the process can go on
+    with simulation(net=NETWORK.file) as sumo:  # and the process can go on
         sumo.simulationStep()
 
 
 def test_an_unknown_option_is_named() -> None:
-    with pytest.raises(InputError) as error, simulation(["--warp-factor", "9"]):
+    with pytest.raises(InputError) as error, simulation(["--warp-factor", "9"], net=NETWORK.file):
         pass
     assert "--warp-factor" in one_line(error)
 
@@ -70,7 +73,7 @@ def test_a_missing_system_library_is_named(monkeypatch, fault) -> None:
 
     monkeypatch.delitem(sys.modules, "libsumo", raising=False)
     monkeypatch.setattr(sys, "meta_path", [Finder(), *sys.meta_path])
-    with pytest.raises(InputError) as error, simulation():
+    with pytest.raises(InputError) as error, simulation(net=NETWORK.file):
         pass
     assert "libGL.so.1" in one_line(error)
     assert "libgl1" in one_line(error)

@@ -16,7 +16,6 @@ from idm_sumo.irl import features
 from idm_sumo.irl.episodes import episodes_of
 from idm_sumo.models import bicycle
 from idm_sumo.recordings.columns import FRAME_STEP
-from idm_sumo.roads import road
 from idm_sumo.scenes.windows import LEADER_FROM_LANE, Scenes
 from idm_sumo.simulation.rollout import Trajectories
 
@@ -78,7 +77,7 @@ def _on_grid(scenes: Scenes, which: int) -> tuple[Floats, Floats, Floats]:
     psi, v = float(scenes.heading[which, scenes.start]), float(scenes.speed[which, scenes.start])
     front = float(scenes.x[which, scenes.start])
     x = np.arange(front - BEHIND, front + AHEAD, GRID)
-    y = np.arange(-features.ROAD_WIDTH - 1.0, 1.0, GRID)
+    y = np.arange(-scenes.road.width - 1.0, 1.0, GRID)
     out = np.empty((len(y), len(x), features.COUNT))
     for row, lateral in enumerate(y):
         for column, along in enumerate(x):
@@ -214,7 +213,7 @@ def _draw_brush(ax: Axes, test: Drivers, driven: list[Trajectories], score: pd.D
     t = scenes.traffic
     cells = scenes.cell[i : i + 1] + scenes.start + k
     if scenes.leader_source == LEADER_FROM_LANE:
-        cells = t.cell(np.arange(1, road.MAIN_LANES + 1), scenes.first_frame[i] + scenes.start + k)
+        cells = t.cell(np.arange(1, scenes.road.main_lanes + 1), scenes.first_frame[i] + scenes.start + k)
     for cell in cells:
         for row in range(t.offsets[cell], t.offsets[cell + 1]):
             if t.vehicle[row] != scenes.vehicle[i] and abs(t.x[row] - x) < NEAR:
@@ -233,8 +232,8 @@ def _draw_brush(ax: Axes, test: Drivers, driven: list[Trajectories], score: pd.D
         _outline(0.0, y, heading, scenes.length[i], scenes.width[i], facecolor=METHOD_COLOURS[AGENT], edgecolor="k")
     )
     ax.plot(path.x[i, : k + 1] - x, path.y[i, : k + 1], color=METHOD_COLOURS[AGENT], linewidth=1)
-    for lane in range(road.MAIN_LANES + 1):
-        ax.axhline(-lane * road.LANE_WIDTH, color="0.7", linewidth=0.8)
+    for y_marking in scenes.road.markings:
+        ax.axhline(y_marking, color="0.7", linewidth=0.8)
     ax.grid(visible=False)
     ax.set(xlim=(-NEAR, NEAR), ylim=(y - 7, y + 7), aspect="equal", xlabel="along the road (m)", ylabel="y (m)",
            title=f"closest without contact: {close['clearance_m']:.2f} m, vehicle {scenes.vehicle[i]}, "

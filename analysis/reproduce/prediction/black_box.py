@@ -54,7 +54,10 @@ def explained(learned: Learned, fits: pd.DataFrame, drivers: Drivers) -> pd.Data
     parts = min(FOLDS, len(np.unique(keys)))
     if parts < 2:
         return pd.DataFrame({"parameter": IDMParameters._fields, "r2": np.nan})
-    z, inputs = to_search(theta[usable]), plain(seen[usable], learned.predictor.pooled_)
+    z, inputs = (
+        to_search(theta[usable]),
+        plain(seen[usable], learned.predictor.pooled_, learned.predictor.desired_speed_),
+    )
     model = ExtraTreesRegressor(TREES, min_samples_leaf=SMALLEST_LEAF, random_state=0)
     found = cross_val_predict(model, inputs, z, groups=keys, cv=GroupKFold(parts))
     r2 = 1.0 - ((z - found) ** 2).sum(axis=0) / np.maximum(((z - z.mean(axis=0)) ** 2).sum(axis=0), 1e-12)
@@ -97,7 +100,7 @@ def _moments(scenes: Scenes) -> npt.NDArray[np.int64]:
 def _inputs(drivers: Drivers, pooled: IDMParameters, with_leader: bool) -> tuple[Floats, Floats, list[Trajectories]]:
     """Return inputs, targets (m every second) and the pooled rollout."""
     driven = drivers.drive(pooled)
-    features = [plain(first_second(s).to_numpy(np.float64), pooled) for s in drivers.scenes]
+    features = [plain(first_second(s).to_numpy(np.float64), pooled, s.road.speed_limit) for s in drivers.scenes]
     targets = [
         (recorded_from_start(s, s.x) - t.x)[:, _moments(s)[1:]] for s, t in zip(drivers.scenes, driven, strict=True)
     ]

@@ -16,7 +16,6 @@ from idm_sumo.evaluation.metrics import displacement
 from idm_sumo.models.idm import IDMParameters
 from idm_sumo.prediction import KNNPredictor
 from idm_sumo.recordings import columns as c
-from idm_sumo.roads import road
 
 from .. import tables
 from ..drivers import Drivers
@@ -238,7 +237,7 @@ def hindsight(windows: Drivers, one_for_all: IDMParameters, seed: int) -> dict[s
     for k in np.sort(rng.choice(len(drivers), min(HINDSIGHT_DRIVERS, len(drivers)), replace=False)):
         own = ((keys[c.PERIOD] == drivers[k][0]) & (keys[c.VEHICLE] == drivers[k][1])).to_numpy()
         one = _only(windows, np.flatnonzero(own))
-        oracle = fits_or(one.scenes[0], one_for_all, road.SPEED_LIMIT)
+        oracle = fits_or(one.scenes[0], one_for_all, None)
         sets: dict[str, Any] = {"idm_pooled": one_for_all, "idm_oracle": oracle, "hindsight": pooled(one.scenes)}
         rows.append({name: _ade(one, theta).mean() for name, theta in sets.items()})
     share = share_closed(pd.DataFrame(rows), "hindsight")

@@ -10,7 +10,6 @@ import numpy.typing as npt
 import pandas as pd
 
 from idm_sumo.recordings import columns as c
-from idm_sumo.roads import road
 from idm_sumo.scenes.windows import Scenes
 
 from ..drivers import Drivers
@@ -110,5 +109,5 @@ def _shares(test: Drivers, errors: dict[str, Floats], at_fault: dict[str, npt.ND
 
 def _stays(scenes: Scenes) -> npt.NDArray[np.bool_]:
     """Return which recorded vehicles stay in their lane."""
-    lane = road.lane_at(scenes.y)
+    lane = scenes.road.lane_at(scenes.y)
     return np.asarray((lane == lane[:, :1]).all(axis=1))

@@ -19,15 +19,15 @@ from idm_sumo.calibration.departures import DESTINATION, LEAVING, THROUGH, depar
 from idm_sumo.recordings import columns as c
 from idm_sumo.recordings.columns import FRAME_STEP
 from idm_sumo.recordings.recording import Recording
-from idm_sumo.roads import road
+from idm_sumo.roads import Road
 from idm_sumo.runtime.errors import InputError
 from idm_sumo.sumo import network
 from idm_sumo.sumo.export.translation import save
 from idm_sumo.sumo.export.vtypes import number
+from idm_sumo.sumo.network import Place, RoadNetwork
 
 Floats = npt.NDArray[np.float64]
 
-DOWNSTREAM = "downstream"  # the edge that begins where the section ends
 LAST_STRETCH = 40.0  # m, before the section's end, whose speeds are imposed behind it
 SIGN_INTERVAL = 1.0  # s between two settings of the speed
 SMOOTHED_OVER = 7.0  # s
@@ -63,41 +63,43 @@ def demand_of(recording: Recording) -> pd.DataFrame:
         )
     table = departures(recording).sort_values([d.DEPART, c.VEHICLE], kind="stable", ignore_index=True)
     table[d.DEPART] = np.round(table[d.DEPART] - table[d.DEPART].min(), 1)
-    where = _places(table, recording.source)
+    net = network.of(recording.road)
+    where = _places(net, table, recording.source)
     table = table.assign(**{EDGE: where.edge, LANE_INDEX: where.lane_index, POSITION: where.position})
-    upstream = table[EDGE].isin(("entry", "weave", network.ON_RAMP, network.OFF_RAMP))
-    leaving = (table[EDGE] == network.OFF_RAMP) | (upstream & (table[DESTINATION] == LEAVING))
+    on_ramp, off_ramp, weave = net.layout.on_ramp, net.layout.off_ramp, net.mainline.index(net.layout.weave)
+    upstream = table[EDGE].isin((*net.mainline[1 : weave + 1], on_ramp, off_ramp))
+    leaving = (table[EDGE] == off_ramp) | (upstream & (table[DESTINATION] == LEAVING))
     return table.assign(**{DESTINATION: np.where(leaving, LEAVING, THROUGH)})
 
 
-def _places(table: pd.DataFrame, source: str) -> network.Place:
+def _places(net: RoadNetwork, table: pd.DataFrame, source: str) -> Place:
     """Return where the vehicles depart; the message of a failure names the first one."""
     try:
-        return network.place(table[d.X].to_numpy(), table[d.LANE].to_numpy())
+        return net.place(table[d.X].to_numpy(), table[d.LANE].to_numpy())
     except InputError:
         for vehicle, x, lane in zip(table[c.VEHICLE], table[d.X], table[d.LANE], strict=True):
             try:
-                network.place([x], [lane])
+                net.place([x], [lane])
             except InputError as error:
                 raise InputError(f"{source}: vehicle {vehicle} has no lane on the network: {error}") from None
         raise
 
 
-def write_routes(demand: pd.DataFrame, types: Sequence[Element], path: Path) -> None:
+def write_routes(road: Road, demand: pd.DataFrame, types: Sequence[Element], path: Path) -> None:
     """Write types, routes and vehicles, ``types`` in the order of the demand and named as its vehicles.
 
     Who is on the road in the first frame is put there, whatever its model thinks of the gap. Later a vehicle
     is inserted at its recorded place and speed as soon as its model finds the gap safe.
     """
-    root = Element("routes")
+    root, net = Element("routes"), network.of(road)
     ways = list(zip(demand[EDGE], demand[DESTINATION], strict=True))
     for origin, destination in dict.fromkeys(ways):
-        SubElement(root, "route", id=f"{origin}.to.{destination}", edges=" ".join(network.route(origin, destination)))
+        SubElement(root, "route", id=f"{origin}.to.{destination}", edges=" ".join(net.route(origin, destination)))
     names = (c.VEHICLE, d.DEPART, LANE_INDEX, POSITION, d.SPEED)
     rows = zip(*(demand[name].tolist() for name in names), strict=True)
     for (vehicle, depart, lane, position, speed), kind, (origin, destination) in zip(rows, types, ways, strict=True):
         root.append(kind)
-        limit = min(road.SPEED_LIMIT, float(kind.get("maxSpeed", road.SPEED_LIMIT)))
+        limit = min(road.speed_limit, float(kind.get("maxSpeed", road.speed_limit)))
         SubElement(
             root, "vehicle", id=str(vehicle), type=str(kind.get("id")), route=f"{origin}.to.{destination}",
             depart=number(depart), departLane=str(lane), departPos=number(position),
@@ -107,30 +109,28 @@ def write_routes(demand: pd.DataFrame, types: Sequence[Element], path: Path) -> 
 
 
 def boundary_speeds(recording: Recording) -> Floats:
-    """Return the speeds at the section's end, shape ``(seconds, 5)``: lane by lane, smoothed over 7 s.
+    """Return the speeds at the section's end, shape ``(seconds, main lanes)``: lane by lane, smoothed over 7 s.
 
     Of the vehicles on the last 40 m; where a lane is empty, interpolated in time.
     """
-    table = recording.table
-    end = table[c.X].between(road.SECTION_LENGTH - LAST_STRETCH, road.SECTION_LENGTH) & (
-        table[c.LANE] <= road.MAIN_LANES
-    )
+    table, road = recording.table, recording.road
+    end = table[c.X].between(road.length - LAST_STRETCH, road.length) & (table[c.LANE] <= road.main_lanes)
     first, last = table[c.FRAME].min(), table[c.FRAME].max()
     seconds = int((last - first) * FRAME_STEP / SIGN_INTERVAL) + 1
     here = table[end]
     second = ((here[c.FRAME] - first) * FRAME_STEP // SIGN_INTERVAL).astype(np.int64)
     mean = here.groupby([second, here[c.LANE].astype(np.int64)])[c.SPEED].mean().unstack()
-    mean = mean.reindex(index=range(seconds), columns=range(1, road.MAIN_LANES + 1))
-    filled = mean.interpolate(limit_direction="both").fillna(road.SPEED_LIMIT).to_numpy()
+    mean = mean.reindex(index=range(seconds), columns=range(1, road.main_lanes + 1))
+    filled = mean.interpolate(limit_direction="both").fillna(road.speed_limit).to_numpy()
     smooth = uniform_filter1d(filled, round(SMOOTHED_OVER / SIGN_INTERVAL), axis=0, mode="nearest")
-    return np.asarray(np.clip(smooth, SLOWEST_SIGN, road.SPEED_LIMIT))
+    return np.asarray(np.clip(smooth, SLOWEST_SIGN, road.speed_limit))
 
 
-def write_boundary(speeds: Floats, path: Path) -> None:
-    """Write variable speed signs that impose ``speeds``, shape ``(seconds, 5)``, on the edge behind the section."""
-    root = Element("additional")
-    for lane in range(road.MAIN_LANES):
-        sumo_lane = f"{DOWNSTREAM}_{road.MAIN_LANES - 1 - lane}"
+def write_boundary(road: Road, speeds: Floats, path: Path) -> None:
+    """Write variable speed signs that impose ``speeds``, shape ``(seconds, main lanes)``, on the edge behind the section."""
+    root, net = Element("additional"), network.of(road)
+    for lane in range(road.main_lanes):
+        sumo_lane = net.main_lane(net.layout.downstream, lane + 1)
         sign = SubElement(root, "variableSpeedSign", id=f"downstream.lane{lane + 1}", lanes=sumo_lane)
         for second, speed in enumerate(speeds[:, lane].tolist()):
             SubElement(sign, "step", time=number(second * SIGN_INTERVAL), speed=f"{speed:.3f}")

@@ -10,7 +10,7 @@ import pandas as pd
 
 from idm_sumo.models import bicycle
 from idm_sumo.recordings.columns import FRAME_STEP
-from idm_sumo.roads import road
+from idm_sumo.roads import Road
 from idm_sumo.simulation.rollout import control
 from idm_sumo.sumo.replay.perception import leader_by_getleader
 from idm_sumo.sumo.replay.stage import ON_ROUTE_AT_EXACT_PLACE, compass
@@ -28,23 +28,31 @@ class Ego:
     ----------
     vehicle : int
         Number of a vehicle of the demand that enters on a main lane.
+    road : Road
     lane : int
-        Main lane, 1 to 5, that it keeps.
+        Main lane that it keeps.
     parameters : array, shape (5,)
         ``a, b, T, d0, d1``.
     length : float
         m.
-    desired_speed : float
-        m/s.
+    desired_speed : float, optional
+        m/s; by default the road's speed limit.
     """
 
     def __init__(
-        self, vehicle: int, lane: int, parameters: npt.ArrayLike, length: float, desired_speed: float = road.SPEED_LIMIT
+        self,
+        vehicle: int,
+        road: Road,
+        lane: int,
+        parameters: npt.ArrayLike,
+        length: float,
+        desired_speed: float | None = None,
     ) -> None:
         self.name = str(vehicle)
         self._lane_y = float(road.lane_center(lane))
         self._theta = np.ascontiguousarray(parameters, dtype=np.float64)
-        self._length, self._desired_speed = length, desired_speed
+        self._length, self._desired_speed = length, float(road.desired_speed(desired_speed))
+        self._end = road.length
         self._state: tuple[float, float, float, float] | None = None
         self._rows: list[tuple[float, ...]] = []
         self._done = False
@@ -84,7 +92,7 @@ class Ego:
             return
         x, y, heading, _ = self._state
         front_x, front_y = bicycle.front_of_center(x, y, heading, self._length)
-        if front_x > road.SECTION_LENGTH:
+        if front_x > self._end:
             self._done = True  # a vehicle that is not moved drives itself
             return
         sumo.vehicle.moveToXY(self.name, "", -1, front_x, front_y, float(compass(heading)), ON_ROUTE_AT_EXACT_PLACE)

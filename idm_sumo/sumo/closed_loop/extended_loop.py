@@ -17,7 +17,7 @@ from idm_sumo.models.effects.lane_change_relaxation import headway_after
 from idm_sumo.models.effects.reaction_delay import REMEMBERED, acted_on
 from idm_sumo.recordings import columns as c
 from idm_sumo.recordings.columns import FRAME_STEP
-from idm_sumo.roads import road
+from idm_sumo.roads import Road
 from idm_sumo.scenes.traffic import NOBODY
 from idm_sumo.simulation.extended_rollout import meet
 from idm_sumo.simulation.rollout import perceive
@@ -69,8 +69,9 @@ class ModelDrivers:
         Of :func:`idm_sumo.sumo.closed_loop.demand.demand_of`.
     theta : array, shape (vehicles, 5)
         ``a, b, T, d0, d1`` of each vehicle of the demand.
-    desired_speed : float or array, shape (vehicles,)
-        m/s.
+    road : Road
+    desired_speed : float or array, shape (vehicles,), optional
+        m/s; by default the model's.
     has : bool array, shape (vehicles,), optional
         Which drivers have what only some have; by default so many as in the model, by their numbers.
 
@@ -87,19 +88,20 @@ class ModelDrivers:
         model: ExtendedModel,
         demand: pd.DataFrame,
         theta: Floats,
-        desired_speed: float | Floats = road.SPEED_LIMIT,
+        road: Road,
+        desired_speed: float | Floats | None = None,
         has: npt.NDArray[np.bool_] | None = None,
     ) -> None:
-        n = len(demand)
+        n, self._road = len(demand), road
         self._place = {str(vehicle): i for i, vehicle in enumerate(demand[c.VEHICLE])}
         has = model.has_partial_causes(demand[c.VEHICLE]) if has is None else has
         self._without = (~has).astype(np.int64)
         self._magnitudes = np.stack(
-            [each.magnitudes_by_lane(road.MAIN_LANES) for each in (model, model.without_partial_causes())]
+            [each.magnitudes_by_lane(road.main_lanes) for each in (model, model.without_partial_causes())]
         )
         self._theta = np.ascontiguousarray(theta, dtype=np.float64)
-        self._limit = np.full(n, desired_speed, dtype=np.float64)
-        self._length = demand[d.LENGTH].fillna(road.CAR_LENGTH).to_numpy(dtype=np.float64)
+        self._limit = np.full(n, model.desired_speed if desired_speed is None else desired_speed, dtype=np.float64)
+        self._length = demand[d.LENGTH].fillna(road.car_length).to_numpy(dtype=np.float64)
         kind = demand[d.CLASS].to_numpy(dtype=np.float64)
         self._class = np.where(kind > 0, kind, np.nan)
         self._through = (demand[DESTINATION] == THROUGH).to_numpy()
@@ -118,9 +120,9 @@ class ModelDrivers:
         place = np.array([self._place[name] for name in names])
         where = np.array([sumo.vehicle.getPosition(name) for name in names])
         speed = np.array([sumo.vehicle.getSpeed(name) for name in names])
-        lane = np.floor(-where[:, 1] / road.LANE_WIDTH).astype(np.int64) + 1
-        on_main = (lane >= 1) & (lane <= road.MAIN_LANES) & (where[:, 0] >= 0.0)
-        ours = on_main & self._through[place] & (where[:, 0] <= road.SECTION_LENGTH)
+        road, lane = self._road, self._road.lane_at(where[:, 1])
+        on_main = road.on_main_lanes(where[:, 1]) & (where[:, 0] >= 0.0)
+        ours = on_main & self._through[place] & (where[:, 0] <= road.length)
         order = np.flatnonzero(on_main)[np.lexsort((where[on_main, 0], lane[on_main]))]
         acceleration = np.full(len(names), np.nan)
         acceleration[order] = self._decide(place[order], where[order, 0], speed[order], lane[order], step)
@@ -129,8 +131,9 @@ class ModelDrivers:
 
     def _decide(self, place: Integers, x: Floats, speed: Floats, lane: Integers, step: int) -> Floats:
         """Return everybody's acceleration (m/s²), vehicles sorted by lane and position."""
-        offsets = np.zeros(road.MAIN_LANES + 1, dtype=np.int64)
-        np.cumsum(np.bincount(lane - 1, minlength=road.MAIN_LANES), out=offsets[1:])
+        lanes = self._road.main_lanes
+        offsets = np.zeros(lanes + 1, dtype=np.int64)
+        np.cumsum(np.bincount(lane - 1, minlength=lanes), out=offsets[1:])
         others = Others(*self._accelerations(place, speed), self._class[place], place + 1)
         return np.asarray(
             _decide_all(

@@ -10,7 +10,6 @@ import numpy.typing as npt
 import pandas as pd
 
 from idm_sumo.calibration import driver_table as d
-from idm_sumo.roads import road
 from idm_sumo.runtime.errors import InputError
 from idm_sumo.sumo.export.vtypes import AS_CALIBRATED, CLASSES, DriverType, number, type_element
 
@@ -60,7 +59,7 @@ def lane_change_attributes(model: str, parameters: Mapping[str, str]) -> dict[st
 
 
 def calibrated_types(
-    demand: pd.DataFrame, theta: Floats, lane_change: Mapping[str, str], desired_speed: float = road.SPEED_LIMIT
+    demand: pd.DataFrame, theta: Floats, lane_change: Mapping[str, str], desired_speed: float
 ) -> list[Element]:
     """Return the exported type of every vehicle.
 

@@ -112,21 +112,22 @@ def write_run(
         One period; it says how long to run.
     demand, types
         Of :mod:`idm_sumo.sumo.closed_loop.demand` and :mod:`idm_sumo.sumo.closed_loop.populations`.
-    downstream : array, shape (seconds, 5), or None
+    downstream : array, shape (seconds, main lanes), or None
         Speeds (m/s) to impose behind the section. Recorded traffic is held up by what lies downstream of it;
         without that a closed loop runs free.
     options : sequence of str
         Further options of ``sumo``, ``--name value`` in turn.
     """
     folder.mkdir(parents=True, exist_ok=True)
-    net, routes, config = folder / "us101.net.xml", folder / f"{name}.rou.xml", folder / f"{name}.sumocfg"
+    own = network.of(recording.road)
+    net, routes, config = folder / recording.road.network, folder / f"{name}.rou.xml", folder / f"{name}.sumocfg"
     if not net.is_file():
-        shutil.copyfile(network.net_file(), net)
-    write_routes(demand, types, routes)
+        shutil.copyfile(own.file, net)
+    write_routes(recording.road, demand, types, routes)
     additional = None
     if downstream is not None:
         additional = folder / "downstream.add.xml"
-        write_boundary(downstream, additional)
+        write_boundary(recording.road, downstream, additional)
     frames = recording.table[c.FRAME]
     duration = float((frames.max() - frames.min() + 1) * FRAME_STEP)
     root = run_recipe.configuration(net.name, routes.name, run_recipe.EULER)

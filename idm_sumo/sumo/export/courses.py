@@ -10,9 +10,9 @@ from xml.etree.ElementTree import Element, ElementTree, SubElement
 
 import numpy as np
 
-from idm_sumo.roads import road
-from idm_sumo.sumo import network
+from idm_sumo.sumo.network import Place, RoadNetwork
 
+LANE_WIDTH = 3.6576  # m; any width would do
 ROADS_APART = 10.0  # m, beyond the width of their lanes
 GARAGE_POSITION = 500.0  # m
 AMID_WEAVE = 120.0  # m
@@ -44,7 +44,7 @@ class StraightRoads:
         """Write the network and return its path; SUMO needs no netconvert for roads without junctions."""
         net = Element("net", version="1.20")
         roads = -(-self.drivers // self.lanes)
-        spacing = (self.lanes + 1) * road.LANE_WIDTH + ROADS_APART
+        spacing = (self.lanes + 1) * LANE_WIDTH + ROADS_APART
         box = f"0,0,{self.length:.2f},{roads * spacing:.2f}"
         SubElement(net, "location", netOffset="0,0", convBoundary=box, origBoundary=box, projParameter="!")
         for number in range(roads):
@@ -52,7 +52,7 @@ class StraightRoads:
                 net, "edge", {"id": f"road{number}", "from": f"a{number}", "to": f"b{number}", "priority": "1"}
             )
             for lane in range(self.lanes + 1):
-                y = number * spacing + lane * road.LANE_WIDTH
+                y = number * spacing + lane * LANE_WIDTH
                 SubElement(edge, "lane", id=f"road{number}_{lane}", index=str(lane), speed=repr(self.limit),
                            length=f"{self.length:.2f}", shape=f"0,{y:.4f} {self.length:.2f},{y:.4f}")  # fmt: skip
         for number in range(roads):
@@ -84,25 +84,29 @@ class StraightRoads:
 
 @dataclass(frozen=True)
 class StudySection:
-    """Our network, for at most five drivers at a time, each in a main lane of its own.
+    """Our network, for at most as many drivers at a time as main lanes, each in a main lane of its own.
 
     Attributes
     ----------
     main_lanes : sequence of int
-        Recorded lane, 1 to 5, of each driver.
-    net : Path
+        Recorded lane of each driver.
+    network : RoadNetwork
+    net : Path, optional
+        Another build of the network.
     """
 
     main_lanes: Sequence[int]
-    net: Path
+    network: RoadNetwork
+    net: Path | None = None
     _starts: list[float] = field(init=False, repr=False)
     _lanes: dict[int, list[str]] = field(init=False, repr=False)
 
     def __post_init__(self) -> None:
         """Note where the edges begin and how SUMO calls their lanes."""
-        lanes = range(1, road.MAIN_LANES + 1)
-        edges = np.array(network.MAINLINE)
-        beginnings = network.Place(edges, np.zeros(len(edges), dtype=np.int64), np.zeros(len(edges)))
+        network = self.network
+        lanes = range(1, network.road.main_lanes + 1)
+        edges = np.array(network.mainline)
+        beginnings = Place(edges, np.zeros(len(edges), dtype=np.int64), np.zeros(len(edges)))
         starts = network.coordinates(beginnings)[0]
         inside = starts + 1e-3  # m: clearly on the edge that begins there
         names = {lane: network.place(inside, np.full(len(edges), lane)) for lane in lanes}
@@ -112,11 +116,11 @@ class StudySection:
 
     def write_net(self, folder: Path) -> Path:
         """Return the network."""
-        return self.net
+        return self.net or self.network.file
 
     def route(self, driver: int) -> str:
         """Return the edges of the freeway."""
-        return " ".join(network.MAINLINE)
+        return " ".join(self.network.mainline)
 
     def lane_at(self, driver: int, x: float) -> tuple[str, float]:
         """Return lane and position on it of a front bumper at ``x`` (m); the main lanes are straight."""
@@ -125,8 +129,8 @@ class StudySection:
 
     def garage(self, driver: int) -> tuple[str, float]:
         """Return where a leader waits that is not there: the auxiliary lane, where nobody is compared."""
-        return f"{network.MAINLINE[network.WEAVE]}_0", AMID_WEAVE
+        return f"{self.network.layout.weave}_0", AMID_WEAVE
 
     def x_of(self, lane: str, position: float) -> float:
         """Return ``x`` (m) of a position on a lane."""
-        return position + self._starts[network.MAINLINE.index(lane.rpartition("_")[0])]
+        return position + self._starts[self.network.mainline.index(lane.rpartition("_")[0])]

@@ -11,6 +11,7 @@ import numpy.typing as npt
 import pandas as pd
 
 from idm_sumo.calibration import driver_table as d
+from idm_sumo.roads import DEFAULT, Road
 from idm_sumo.runtime.errors import InputError
 from idm_sumo.runtime.files import new_file
 from idm_sumo.sumo.export.translation import (
@@ -39,6 +40,7 @@ def export_distribution(
     maximum_speed: float = FASTEST,
     integration: str = "euler",
     seed: int = 0,
+    road: Road = DEFAULT,
     source: str = "drivers",
 ) -> Path:
     """Write a ``vTypeDistribution`` that stands for the population, for any network.
@@ -63,6 +65,8 @@ def export_distribution(
         m/s. By default so high that the desired speed is the lane's limit, as in the calibration.
     seed : int
         Of k-means.
+    road : Road, optional
+        Where the drivers were recorded; its limit and assumed sizes stand in for missing columns.
 
     Raises
     ------
@@ -70,7 +74,7 @@ def export_distribution(
         If the drivers are impossible, or fewer than ``representatives``.
     """
     table, _ = with_parameters(drivers, source)
-    theta, _ = sumo_parameters(table, jam_distance, desired_speeds(table, None, source), integration, source)
+    theta, _ = sumo_parameters(table, jam_distance, desired_speeds(table, None, road, source), integration, source)
     good = well_determined(table)
     table, theta = table[good].reset_index(drop=True), theta[good]
     if table.empty or (representatives is not None and not 1 <= representatives <= len(table)):
@@ -81,7 +85,7 @@ def export_distribution(
     # A name of their own: the same drivers may be in the route file, and SUMO wants one type a name.
     names = [identifier(name, own) for own in identifiers(table)]
     for row, share in zip(rows, shares, strict=True):
-        driver = driver_type(table.iloc[row], names[row], theta[row], maximum_speed)
+        driver = driver_type(table.iloc[row], names[row], theta[row], maximum_speed, road)
         type_element(driver, distribution, probability=number(share))
     with new_file(path) as part:
         save(root, part)

@@ -20,7 +20,7 @@ from idm_sumo.calibration.problem import Problem, prepare
 from idm_sumo.calibration.without_d1 import keys_of
 from idm_sumo.recordings import columns as c
 from idm_sumo.recordings.columns import FRAME_STEP
-from idm_sumo.roads import road
+from idm_sumo.roads import Road
 from idm_sumo.runtime.errors import InputError
 from idm_sumo.scenes.windows import Scenes
 from idm_sumo.sumo import network, session
@@ -62,7 +62,7 @@ def parity(
     *,
     integration: str = "euler",
     jam_distance: str = "refit",
-    desired_speed: float = road.SPEED_LIMIT,
+    desired_speed: float | None = None,
     on_our_network: bool = False,
 ) -> pd.DataFrame:
     """Compare SUMO with our kernel, driver by driver, over their windows.
@@ -75,10 +75,10 @@ def parity(
     integration : {"euler", "ballistic"}
     jam_distance : {"refit", "linearised", "none", "exact"}
         ``"exact"``: five parameters, the jam distance set through libsumo every step.
-    desired_speed : float
-        m/s.
+    desired_speed : float, optional
+        m/s; by default the road's speed limit.
     on_our_network : bool
-        Drive on the study section, five at a time, and not on straight roads, all at once.
+        Drive on the road's network, one driver a main lane at a time, and not on straight roads, all at once.
 
     Returns
     -------
@@ -96,10 +96,12 @@ def parity(
         run_recipe.check_integration(integration)
         theta = table[list(d.PARAMETERS)].to_numpy(dtype=np.float64)
     else:
-        theta, _ = sumo_parameters(table, jam_distance, desired_speed, integration, "drivers")
+        theta, _ = sumo_parameters(table, jam_distance, problem.desired_speed, integration, "drivers")
     types = types_of(theta, problem, scenes.length, scenes.width)
     if on_our_network:
-        native, _ = drive_on_our_network(problem, types, scenes.lane, integration=integration, d1=theta[:, 4])
+        native, _ = drive_on_our_network(
+            problem, types, scenes.road, scenes.lane, integration=integration, d1=theta[:, 4]
+        )
     else:
         native, _ = drive_natively(problem, types, integration=integration, d1=theta[:, 4])
     ours, _ = integrators.drive(problem, theta, integration)
@@ -152,13 +154,14 @@ def drive_natively(
 
 
 def drive_on_our_network(
-    problem: Problem, types: Sequence[Element], lane: npt.ArrayLike, *, integration: str, d1: npt.ArrayLike = 0.0,
-    net: Path | None = None,
+    problem: Problem, types: Sequence[Element], road: Road, lane: npt.ArrayLike, *, integration: str,
+    d1: npt.ArrayLike = 0.0, net: Path | None = None,
 ) -> tuple[Floats, Floats]:  # fmt: skip
-    """Let SUMO drive the drivers on the study section, five at a time: one in each main lane, without lane changes.
+    """Let SUMO drive the drivers on the road's network: one in each main lane at a time, without lane changes.
 
     Parameters
     ----------
+    road : Road
     lane : array_like of int, shape (n,)
         The recorded lane. Of several drivers of one lane one moves to a lane that is free,
         which makes no difference to a driver: the lanes are parallel and straight.
@@ -170,9 +173,9 @@ def drive_on_our_network(
     lane, extra = np.asarray(lane, dtype=np.int64), np.broadcast_to(np.asarray(d1, dtype=np.float64), len(types))
     n, h = problem.target.shape
     x, speed = np.empty((n, h + 1)), np.empty((n, h + 1))
-    for begin in range(0, n, road.MAIN_LANES):
-        rows = np.arange(begin, min(begin + road.MAIN_LANES, n))
-        section = StudySection(_distinct(lane[rows]), net or network.net_file())
+    for begin in range(0, n, road.main_lanes):
+        rows = np.arange(begin, min(begin + road.main_lanes, n))
+        section = StudySection(_distinct(lane[rows], road.main_lanes), network.of(road), net)
         some = take(problem, rows)
         x[rows], speed[rows] = drive_on(
             section, some, [types[i] for i in rows], integration=integration, d1=extra[rows]
@@ -235,9 +238,9 @@ def leaders(p, k, x):  # type: ignore[no-untyped-def]
     return rear, speed
 
 
-def _distinct(lanes: npt.NDArray[np.int64]) -> list[int]:
+def _distinct(lanes: npt.NDArray[np.int64], main_lanes: int) -> list[int]:
     """Return one main lane a driver, its own where that is still free."""
-    free = list(range(1, road.MAIN_LANES + 1))
+    free = list(range(1, main_lanes + 1))
     given = []
     for lane in lanes.tolist():
         given.append(lane if lane in free else 0)

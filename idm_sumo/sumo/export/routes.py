@@ -21,6 +21,7 @@ from idm_sumo.models.effects import ExtendedModel
 from idm_sumo.models.idm import TEXTBOOK
 from idm_sumo.recordings import columns as c
 from idm_sumo.recordings.recording import Recording
+from idm_sumo.roads import DEFAULT, Road
 from idm_sumo.runtime.errors import InputError
 from idm_sumo.runtime.files import new_file
 from idm_sumo.scenes.windows import Scenes
@@ -36,6 +37,7 @@ from idm_sumo.sumo.export.translation import (
     with_parameters,
 )
 from idm_sumo.sumo.export.vtypes import number, type_element
+from idm_sumo.sumo.network import RoadNetwork
 
 Floats = npt.NDArray[np.float64]
 
@@ -73,6 +75,7 @@ def export_routes(
     desired_speed: float | None = None,
     net_file: Path | str | None = None,
     model: ExtendedModel | None = None,
+    road: Road = DEFAULT,
     source: str = "drivers",
 ) -> Exported:
     """Write one vehicle type a driver with its vehicle, the ``.sumocfg`` that runs them, and the network.
@@ -99,6 +102,8 @@ def export_routes(
     model : ExtendedModel, optional
         Causes beyond the IDM; those that SUMO's types can hold go into them (:mod:`idm_sumo.sumo.export.extended_types`), of the
         others notes and a comment in the file say that they do not.
+    road : Road, optional
+        What the drivers enter; its network takes them.
     source : str
         How messages name the drivers.
 
@@ -114,25 +119,26 @@ def export_routes(
     """
     run_recipe.check_integration(integration)
     table, fit_notes = with_parameters(drivers, source)
-    table = table.assign(**{d.DESIRED_SPEED: desired_speeds(table, desired_speed, source)})
-    net = _checked_net(net_file, float(table[d.DESIRED_SPEED].max()))
+    table = table.assign(**{d.DESIRED_SPEED: desired_speeds(table, desired_speed, road, source)})
+    net = network.of(road)
+    net_path = _checked_net(net, net_file, float(table[d.DESIRED_SPEED].max()))
     table = _with_departures(table, departures, source)
     theta, notes = sumo_parameters(table, jam_distance, table[d.DESIRED_SPEED].to_numpy(), integration, source)
     table, speed_notes = _not_above(table)
-    table = table.assign(depart=_simulation_times(table), id=identifiers(table), **_places(table, source))
+    table = table.assign(depart=_simulation_times(table), id=identifiers(table), **_places(net, table, source))
     order = np.lexsort((table["id"], table["depart"]))
     if model is None:
         model = ExtendedModel(TEXTBOOK, float(table[d.DESIRED_SPEED].max()))
     held = express(model, table, theta, table[d.DESIRED_SPEED].to_numpy(dtype=np.float64))
-    root = _routes(table.iloc[order], held.of(order))
-    files = _write(Path(path), root, net, integration)
+    root = _routes(net, table.iloc[order], held.of(order))
+    files = _write(Path(path), root, net_path, integration)
     vehicles = table.iloc[order][[c.PERIOD, c.VEHICLE, "id", "depart"]].rename(columns={"depart": d.DEPART})
     return Exported(*files, vehicles.reset_index(drop=True), fit_notes + notes + speed_notes + held.notes)
 
 
-def _checked_net(net_file: Path | str | None, desired_speed: float) -> Path:
+def _checked_net(own: RoadNetwork, net_file: Path | str | None, desired_speed: float) -> Path:
     """Return the network's path if it is ours and lets drivers drive at their desired speed."""
-    path = network.net_file() if net_file is None else Path(net_file)
+    path = own.file if net_file is None else Path(net_file)
     if not path.is_file():
         raise InputError(f"{path}: no such network; build it with `python network/build.py`")
     from sumolib.net import readNet
@@ -143,7 +149,7 @@ def _checked_net(net_file: Path | str | None, desired_speed: float) -> Path:
         raise InputError(
             f"{path}: not a SUMO network ({str(error).splitlines()[0]}); build it with `python network/build.py`"
         ) from None
-    for name in network.MAINLINE:
+    for name in own.mainline:
         if not net.hasEdge(name):
             raise InputError(f"{path}: has no edge {name!r}; routes are for builds of our own network")
         limit = net.getEdge(name).getSpeed()
@@ -206,7 +212,7 @@ def _opening(period: str) -> float | None:
     return 3600.0 * int(start[:2]) + 60.0 * int(start[2:]) if len(start) == 4 and start.isdigit() else None
 
 
-def _places(table: pd.DataFrame, source: str) -> dict[str, Any]:
+def _places(net: RoadNetwork, table: pd.DataFrame, source: str) -> dict[str, Any]:
     """Return edge, lane and position of the departures.
 
     Raises
@@ -216,26 +222,26 @@ def _places(table: pd.DataFrame, source: str) -> dict[str, Any]:
     """
     for row in table[[c.PERIOD, c.VEHICLE, d.X, d.LANE]].itertuples(index=False):
         try:
-            network.place([row[2]], [row[3]])
+            net.place([row[2]], [row[3]])
         except InputError as error:
             raise InputError(f"{source}: vehicle {row[1]} of period {row[0]} has no lane: {error}") from None
-    where = network.place(table[d.X].to_numpy(), table[d.LANE].to_numpy())
+    where = net.place(table[d.X].to_numpy(), table[d.LANE].to_numpy())
     return {"edge": where.edge, "lane_index": where.lane_index, "position": where.position}
 
 
-def _routes(table: pd.DataFrame, held: Expressed) -> Element:
+def _routes(net: RoadNetwork, table: pd.DataFrame, held: Expressed) -> Element:
     """Return ``<routes>``: routes, then types, then vehicles in the order of departure."""
     root = Element("routes")
     for note in held.notes:
         root.append(Comment(f" {note.replace('--', '- -')} "))  # no double hyphen within a comment
     ends = table[DESTINATION] if DESTINATION in table else pd.Series(THROUGH, index=table.index)
-    ends = ends.where(table["edge"] != network.OFF_RAMP, network.OFF_RAMP)
+    ends = ends.where(table["edge"] != net.layout.off_ramp, net.layout.off_ramp)
     names = {way: f"{way[0]}.to.{way[1]}" for way in dict.fromkeys(zip(table["edge"], ends, strict=True))}
     for way, name in names.items():
-        SubElement(root, "route", id=name, edges=" ".join(network.route(str(way[0]), str(way[1]))))
+        SubElement(root, "route", id=name, edges=" ".join(net.route(str(way[0]), str(way[1]))))
     rows = [row for _, row in table.iterrows()]
     for row, values, fastest, extra in zip(rows, held.theta, held.maximum_speed.tolist(), held.extra, strict=True):
-        type_element(driver_type(row, row["id"], values, fastest), root, **extra)
+        type_element(driver_type(row, row["id"], values, fastest, net.road), root, **extra)
     for row, end in zip(rows, ends, strict=True):
         SubElement(
             root, "vehicle", id=row["id"], type=row["id"], route=names[row["edge"], end], depart=number(row["depart"]),

@@ -13,7 +13,7 @@ import pandas as pd
 from idm_sumo.calibration import driver_table as d
 from idm_sumo.calibration import without_d1 as j
 from idm_sumo.recordings import columns as c
-from idm_sumo.roads import road
+from idm_sumo.roads import Road
 from idm_sumo.runtime.errors import InputError
 from idm_sumo.sumo.export.vtypes import DriverType, identifier
 
@@ -32,9 +32,20 @@ def with_parameters(drivers: pd.DataFrame, source: str) -> tuple[pd.DataFrame, t
     return table[has].reset_index(drop=True), note
 
 
-def desired_speeds(table: pd.DataFrame, desired_speed: float | None, source: str) -> Floats:
-    """Return the desired speed (m/s) of every driver."""
-    given = table.get(d.DESIRED_SPEED, road.SPEED_LIMIT) if desired_speed is None else desired_speed
+def desired_speeds(table: pd.DataFrame, desired_speed: float | None, road: Road, source: str) -> Floats:
+    """Return the desired speed (m/s) of every driver: as given, of the table, or the road's limit."""
+    given = table.get(d.DESIRED_SPEED, road.speed_limit) if desired_speed is None else desired_speed
+    return checked_speeds(table, given, source)
+
+
+def checked_speeds(table: pd.DataFrame, given: npt.ArrayLike, source: str) -> Floats:
+    """Return given desired speeds (m/s), one a driver.
+
+    Raises
+    ------
+    InputError
+        If one is not positive; names the row.
+    """
     speeds = np.broadcast_to(np.asarray(given, dtype=np.float64), (len(table),)).copy()
     if (bad := ~(np.isfinite(speeds) & (speeds > 0.0))).any():
         row = int(np.flatnonzero(bad)[0])
@@ -87,9 +98,9 @@ def identifiers(table: pd.DataFrame) -> list[str]:
     ]
 
 
-def driver_type(row: Any, name: str, theta: Floats, maximum_speed: float) -> DriverType:
-    """Return the type of one driver; sizes are assumed where the table has none."""
-    length, width = row.get(d.LENGTH, road.CAR_LENGTH), row.get(d.WIDTH, road.CAR_WIDTH)
+def driver_type(row: Any, name: str, theta: Floats, maximum_speed: float, road: Road) -> DriverType:
+    """Return the type of one driver; sizes are those the road assumes where the table has none."""
+    length, width = row.get(d.LENGTH, road.car_length), row.get(d.WIDTH, road.car_width)
     kind = int(row.get(d.CLASS, 0))
     a, b, T, d0 = map(float, theta[:4])
     return DriverType(name, a, b, T, d0, maximum_speed, float(length), float(width), kind)

@@ -7,10 +7,10 @@ import numpy.typing as npt
 
 from idm_sumo.models import bicycle
 from idm_sumo.recordings.columns import FRAME_STEP
-from idm_sumo.roads import road
 from idm_sumo.scenes.traffic import NOBODY
 from idm_sumo.scenes.windows import LEADER_FROM_LANE, Scenes
 from idm_sumo.simulation.rollout import Trajectories
+from idm_sumo.sumo import network
 from idm_sumo.sumo.replay.one_vehicle import EGO, start_of
 from idm_sumo.sumo.replay.stage import Stage, cast, check_on_network, compass
 from idm_sumo.sumo.session import simulation
@@ -40,9 +40,10 @@ def replay_controls(scenes: Scenes, acceleration: Floats, steering: Floats) -> T
     """
     out, actors = Trajectories.empty(len(scenes), scenes.window.horizon), cast(scenes)
     out.acceleration[:], out.steering[:], out.gap[:], out.leader[:] = acceleration, steering, np.inf, NOBODY
-    with simulation() as sumo:
+    net = network.of(scenes.road)
+    with simulation(net=net.file) as sumo:
         check_on_network(sumo, actors)
-        stage = Stage(sumo, as_points=True)
+        stage = Stage(sumo, net, as_points=True)
         for i in range(len(scenes)):
             x, y, heading, speed = start_of(scenes, i)
             length = float(scenes.length[i])
@@ -74,6 +75,6 @@ def _around(scenes: Scenes, i: int, k: int) -> npt.NDArray[np.int64]:
     t = scenes.traffic
     cells = scenes.cell[i : i + 1] + scenes.start + k
     if scenes.leader_source == LEADER_FROM_LANE:
-        cells = t.cell(np.arange(1, road.MAIN_LANES + 1), scenes.first_frame[i] + scenes.start + k)
+        cells = t.cell(np.arange(1, scenes.road.main_lanes + 1), scenes.first_frame[i] + scenes.start + k)
     rows = np.concatenate([np.arange(t.offsets[cell], t.offsets[cell + 1]) for cell in cells])
     return np.asarray(rows[t.vehicle[rows] != scenes.vehicle[i]])

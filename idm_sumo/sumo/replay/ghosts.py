@@ -15,11 +15,11 @@ from joblib import Parallel, delayed
 from numba import njit
 
 from idm_sumo.models import bicycle
-from idm_sumo.roads import road
 from idm_sumo.runtime.progress import Progress, silent
 from idm_sumo.scenes.traffic import NOBODY
 from idm_sumo.scenes.windows import Scenes
 from idm_sumo.simulation.rollout import Trajectories, perceive
+from idm_sumo.sumo import network
 from idm_sumo.sumo.replay.one_vehicle import advance
 from idm_sumo.sumo.replay.stage import Cast, Stage, cast, check_on_network
 from idm_sumo.sumo.session import simulation
@@ -34,7 +34,7 @@ def replay_ghosts(
     scenes: Scenes,
     parameters: npt.ArrayLike,
     *,
-    desired_speed: npt.ArrayLike = road.SPEED_LIMIT,
+    desired_speed: npt.ArrayLike | None = None,
     jobs: int = 1,
     progress: Progress = silent,
 ) -> Trajectories:
@@ -63,7 +63,9 @@ def replay_ghosts(
     """
     n = len(scenes)
     theta = np.ascontiguousarray(np.broadcast_to(np.asarray(parameters, dtype=np.float64), (n, 5)))
-    limit = np.ascontiguousarray(np.broadcast_to(np.asarray(desired_speed, dtype=np.float64), (n,)))
+    limit = np.ascontiguousarray(
+        np.broadcast_to(np.asarray(scenes.road.desired_speed(desired_speed), dtype=np.float64), (n,))
+    )
     if jobs == 1 or n < 2:
         return _pass(scenes, theta, limit, progress)
     # Consecutive starts belong together, so that every process plays frames of its own.
@@ -76,7 +78,7 @@ def _pass(scenes: Scenes, theta: Floats, limit: Floats, progress: Progress = sil
     """Play the frames that the ghosts live in, once."""
     steps = scenes.window.horizon
     out, center = _at_start(scenes)
-    actors, t, lane_y = cast(scenes), scenes.traffic, road.lane_center(scenes.lane)
+    actors, t, lane_y = cast(scenes), scenes.traffic, scenes.road.lane_center(scenes.lane)
     begin = scenes.first_frame + scenes.start
     order = np.argsort(begin, kind="stable")
     frames = np.unique((begin[:, None] + np.arange(steps + 1)).ravel())
@@ -84,9 +86,10 @@ def _pass(scenes: Scenes, theta: Floats, limit: Floats, progress: Progress = sil
     by_frame = np.argsort(actors.frame, kind="stable")
     recorded = np.searchsorted(actors.frame[by_frame], [frames, frames + 1]).T
     x = np.full(len(t.x), np.nan)
-    with simulation() as sumo:
+    net = network.of(scenes.road)
+    with simulation(net=net.file) as sumo:
         check_on_network(sumo, actors)
-        stage = Stage(sumo, as_points=True, edge_by_edge=True)
+        stage = Stage(sumo, net, as_points=True, edge_by_edge=True)
         for done, frame in enumerate(frames.tolist()):
             rows = by_frame[slice(*recorded[done])]
             x[rows] = _play_frame(sumo, stage, actors, rows)

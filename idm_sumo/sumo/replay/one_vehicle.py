@@ -21,14 +21,14 @@ from idm_sumo.models import bicycle
 from idm_sumo.models.effects import ExtendedModel
 from idm_sumo.recordings.columns import FRAME_STEP
 from idm_sumo.recordings.recording import Recording
-from idm_sumo.roads import road
 from idm_sumo.runtime.errors import InputError
 from idm_sumo.runtime.progress import Progress, silent
 from idm_sumo.scenes.traffic import NOBODY
 from idm_sumo.scenes.windows import LEADER_FROM_LANE, Scenes
 from idm_sumo.simulation.extended_rollout import decide, set_out
 from idm_sumo.simulation.rollout import Trajectories, control, steer
-from idm_sumo.sumo.replay.perception import lane_strip, leader_in_lane
+from idm_sumo.sumo import network
+from idm_sumo.sumo.replay.perception import leader_in_lane
 from idm_sumo.sumo.replay.stage import Cast, Stage, cast, check_on_network, compass, inside_lane
 from idm_sumo.sumo.session import simulation
 
@@ -45,7 +45,7 @@ def replay(
     scenes: Scenes,
     parameters: npt.ArrayLike,
     *,
-    desired_speed: npt.ArrayLike = road.SPEED_LIMIT,
+    desired_speed: npt.ArrayLike | None = None,
     which: npt.NDArray[np.bool_] | Integers | None = None,
     extension: tuple[Recording, ExtendedModel] | None = None,
     jobs: int = 1,
@@ -95,7 +95,7 @@ def replay(
     """
     n = len(scenes)
     theta = np.broadcast_to(np.asarray(parameters, dtype=np.float64), (n, 5))
-    limit = np.broadcast_to(np.asarray(desired_speed, dtype=np.float64), (n,))
+    limit = np.broadcast_to(np.asarray(scenes.road.desired_speed(desired_speed), dtype=np.float64), (n,))
     if which is not None:
         scenes, theta, limit = scenes.subset(which), theta[which], limit[which]
     if jobs == 1 or len(scenes) < 2:
@@ -118,10 +118,12 @@ def _replay_serially(
 ) -> Trajectories:
     """Replay one window after the other in one simulation, whose road is empty between them."""
     out, actors = Trajectories.empty(len(scenes), scenes.window.horizon), cast(scenes)
-    with simulation() as sumo:
+    net = network.of(scenes.road)
+    with simulation(net=net.file) as sumo:
         drive = _plain(scenes, theta, limit) if extension is None else _extended(sumo, scenes, theta, limit, *extension)
         check_on_network(sumo, actors)
-        stage, strips = Stage(sumo, as_points=True), [lane_strip(sumo, lane + 1) for lane in range(road.MAIN_LANES)]
+        stage = Stage(sumo, net, as_points=True)
+        strips = [net.strip(lane + 1) for lane in range(scenes.road.main_lanes)]
         for i in range(len(scenes)):
             strip = strips[int(scenes.lane[i]) - 1]
             _replay_one(sumo, stage, strip, actors, scenes, i, drive, out)
@@ -151,7 +153,7 @@ Advance = Callable[[Moment], tuple[float, float, float, float, float, float, flo
 
 def _plain(scenes: Scenes, theta: Floats, limit: Floats) -> Advance:
     """Return what drives by the IDM."""
-    theta, lane_y, t = np.ascontiguousarray(theta), road.lane_center(scenes.lane), scenes.traffic
+    theta, lane_y, t = np.ascontiguousarray(theta), scenes.road.lane_center(scenes.lane), scenes.traffic
 
     def drive(now: Moment) -> Any:
         i, leader_speed = now.i, float(t.speed[now.leader]) if now.leader != NOBODY else now.speed
@@ -194,7 +196,7 @@ def _replay_one(
     """Drive window ``i`` and write it to ``out``."""
     length, lane, t = float(scenes.length[i]), int(scenes.lane[i]), scenes.traffic
     end = sumo.simulation.getNetBoundary()[1][0]
-    right, left = inside_lane([-np.inf, np.inf], lane).tolist()
+    right, left = inside_lane(scenes.road, [-np.inf, np.inf], lane).tolist()
     x, y, heading, speed = start_of(scenes, i)
     cx, cy = bicycle.center_of_front(x, y, heading, length)
     for k in range(out.x.shape[1]):
@@ -237,7 +239,7 @@ def _perceive(sumo: Any, strip: tuple[str, ...], names: list[str], rows: Integer
 def _rows_around(scenes: Scenes, i: int, k: int, front: float) -> Integers:
     """Return the rows of the traffic around window ``i`` at step ``k``."""
     t, lane, cell = scenes.traffic, int(scenes.lane[i]), int(scenes.cell[i]) + scenes.start + k
-    beside = [cell + t.frames * side for side in (-1, 1) if 1 <= lane + side <= road.MAIN_LANES]
+    beside = [cell + t.frames * side for side in (-1, 1) if 1 <= lane + side <= scenes.road.main_lanes]
     if scenes.leader_source != LEADER_FROM_LANE:
         beside = []  # the window's private lane has no neighbours
     cells = np.array([cell, *beside], dtype=np.int64)

@@ -8,13 +8,12 @@ import numpy as np
 import numpy.typing as npt
 import pandas as pd
 
-from idm_sumo.roads import road
 from idm_sumo.runtime.errors import InputError
 from idm_sumo.runtime.progress import Progress, silent
 from idm_sumo.scenes.traffic import NOBODY
 from idm_sumo.scenes.windows import LEADER_FROM_LANE, Scenes
 from idm_sumo.simulation.rollout import perceive
-from idm_sumo.sumo.network import MAINLINE
+from idm_sumo.sumo import network
 from idm_sumo.sumo.replay.stage import Cast, Stage, cast, check_on_network
 from idm_sumo.sumo.session import simulation
 
@@ -29,11 +28,6 @@ OVERLAP = "overlaps with another; SUMO orders them by their rears"
 EQUAL = "is exactly beside another"
 TOO_FAR = "is beyond the look-ahead"
 UNSEEN = "is not seen by SUMO"
-
-
-def lane_strip(sumo: Any, lane: int) -> tuple[str, ...]:
-    """Return SUMO's lanes that make up main lane ``lane`` (1 leftmost), upstream to downstream."""
-    return tuple(f"{edge}_{sumo.edge.getLaneNumber(edge) - lane}" for edge in MAINLINE)
 
 
 def leader_by_getleader(sumo: Any, name: str) -> tuple[str | None, float]:
@@ -57,7 +51,7 @@ def leader_in_lane(sumo: Any, name: str, strip: tuple[str, ...]) -> str | None:
     sumo : module
     name : str
     strip : tuple of str
-        What :func:`lane_strip` returns of the vehicle's lane.
+        What :meth:`idm_sumo.sumo.network.RoadNetwork.strip` returns of the vehicle's lane.
     """
     here = sumo.vehicle.getLaneID(name)
     ahead, _ = leader_by_getleader(sumo, name)
@@ -116,10 +110,11 @@ def compare_perception(
     frames = np.arange(scenes.traffic.first_frame, scenes.traffic.first_frame + scenes.traffic.frames, every)
     by_frame = np.argsort(actors.frame, kind="stable")
     bounds = np.searchsorted(actors.frame[by_frame], [frames, frames + 1])
-    with simulation() as sumo:
+    net = network.of(scenes.road)
+    with simulation(net=net.file) as sumo:
         check_on_network(sumo, actors)
-        stage = Stage(sumo, as_points=as_points)
-        strips = [lane_strip(sumo, lane + 1) for lane in range(road.MAIN_LANES)] if as_points else None
+        stage = Stage(sumo, net, as_points=as_points)
+        strips = [net.strip(lane + 1) for lane in range(scenes.road.main_lanes)] if as_points else None
         for done, (begin, end) in enumerate(bounds.T.tolist()):
             rows = by_frame[begin:end]
             stage.place(*actors.of(rows))
@@ -160,8 +155,9 @@ def _cause(scenes: Scenes, actors: Cast, row: int, ours: int, theirs: int) -> st
     if theirs == NOBODY:
         return TOO_FAR if t.x[ours] - t.x[row] > LOOK_AHEAD else UNSEEN
     if actors.lane[theirs] != actors.lane[row]:
-        reach = 0.5 * (road.LANE_WIDTH + t.width[theirs])
-        straddles = abs(actors.y[theirs] - road.lane_center(actors.lane[row])) < reach
+        lane = actors.lane[row]
+        reach = 0.5 * (float(scenes.road.lane_width(lane)) + t.width[theirs])
+        straddles = abs(actors.y[theirs] - scenes.road.lane_center(lane)) < reach
         return STRADDLES if straddles else HAS_LEFT
     if t.x[theirs] in (t.x[row], t.x[ours]):
         return EQUAL

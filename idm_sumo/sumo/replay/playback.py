@@ -2,16 +2,18 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
+from functools import cache
 from typing import Any, NamedTuple
 
 import numpy as np
 
 from idm_sumo.recordings import columns as c
 from idm_sumo.recordings.recording import Recording
-from idm_sumo.roads import road
 from idm_sumo.runtime.errors import InputError
 from idm_sumo.runtime.progress import Progress, silent
-from idm_sumo.sumo.network import DESTINATIONS, OFF_RAMP, ON_RAMP, ORIGINS, recorded_lane, route
+from idm_sumo.sumo import network
+from idm_sumo.sumo.network import RoadNetwork
 from idm_sumo.sumo.replay.stage import Stage, compass
 from idm_sumo.sumo.session import simulation
 
@@ -59,23 +61,26 @@ def play(recording: Recording, *, progress: Progress = silent) -> Played:
         raise InputError(
             f"{recording.source or 'recording'}: periods {some} share vehicle numbers; play them one by one"
         )
+    road = recording.road
     table = recording.table.sort_values(c.FRAME, kind="stable", ignore_index=True)
     frame = table[c.FRAME].to_numpy()
     starts = np.flatnonzero(np.diff(frame, prepend=frame[0] - 1))
     names = table[c.VEHICLE].astype(str).tolist()
     wanted = table[[c.X, c.Y]].to_numpy(np.float64)
     angle = compass(table[c.HEADING])
-    length, width = table[c.LENGTH].fillna(road.CAR_LENGTH), table[c.WIDTH].fillna(road.CAR_WIDTH)
+    length, width = table[c.LENGTH].fillna(road.car_length), table[c.WIDTH].fillna(road.car_width)
     columns = [values.tolist() for values in (wanted[:, 0], wanted[:, 1], angle, length.to_numpy(), width.to_numpy())]
     returned, lane = np.empty_like(wanted), np.empty(len(table), dtype=np.int64)
-    with simulation() as sumo:
-        stage = Stage(sumo, as_points=False, routes=_routes(table))
+    net = network.of(road)
+    lane_of = cache(net.recorded_lane)
+    with simulation(net=net.file) as sumo:
+        stage = Stage(sumo, net, as_points=False, routes=_routes(net, table))
         for done, (begin, end) in enumerate(zip(starts, [*starts[1:], len(table)], strict=True)):
             present = names[begin:end]
             stage.place(present, *(values[begin:end] for values in columns))
             sumo.simulationStep()
             returned[begin:end] = [sumo.vehicle.getPosition(name) for name in present]
-            lane[begin:end] = [_lane_of(sumo, name) for name in present]
+            lane[begin:end] = [_lane_of(sumo, name, lane_of) for name in present]
             progress("playing in SUMO", done + 1, len(starts))
     return Played(
         vehicles=table[c.VEHICLE].nunique(), frames=len(starts), rows=len(table),
@@ -84,17 +89,20 @@ def play(recording: Recording, *, progress: Progress = silent) -> Played:
     )  # fmt: skip
 
 
-def _routes(table: Any) -> dict[str, tuple[str, ...]]:
+def _routes(net: RoadNetwork, table: Any) -> dict[str, tuple[str, ...]]:
     """Return the routes of the vehicles that were seen on a ramp."""
-    routes = {}
+    routes, on_ramp, off_ramp = (
+        {},
+        *([ramp.number for ramp in ramps] for ramps in (net.road.on_ramps, net.road.off_ramps)),
+    )
     for vehicle, lanes in table.groupby(c.VEHICLE)[c.LANE]:
-        came, went = road.ON_RAMP_LANE in lanes.values, road.OFF_RAMP_LANE in lanes.values
+        came, went = lanes.isin(on_ramp).any(), lanes.isin(off_ramp).any()
         if came or went:
-            routes[str(vehicle)] = route(ON_RAMP if came else ORIGINS[0], OFF_RAMP if went else DESTINATIONS[0])
+            routes[str(vehicle)] = net.route(net.origins[int(came)], net.destinations[int(went)])
     return routes
 
 
-def _lane_of(sumo: Any, name: str) -> int:
-    """Return the number of the lane, as NGSIM counts, that SUMO has a vehicle on; 0 for none."""
+def _lane_of(sumo: Any, name: str, lane_of: Callable[[str, int], int]) -> int:
+    """Return the number of the lane, as the recording counts, that SUMO has a vehicle on; 0 for none."""
     edge, _, index = sumo.vehicle.getLaneID(name).rpartition("_")
-    return recorded_lane(edge, int(index)) if edge else 0
+    return lane_of(edge, int(index)) if edge else 0

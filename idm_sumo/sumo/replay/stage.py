@@ -9,10 +9,10 @@ from typing import Any, NamedTuple
 import numpy as np
 import numpy.typing as npt
 
-from idm_sumo.roads import road
+from idm_sumo.roads import Road
 from idm_sumo.runtime.errors import InputError
 from idm_sumo.scenes.windows import LEADER_FROM_LANE, Scenes
-from idm_sumo.sumo.network import MAINLINE, mainline_ends
+from idm_sumo.sumo.network import RoadNetwork
 
 Floats = npt.NDArray[np.float64]
 Integers = npt.NDArray[np.int64]
@@ -29,6 +29,8 @@ class Stage:
     ----------
     sumo : module
         What :func:`idm_sumo.sumo.session.simulation` yields.
+    network : RoadNetwork
+        What the vehicles are on.
     as_points : bool
         Tell SUMO that every vehicle is a point, its front bumper's centre. SUMO orders the
         vehicles of a lane by their rears and counts one as present in every lane it reaches
@@ -45,6 +47,7 @@ class Stage:
     def __init__(
         self,
         sumo: Any,
+        network: RoadNetwork,
         *,
         as_points: bool,
         routes: Mapping[str, Sequence[str]] | None = None,
@@ -55,7 +58,8 @@ class Stage:
         self._routes = {} if routes is None else routes
         self._present: dict[str, float] = {}  # where each vehicle's front is (m)
         self._until: dict[str, float] = {}  # where its route ends (m)
-        self._ends = mainline_ends() if edge_by_edge else ()
+        self._mainline = network.mainline
+        self._ends = network.mainline_ends() if edge_by_edge else ()
         self._known_routes, self._known_types = set[str](), set[str]()
 
     def place(
@@ -115,7 +119,8 @@ class Stage:
         number = bisect(self._ends, front) if name not in self._routes else len(self._ends)
         on_one_edge = number < len(self._ends)
         self._until[name] = self._ends[number] if on_one_edge else np.inf
-        edges = MAINLINE[number : number + 1] if on_one_edge else self._routes.get(name, MAINLINE)
+        mainline = self._mainline
+        edges = mainline[number : number + 1] if on_one_edge else self._routes.get(name, mainline)
         self._sumo.vehicle.add(name, self._route(edges), vehicle_type)
 
     def _route(self, edges: Sequence[str]) -> str:
@@ -138,7 +143,7 @@ class Cast(NamedTuple):
     label : int64
         Number that names the vehicle in SUMO: its own, or the window's whose leader it is.
     lane : int64
-        Main lane, 1 to 5, it belongs to.
+        Main lane it belongs to.
     frame : int64
         Absolute frame; -1 for the leader of a window that is not among the scenes.
     x, y, angle, length, width : float64
@@ -164,8 +169,8 @@ def cast(scenes: Scenes) -> Cast:
     """Return how the traffic of ``scenes`` appears in SUMO.
 
     Every vehicle keeps its recorded place, except that a front bumper beyond the outer edges
-    of the five main lanes is put on that edge, and one exactly on an edge 1e-9 m inside its
-    lane: so SUMO assigns to each the lane that :func:`idm_sumo.roads.road.lane_at` does. A leader of
+    of the main lanes is put on that edge, and one exactly on an edge 1e-9 m inside its
+    lane: so SUMO assigns to each the lane that :meth:`idm_sumo.roads.Road.lane_at` does. A leader of
     which only the headway is known has no lateral place; it drives in the middle of its
     follower's lane.
     """
@@ -174,14 +179,14 @@ def cast(scenes: Scenes) -> Cast:
     group, frame = np.divmod(cell, t.frames)
     if scenes.leader_source == LEADER_FROM_LANE:
         label, lane, frame = t.vehicle, group + 1, frame + t.first_frame
-        y = inside_lane(t.y, lane)
+        y = inside_lane(scenes.road, t.y, lane)
     else:
         window = scenes.cell // t.frames
         lane_of, first_of = np.full(group.max(initial=0) + 1, 1), np.full(group.max(initial=0) + 1, -t.frames)
         in_use = window < len(lane_of)
         lane_of[window[in_use]], first_of[window[in_use]] = scenes.lane[in_use], scenes.first_frame[in_use]
         label, lane, frame = group, lane_of[group], np.maximum(frame + first_of[group], -1)
-        y = road.lane_center(lane)
+        y = scenes.road.lane_center(lane)
     return Cast(label, lane, frame, t.x, y, compass(t.heading), t.length, t.width)
 
 
@@ -202,9 +207,9 @@ def check_on_network(sumo: Any, actors: Cast) -> None:
         )
 
 
-def inside_lane(y: npt.ArrayLike, lane: npt.ArrayLike) -> Floats:
+def inside_lane(road: Road, y: npt.ArrayLike, lane: npt.ArrayLike) -> Floats:
     """Return the lateral position (m) in ``lane`` that is nearest to ``y``."""
-    center, half = road.lane_center(lane), 0.5 * road.LANE_WIDTH - EDGE
+    center, half = road.lane_center(lane), 0.5 * road.lane_width(lane) - EDGE
     return np.asarray(np.clip(y, center - half, center + half))
 
 

@@ -5,6 +5,7 @@ from __future__ import annotations
 import hashlib
 from pathlib import Path
 
+from idm_sumo.roads import US101
 from idm_sumo.runtime.cache import cache_folder
 from idm_sumo.runtime.files import new_folder
 from idm_sumo.runtime.progress import Progress, silent
@@ -72,5 +73,5 @@ def surrogate(*, minutes: float = 45.0, seed: int = 1, progress: Progress = sile
 
 def _fingerprint() -> str:
     """Return a fingerprint of what makes the recording, so that a changed maker does not serve old files."""
-    sources = [*sorted(Path(__file__).parent.glob("*.py")), network.net_file()]
+    sources = [*sorted(Path(__file__).parent.glob("*.py")), network.of(US101).file]
     return hashlib.sha256(b"".join(path.read_bytes() for path in sources)).hexdigest()[:8]

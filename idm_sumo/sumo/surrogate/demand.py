@@ -10,8 +10,9 @@ import numpy as np
 import pandas as pd
 
 from idm_sumo.recordings.columns import CAR, MOTORCYCLE, TRUCK
-from idm_sumo.roads.road import OFF_RAMP_X
-from idm_sumo.sumo.network import ON_RAMP, place, route
+from idm_sumo.roads import US101
+from idm_sumo.roads.us101 import OFF_RAMP
+from idm_sumo.sumo import network
 
 # Vehicles that the real recording counted in its three periods of 15 minutes.
 REAL_COUNTS = (2169, 2017, 1915)
@@ -19,6 +20,8 @@ PERIODS = len(REAL_COUNTS)
 REAL_PERIOD = 900.0  # s
 
 # Assumed, as no period could be had: shares of vehicles that use a ramp, and of models.
+NETWORK = network.of(US101)
+ON_RAMP = NETWORK.layout.on_ramp
 ON_RAMP_SHARE = 0.05
 OFF_RAMP_SHARE = 0.035
 MODELS = {"EIDM": 0.40, "Krauss": 0.30, "IDM": 0.20, "W99": 0.10}
@@ -122,7 +125,7 @@ def write_routes(drivers: pd.DataFrame, path: Path) -> None:
     lines = ["<routes>"]
     for origin in ("upstream", ON_RAMP):
         for destination in ("outflow", "off_ramp"):
-            edges = " ".join(route(origin, destination))
+            edges = " ".join(NETWORK.route(origin, destination))
             lines.append(f'<route id="{origin} {destination}" edges="{edges}"/>')
     for number, driver in enumerate(drivers.itertuples(index=False)):
         lines += [_element("vType", _type_of(number, driver)), _element("vehicle", _trip_of(number, driver))]
@@ -160,7 +163,7 @@ def _trip_of(number: int, driver: object) -> dict[str, object]:
         "id": number, "type": f"driver{number}", "route": f"{origin} {destination}", "depart": get("depart"),
         "departLane": 0 if get("on_ramp") or get("off_ramp") else "free",
         "departPos": 260 if get("on_ramp") else "last", "departSpeed": "avg", "insertionChecks": "collision",
-        "arrivalPos": 80 if destination == "outflow" else round(float(place(OFF_RAMP_X + 150, 8).position), 1),
+        "arrivalPos": 80 if destination == "outflow" else round(float(NETWORK.place(OFF_RAMP + 150, 8).position), 1),
     }  # fmt: skip
 
 

@@ -10,8 +10,8 @@ import numpy.typing as npt
 import pandas as pd
 
 from idm_sumo.recordings.readers.layouts import OFFICIAL
-from idm_sumo.roads import road
-from idm_sumo.roads.road import FOOT
+from idm_sumo.roads import US101
+from idm_sumo.roads.units import FOOT
 from idm_sumo.sumo.surrogate.demand import PERIODS
 from idm_sumo.sumo.surrogate.noise import speed_and_acceleration, starts_of
 from idm_sumo.sumo.surrogate.traffic import Trajectories
@@ -23,6 +23,7 @@ PERIOD_START = (1118846980000, 1118847880000, 1118848780000)
 FRAME_MS = 100
 
 # Where the recording sees the ramps: from 500 ft and to 1,424 ft.
+OFF_RAMP_LANE = US101.off_ramps[0].number
 ON_RAMP_SEEN, OFF_RAMP_SEEN = 500 * FOOT, 1424 * FOOT
 NO_SPEED_HEADWAY = 9999.99  # NGSIM's time headway of a standing vehicle
 # Global coordinates are Local ones turned to the southeast: made up, but metric.
@@ -32,16 +33,9 @@ GLOBAL_ORIGIN = (6451137.6, 1873344.9)
 def in_section(frames: Trajectories, drivers: pd.DataFrame) -> npt.NDArray[np.bool_]:
     """Return which rows the recording sees, before noise."""
     vehicle, x = frames["vehicle"], frames["x"]
-    seen = (x >= np.where(drivers["on_ramp"].to_numpy()[vehicle], ON_RAMP_SEEN, 0)) & (x <= road.SECTION_LENGTH)
-    on_off_ramp = _lane(x, frames["y"]) == road.OFF_RAMP_LANE
+    seen = (x >= np.where(drivers["on_ramp"].to_numpy()[vehicle], ON_RAMP_SEEN, 0)) & (x <= US101.length)
+    on_off_ramp = US101.lane_of(x, frames["y"]) == OFF_RAMP_LANE
     return np.asarray(seen & ~(on_off_ramp & (x > OFF_RAMP_SEEN)))
-
-
-def _lane(x: npt.NDArray[Any], y: npt.NDArray[Any]) -> npt.NDArray[np.int64]:
-    """Return the lane, 1 to 8, of a place on the road."""
-    ramp = np.where(x < road.ON_RAMP_X, road.ON_RAMP_LANE, road.OFF_RAMP_LANE)
-    ramp = np.where((x >= road.ON_RAMP_X) & (x < road.OFF_RAMP_X), road.AUXILIARY_LANE, ramp)
-    return np.where(y < -road.MAIN_LANES * road.LANE_WIDTH, ramp, road.lane_at(y))
 
 
 def lay_out(
@@ -67,7 +61,7 @@ def lay_out(
     sizes = np.diff(starts)
     period, number = _renumber(frames["frame"][starts[:-1]], frames_a_period)
     period_of_row, number_of_row = np.repeat(period, sizes), np.repeat(number, sizes)
-    lane = _lane(frames["x"], frames["y"]).astype(np.int8)
+    lane = US101.lane_of(frames["x"], frames["y"]).astype(np.int8)
     place = (noisy["x"] / FOOT).round(3)
     ahead, behind = _neighbours(frames["frame"], lane, place, period_of_row)
     for chosen in range(PERIODS):
@@ -123,7 +117,7 @@ def _neighbours(
     Lanes 6, 7 and 8 are one strip. Who is ahead or behind but belongs to another period has
     no number in this one and stays unnamed, as in the official files.
     """
-    strip = np.minimum(lane, road.AUXILIARY_LANE)
+    strip = np.minimum(lane, US101.main_lanes + 1)
     order = np.lexsort((place, strip, frame))
     back, front = order[:-1], order[1:]
     named = (frame[back] == frame[front]) & (strip[back] == strip[front]) & (period[back] == period[front])

@@ -9,7 +9,7 @@ import numpy.typing as npt
 from scipy.ndimage import gaussian_filter1d
 
 from idm_sumo.recordings.columns import FRAME_STEP
-from idm_sumo.roads.road import FOOT
+from idm_sumo.roads.units import FOOT
 from idm_sumo.sumo.surrogate.traffic import FRAMES_A_STEP, STEP, Trajectories
 
 Floats = npt.NDArray[np.float64]

@@ -13,11 +13,12 @@ import numpy.typing as npt
 import pyarrow.parquet as pq
 
 from idm_sumo.recordings.columns import FRAME_STEP
-from idm_sumo.roads.road import LANE_WIDTH, SECTION_LENGTH, SPEED_LIMIT
-from idm_sumo.sumo.network import OFF_RAMP, route
+from idm_sumo.roads import US101
+from idm_sumo.sumo import network
 from idm_sumo.sumo.session import simulation
 from idm_sumo.sumo.surrogate.demand import Schedule
 
+NETWORK = network.of(US101)
 SECTION = ("entry", "weave", "exit")
 AFTER_RAMPS = ("exit", "downstream")
 BOTTLENECK = "outflow"
@@ -69,12 +70,12 @@ def run(routes: Path, schedule: Schedule, seed: int, progress: Callable[[float, 
         fcd = Path(folder, "fcd.parquet")
         options = (
             "--route-files", str(routes), "--seed", str(seed), "--step-method.ballistic", "true",
-            "--lateral-resolution", f"{LANE_WIDTH}", "--collision.action", "none", "--no-warnings", "true",
+            "--lateral-resolution", f"{US101.widths[0]}", "--collision.action", "none", "--no-warnings", "true",
             "--fcd-output", str(fcd), "--fcd-output.attributes", "x,y,speed", "--precision", "4",
             # A step early: who is in the section by then belongs to no period.
             "--device.fcd.begin", f"{schedule.begin - STEP:.1f}",
         )  # fmt: skip
-        with simulation(options, step_length=STEP) as sumo:
+        with simulation(options, net=NETWORK.file, step_length=STEP) as sumo:
             _simulate(sumo, schedule, np.random.default_rng([seed, 2]), progress)
         return _read(fcd, schedule)
 
@@ -102,7 +103,7 @@ def _set_signs(sumo: Any, period: int, sway: float) -> None:
     signs = {"weave": WEAVE_SIGN[period] + GAIN * too_slow, BOTTLENECK: BOTTLENECK_SIGN[period] + sway}
     signs |= dict.fromkeys(AFTER_RAMPS, AFTER_SIGN[period])
     for edge, speed in signs.items():
-        sumo.edge.setMaxSpeed(edge, float(np.clip(speed, SLOWEST_SIGN, SPEED_LIMIT)))
+        sumo.edge.setMaxSpeed(edge, float(np.clip(speed, SLOWEST_SIGN, US101.speed_limit)))
 
 
 def _give_up_lane_changes(sumo: Any) -> None:
@@ -114,9 +115,9 @@ def _give_up_lane_changes(sumo: Any) -> None:
     for name in sumo.edge.getLastStepVehicleIDs("weave"):
         if sumo.vehicle.getLanePosition(name) < LAST_CHANCE:
             continue
-        leads_to = OFF_RAMP if sumo.vehicle.getLaneIndex(name) == 0 else BOTTLENECK
+        leads_to = NETWORK.layout.off_ramp if sumo.vehicle.getLaneIndex(name) == 0 else BOTTLENECK
         if sumo.vehicle.getRoute(name)[-1] != leads_to:
-            sumo.vehicle.setRoute(name, route("weave", leads_to))
+            sumo.vehicle.setRoute(name, NETWORK.route("weave", leads_to))
 
 
 def _present(sumo: Any) -> bool:
@@ -128,12 +129,12 @@ def _mean_speed(sumo: Any) -> float:
     """Return the mean speed (m/s) of all vehicles in the section."""
     counts = np.array([sumo.edge.getLastStepVehicleNumber(edge) for edge in SECTION], dtype=np.float64)
     speeds = np.array([sumo.edge.getLastStepMeanSpeed(edge) for edge in SECTION])
-    return float((speeds * counts).sum() / counts.sum()) if counts.sum() else SPEED_LIMIT
+    return float((speeds * counts).sum() / counts.sum()) if counts.sum() else US101.speed_limit
 
 
 def _read(fcd: Path, schedule: Schedule) -> Trajectories:
     """Read SUMO's floating car data, sorted by vehicle and step."""
-    near = [("vehicle_x", ">", -MARGIN), ("vehicle_x", "<", SECTION_LENGTH + MARGIN)]
+    near = [("vehicle_x", ">", -MARGIN), ("vehicle_x", "<", US101.length + MARGIN)]
     table = pq.read_table(fcd, filters=near)
     vehicle = table["vehicle_id"].cast("int32").to_numpy()
     step = np.rint((table["timestep_time"].to_numpy() - schedule.begin) / STEP).astype(np.int32)

@@ -60,7 +60,7 @@ def run(
     model: str = "LC2013", downstream: bool = True,
 ) -> closed_loop.Outcome:  # fmt: skip
     lane_change = populations.lane_change_attributes(model, {})
-    types = populations.calibrated_types(demand, np.tile(theta, (len(demand), 1)), lane_change)
+    types = populations.calibrated_types(demand, np.tile(theta, (len(demand), 1)), lane_change, US101.speed_limit)
     files = closed_loop.write_run(
         folder / "simulation", "drivers", recorded, demand, types, options=populations.SUBLANE.get(model, ()),
         downstream=boundary_speeds(recorded) if downstream else None,
@@ -104,7 +104,7 @@ def test_types_are_what_was_asked_for(tmp_path: Path, recorded: Recording, deman
     theta = np.tile(DRIVER, (len(demand), 1))
     theta[:, 2] = np.linspace(0.5, 2.5, len(demand))
     types = populations.calibrated_types(
-        demand, theta, populations.lane_change_attributes("LC2013", {"lcSpeedGain": "3"})
+        demand, theta, populations.lane_change_attributes("LC2013", {"lcSpeedGain": "3"}), US101.speed_limit
     )
     files = closed_loop.write_run(tmp_path, "drivers", recorded, demand, types, downstream=None)
     with simulation(["--route-files", str(files.routes)], net=files.net) as sumo:
@@ -149,7 +149,7 @@ def test_our_ego_is_where_we_put_it_and_others_react_to_it(
 ) -> None:
     entering = demand[(demand["depart_s"] > 10) & (demand["lane"] == 3)].iloc[0]
     snail = np.array([0.1, 1.5, 5.0, 10.0, 0.0])
-    ego = Ego(int(entering[c.VEHICLE]), 3, snail, float(entering["length_m"]))
+    ego = Ego(int(entering[c.VEHICLE]), US101, 3, snail, float(entering["length_m"]))
     outcome = run(tmp_path, recorded, demand, ego=ego)
     path = outcome.ego
     assert path is not None

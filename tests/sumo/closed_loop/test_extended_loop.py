@@ -33,11 +33,11 @@ def drive(folder, recorded, *causes, ours=True, has=None) -> tuple[pd.DataFrame,
     rng = np.random.default_rng(1)
     theta = rng.uniform([0.8, 1.0, 0.8, 1.5, 0.0], [1.6, 2.5, 1.4, 2.5, 0.0], (len(demand), 5))
     lane_change = populations.lane_change_attributes("LC2013", {"lcSpeedGain": "0", "lcStrategic": "-1"})
-    types = populations.calibrated_types(demand, theta, lane_change)
+    types = populations.calibrated_types(demand, theta, lane_change, US101.speed_limit)
     files = closed_loop.write_run(folder / "simulation", "extended", recorded, demand, types, downstream=None)
     has = None if has is None else np.full(len(demand), has)
     drivers = (
-        ModelDrivers(ExtendedModel(TEXTBOOK, US101.speed_limit, causes=causes), demand, theta, has=has)
+        ModelDrivers(ExtendedModel(TEXTBOOK, US101.speed_limit, causes=causes), demand, theta, US101, has=has)
         if ours
         else None
     )
@@ -118,7 +118,7 @@ def test_who_has_what_some_have_is_as_the_drivers_table_says(known, tmp_path) ->
 def test_accelerations_are_of_the_step_before_and_of_late(recorded) -> None:
     demand = demand_of(recorded)
     drivers = ModelDrivers(
-        ExtendedModel(TEXTBOOK, US101.speed_limit), demand, np.tile([1.0, 1.5, 1.2, 2.0, 0.0], (len(demand), 1))
+        ExtendedModel(TEXTBOOK, US101.speed_limit), demand, np.tile([1.0, 1.5, 1.2, 2.0, 0.0], (len(demand), 1)), US101
     )
     time = np.arange(60) * FRAME_STEP
     speed = np.stack([5.0 + 0.5 * time, np.where(time < 4.0, 8.0, 9.0)])

@@ -123,7 +123,7 @@ def test_parity_on_our_network(integration: str) -> None:
     theta = random_drivers(len(scenes), 6)
     problem = prepare(scenes)
     types = p.types_of(theta, problem, scenes.length, scenes.width)
-    x, _ = p.drive_on_our_network(problem, types, scenes.lane, integration=integration)
+    x, _ = p.drive_on_our_network(problem, types, US101, scenes.lane, integration=integration)
     ours, _ = integrators.drive(problem, theta, integration)
     assert np.abs(x - ours).max() < MILLIMETRE
     for boundary in (ON_RAMP, OFF_RAMP):

@@ -73,7 +73,7 @@ def test_libsumo_reads_back_every_parameter(exported: tuple[pd.DataFrame, Export
 
 def test_vehicles_depart_when_where_and_as_fast_as_recorded(exported: tuple[pd.DataFrame, Exported]) -> None:
     table, result = exported
-    where = network.place(table["x_m"].to_numpy(), table["lane"].to_numpy())
+    where = network.of(US101).place(table["x_m"].to_numpy(), table["lane"].to_numpy())
     rows = table.assign(edge=where.edge, index=where.lane_index, position=where.position)
     rows.index = pd.Index(table["period"] + "." + table["vehicle"].astype(str))
     root = parse(result.route_file).getroot()
@@ -273,7 +273,7 @@ def test_bad_networks(tmp_path: Path) -> None:
     with pytest.raises(InputError, match="has no edge"):
         export_routes(drivers(), out / "x.rou.xml", net_file=other)
     slow = tmp_path / "slow.net.xml"
-    slow.write_text(network.net_file().read_text().replace('speed="24.5872"', 'speed="15.00"'))
+    slow.write_text(network.of(US101).file.read_text().replace('speed="24.5872"', 'speed="15.00"'))
     with pytest.raises(InputError, match="allows 15 m/s, below the desired speed"):
         export_routes(drivers(), out / "x.rou.xml", net_file=slow)
     assert not list(out.iterdir())
