@@ -19,7 +19,6 @@ from idm_sumo.scenes.traffic import NOBODY
 from idm_sumo.scenes.windows import Scenes, Window, build_scenes
 from idm_sumo.simulation.rollout import Trajectories, drive_idm
 from idm_sumo.sumo import network
-from idm_sumo.sumo.network import MAINLINE
 from idm_sumo.sumo.replay.ghosts import replay_ghosts
 from idm_sumo.sumo.replay.one_vehicle import advance, replay, start_of
 from idm_sumo.sumo.session import simulation
@@ -63,7 +62,7 @@ def naive(scenes: Scenes) -> Trajectories:
     out, t = Trajectories.empty(len(scenes), scenes.window.horizon), scenes.traffic
     for i in range(len(scenes)):
         with simulation(["--collision.action", "none", "--no-warnings", "true"], net=network.of(US101).file) as sumo:
-            sumo.route.add("main", MAINLINE)
+            sumo.route.add("main", network.of(US101).mainline)
             _naive_one(sumo, scenes, i, out, t)
     return out
 
