@@ -87,7 +87,7 @@ def some_drivers(scenes: Scenes, rng: np.random.Generator, most: int = MOST_DRIV
     return scenes.subset(np.isin(scenes.vehicle, rng.choice(vehicles, most, replace=False)))
 
 
-def fits_or(scenes: Scenes, pooled: IDMParameters, desired_speed: float) -> Floats:
+def fits_or(scenes: Scenes, pooled: IDMParameters, desired_speed: float | None) -> Floats:
     """Return fitted parameters, the pooled ones where a fit failed.
 
     Parameters
