@@ -56,7 +56,7 @@ def overview(comparison: Comparison) -> Figure:
     for ax in axes[len(periods) : 3]:
         ax.axis("off")
     fullest = str(reference.counts.idxmax())
-    span = f"travel time over {np.ptp(m.STATIONS):.0f} m (s)"
+    span = f"travel time over {np.ptp(m.stations_of(reference.road)):.0f} m (s)"
     for ax, (table, column, edges, label) in zip(
         axes[3:],
         (

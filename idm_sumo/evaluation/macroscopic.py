@@ -163,12 +163,27 @@ def travel_times(recording: Recording, *, stations: tuple[float, float] | None =
         ``period, vehicle, entered_s`` (since the period's first frame), ``travel_time_s``. Vehicles that did not
         pass both stations are missing. The moments are interpolated between frames.
     """
-    first, last = stations or (INSIDE[0], recording.road.length - INSIDE[1])
-    passed = [_passing(recording.table, station) for station in (first, last)]
+    passed = [_passing(recording.table, station) for station in stations or stations_of(recording.road)]
     both = passed[0].merge(passed[1], on=[c.PERIOD, c.VEHICLE], suffixes=("", "_end"))
     both["travel_time_s"] = both["seconds_end"] - both["seconds"]
     kept = both.rename(columns={"seconds": "entered_s"})[[c.PERIOD, c.VEHICLE, "entered_s", "travel_time_s"]]
     return kept[kept["travel_time_s"] > 0].reset_index(drop=True)
+
+
+def stations_of(road: Road) -> tuple[float, float]:
+    """Return the positions (m) between which travel times are taken.
+
+    Parameters
+    ----------
+    road : Road
+        The road.
+
+    Returns
+    -------
+    (float, float)
+        A little inside both ends of the section, where vehicles are surely recorded.
+    """
+    return INSIDE[0], road.length - INSIDE[1]
 
 
 def _passing(table: pd.DataFrame, station: float) -> pd.DataFrame:
