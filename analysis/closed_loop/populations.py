@@ -79,8 +79,7 @@ def drivers_of(
         If no driver can be calibrated, or the table holds none of this period.
     """
     progress("calibrating", 0, 4)
-    cleaned = clean(recording)
-    scenes, _ = build_scenes(smooth(cleaned), Window(), modelled=cleaned.eligible[c.VEHICLE])
+    scenes = build_scenes(smooth(clean(recording)), Window())
     if not len(scenes):
         raise InputError(
             f"{recording.source}: no vehicle is recorded for {Window().frames} frames in a row on the main lanes"
@@ -165,7 +164,7 @@ def parameters_for(population: str, drivers: Drivers, demand: pd.DataFrame, spee
         If there is nothing to predict from.
     """
     vehicle, limit = demand[c.VEHICLE].to_numpy(), drivers.scenes.road.speed_limit
-    keys = {c.PERIOD: drivers.scenes.period, c.VEHICLE: vehicle}
+    keys = {c.PERIOD: drivers.scenes.one_period, c.VEHICLE: vehicle}
     everybody = pd.DataFrame(keys | drivers.pooled._asdict()).assign(**{MEAN_SPEED: speeds.reindex(vehicle).to_numpy()})
     theta, _ = sumo_parameters(everybody, "linearised", limit, "euler", "pooled")
     if population == "pooled":

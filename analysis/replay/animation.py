@@ -42,7 +42,7 @@ def animate(
         Called with a stage's name, what is done of it and its total.
     """
     figure, (ax,) = new_figure(9, 2.6)
-    table = recording.of_period(scenes.period).table
+    table = recording.of_period(scenes.one_period).table
     first = int(scenes.first_frame[0]) + scenes.start
     steps = trajectories.x.shape[1]
     around = table[table[c.FRAME].between(first, first + steps - 1) & (table[c.VEHICLE] != scenes.vehicle[0])]
@@ -79,7 +79,7 @@ def _draw(ax: Axes, scenes: Scenes, trajectories: Trajectories, k: int, around: 
          METHOD_COLOURS["idm_prediction"], label="modelled", alpha=0.85)  # fmt: skip
     error = np.hypot(trajectories.x[0, k] - middle, trajectories.y[0, k] - scenes.y[0, frame])
     ax.set_title(
-        f"vehicle {scenes.vehicle[0]}, {scenes.period}: {k * FRAME_STEP:.1f} s, {error:.1f} m apart", fontsize=9
+        f"vehicle {scenes.vehicle[0]}, {scenes.period[0]}: {k * FRAME_STEP:.1f} s, {error:.1f} m apart", fontsize=9
     )
     ax.legend(loc="lower left", bbox_to_anchor=(0.0, 1.02), fontsize=7, ncols=2, borderaxespad=0.0)
 

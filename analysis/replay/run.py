@@ -14,7 +14,7 @@ import numpy.typing as npt
 import pandas as pd
 
 from idm_sumo.calibration import calibrate
-from idm_sumo.calibration.driver_table import read_drivers
+from idm_sumo.calibration.driver_table import DESIRED_SPEED, read_drivers
 from idm_sumo.evaluation.metrics import score
 from idm_sumo.models.effects import ExtendedModel
 from idm_sumo.recordings import columns as c
@@ -104,13 +104,13 @@ def replay_one(
     if model is not None:
         _check_drivers(model, request)
         request = changed(request, desired_speed=model.desired_speed)
-    request = changed(request, desired_speed=float(recording.road.desired_speed(request.desired_speed)))
     scenes = _scene_of(recording, request)
-    theta, origin = _parameters(request, scenes)
+    theta, limit, origin = _parameters(request, scenes)
+    request = changed(request, desired_speed=limit)
     driven = {f"idm_{origin}": _drive(request, scenes, theta)}
     parameters = {f"idm_{origin}": theta[0].tolist()}
     if model is not None:
-        recorded = recording.of_period(scenes.period)
+        recorded = recording.of_period(scenes.one_period)
         theta, model = nearest(scenes, recorded, model, theta, refit=request.drivers is None)
         extension = (recorded, model)
         driven["extended"] = _drive(request, scenes, theta, extension)
@@ -183,7 +183,7 @@ def _scene_of(recording: Recording, request: Request) -> Scenes:
             f"{recording.source}: no vehicle {request.vehicle} in the wanted periods; {there}; "
             f"{_usable(recording, request)}"
         )
-    scenes, _ = build_scenes(recording.of_period(wanted[0]), request.window, modelled=[request.vehicle])
+    scenes = build_scenes(recording.of_period(wanted[0]), request.window, modelled=[request.vehicle])
     if not len(scenes):
         raise InputError(
             f"{recording.source}: vehicle {request.vehicle} is recorded for fewer than "
@@ -197,25 +197,32 @@ def _usable(recording: Recording, request: Request) -> str:
     """Say which vehicles can be replayed."""
     parts = []
     for period in request.periods or recording.periods:
-        scenes, _ = build_scenes(recording.of_period(period), request.window)
+        one = recording.of_period(period)
+        scenes = build_scenes(one, request.window, modelled=one.table[c.VEHICLE].unique())
         parts.append(f"{ranges(scenes.vehicle)} of {period}")
     return f"vehicles {'; '.join(parts)} can be replayed; `idm-sumo inspect RECORDING --vehicles` lists them all"
 
 
-def _parameters(request: Request, scenes: Scenes) -> tuple[npt.NDArray[np.float64], str]:
-    """Return the driver's parameters, shape (1, 5), and their origin."""
+def _parameters(request: Request, scenes: Scenes) -> tuple[npt.NDArray[np.float64], float, str]:
+    """Return the driver's parameters, shape (1, 5), its desired speed (m/s), and their origin.
+
+    The desired speed is the one asked for, else that of the driver table, else the road's speed limit.
+    """
+    wanted = request.desired_speed
     if request.drivers is None:
         fit = calibrate(scenes, desired_speed=request.desired_speed, seed=request.seed)
         if not np.isfinite(fit[PARAMETERS].to_numpy()).all():
             raise InputError(
                 f"vehicle {request.vehicle}: no fit ({fit['status'].iloc[0]}); give parameters with --drivers"
             )
-        return fit[PARAMETERS].to_numpy(), "oracle"
+        return fit[PARAMETERS].to_numpy(), float(fit[DESIRED_SPEED].iloc[0]), "oracle"
     drivers = read_drivers(request.drivers)
-    own = drivers[(drivers[c.PERIOD].astype(str) == scenes.period) & (drivers[c.VEHICLE] == request.vehicle)]
+    own = drivers[(drivers[c.PERIOD].astype(str) == scenes.one_period) & (drivers[c.VEHICLE] == request.vehicle)]
     if own.empty:
-        raise InputError(f"{request.drivers}: no row for vehicle {request.vehicle} of period {scenes.period}")
-    return own[PARAMETERS].to_numpy()[:1], "prediction"
+        raise InputError(f"{request.drivers}: no row for vehicle {request.vehicle} of period {scenes.one_period}")
+    if wanted is None and DESIRED_SPEED in own:
+        wanted = float(own[DESIRED_SPEED].iloc[0])
+    return own[PARAMETERS].to_numpy()[:1], float(scenes.road.desired_speed(wanted)), "prediction"
 
 
 def _drive(
@@ -251,7 +258,7 @@ def trajectory_table(scenes: Scenes, trajectories: Trajectories) -> pd.DataFrame
     steps = trajectories.x.shape[1]
     span = slice(scenes.start, scenes.start + steps)
     values: dict[str, Any] = {
-        c.PERIOD: scenes.period,
+        c.PERIOD: scenes.period[0],
         c.VEHICLE: scenes.vehicle[0],
         c.FRAME: scenes.first_frame[0] + scenes.start + np.arange(steps),
         "time_s": np.arange(steps) * FRAME_STEP,

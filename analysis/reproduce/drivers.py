@@ -11,7 +11,6 @@ import pandas as pd
 
 from idm_sumo.evaluation import metrics
 from idm_sumo.prediction.driving_code import driving_code
-from idm_sumo.recordings import columns as c
 from idm_sumo.scenes.windows import Scenes
 from idm_sumo.simulation.rollout import Trajectories, drive_idm
 
@@ -125,13 +124,7 @@ class Drivers:
 
     def keys(self) -> pd.DataFrame:
         """Return period, vehicle and first frame of every window."""
-        return pd.concat(
-            [
-                pd.DataFrame({c.PERIOD: s.period, c.VEHICLE: s.vehicle, "first_frame": s.first_frame})
-                for s in self.scenes
-            ],
-            ignore_index=True,
-        )
+        return pd.concat([scenes.keys() for scenes in self.scenes], ignore_index=True)
 
     def sample(self, most: int | None, rng: np.random.Generator) -> Drivers:
         """Return some windows, drawn without replacement, in their order.

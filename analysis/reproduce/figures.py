@@ -181,7 +181,7 @@ def time_space(scenes: Scenes, which: int, driven: dict[str, Trajectories]) -> F
     for name, trajectories in driven.items():
         ax.plot(seconds, trajectories.x[which], color=METHOD_COLOURS[name], linewidth=1.4, label=METHOD_NAMES[name])
     ax.set(xlabel="time since the start of the simulation (s)", ylabel="position along the road (m)", ylim=(low, high),
-           title=f"vehicle {scenes.vehicle[which]}, {scenes.period}, lane {scenes.lane[which]}")  # fmt: skip
+           title=f"vehicle {scenes.vehicle[which]}, {scenes.period[which]}, lane {scenes.lane[which]}")  # fmt: skip
     ax.legend(fontsize=8)
     return figure
 

@@ -84,8 +84,8 @@ class Source:
         """
         scenes, excluded = [], []
         for period, modelled in side.items():
-            cut, left_out = build_scenes(self.periods[period], window, modelled=modelled)
-            excluded.append(left_out)
+            cut = build_scenes(self.periods[period], window, modelled=modelled)
+            excluded.append(cut.excluded)
             if len(cut):
                 scenes.append(cut)
         if not scenes:

@@ -43,7 +43,7 @@ def compile_beside() -> Future[None]:
 
 def compile_kernels() -> None:
     """Call every kernel of the study once."""
-    scenes, _ = build_scenes(_platoon(), Window(observed=5, horizon=20))
+    scenes = build_scenes(_platoon(), Window(observed=5, horizon=20))
     pooled(scenes)
     fits = calibrate(scenes)
     driving_code(scenes, 5)

@@ -42,7 +42,7 @@ def departures(source: Scenes | Recording | Sequence[Scenes]) -> pd.DataFrame:
 def _of_scenes(scenes: Scenes) -> pd.DataFrame:
     first = scenes.start
     table = pd.DataFrame({
-        c.PERIOD: scenes.period, c.VEHICLE: scenes.vehicle, d.FIRST_FRAME: scenes.first_frame,
+        **scenes.keys(),
         d.DEPART: (scenes.first_frame + first) * FRAME_STEP, d.LANE: scenes.lane,
         d.X: scenes.x[:, first], d.Y: scenes.y[:, first], d.SPEED: scenes.speed[:, first],
         d.LENGTH: scenes.length, d.WIDTH: scenes.width, d.CLASS: scenes.vehicle_class,

@@ -11,12 +11,10 @@ import pandas as pd
 from idm_sumo.models import idm
 from idm_sumo.recordings import columns as c
 from idm_sumo.runtime.errors import InputError
+from idm_sumo.simulation.driver_parameters import DESIRED_SPEED as DESIRED_SPEED
+from idm_sumo.simulation.driver_parameters import FIRST_FRAME, KEYS, PARAMETERS, key_columns
 
-FIRST_FRAME = "first_frame"  # of the calibration window; part of the key where it is given
-KEYS = (c.PERIOD, c.VEHICLE)
-PARAMETERS = idm.IDMParameters._fields
 STATUS, OK = "status", "ok"  # what became of the fit; absent in tables made by hand
-DESIRED_SPEED = "desired_speed_m_s"
 HAS = "has_what_some_have"  # 1 if a driver has those causes of an extended model, too, that only some have, else 0
 TOLERANCE = 1e-9  # relative, of a bound: a table may have been through text
 
@@ -125,11 +123,6 @@ def _without_fit(table: pd.DataFrame) -> pd.Series:
     if STATUS not in table:
         return pd.Series(False, index=table.index)
     return (table[STATUS] != OK) & table[list(PARAMETERS)].isna().all(axis=1)
-
-
-def key_columns(table: pd.DataFrame) -> list[str]:
-    """Return the columns that tell drivers apart: period, vehicle and, if given, the window's first frame."""
-    return [*KEYS, *([FIRST_FRAME] if FIRST_FRAME in table else [])]
 
 
 def _need(table: pd.DataFrame, names: tuple[str, ...], source: str) -> None:

@@ -32,7 +32,6 @@ from idm_sumo.calibration.problem import Problem, only, prepare
 from idm_sumo.calibration.solver import SMOOTHING, STARTS, design_of_starts, fit_all
 from idm_sumo.calibration.table import NAMES, full_ade
 from idm_sumo.models import idm
-from idm_sumo.recordings import columns as c
 from idm_sumo.runtime.errors import InputError
 from idm_sumo.scenes.windows import Scenes
 
@@ -265,7 +264,7 @@ def _as_table(
     theta[which], frames[which] = to_parameters(part.u), part.frames
     share = np.linalg.inv(part.hessian) @ np.linalg.inv(population.covariance)
     drawn[which] = np.trace(share, axis1=1, axis2=2) / PARAMETERS
-    table = pd.DataFrame({c.PERIOD: [scenes.period] * n, c.VEHICLE: scenes.vehicle, "first_frame": scenes.first_frame})
+    table = scenes.keys()
     table[NAMES] = theta
     table["ade_m"] = full_ade(scenes, problem, theta, desired_speed)
     state = status.statuses(problem, scenes.speed[:, scenes.start : scenes.start + scenes.window.horizon + 1])

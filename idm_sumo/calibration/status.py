@@ -14,6 +14,7 @@ OVERLAP = "overlap at start"
 NO_LEADER = "no leader"
 STANDING = "standing"
 JUMPS = "leader jumps"
+FASTER = "above desired speed"  # on average: the model keeps no gap at such a speed, whatever its parameters
 NOT_CONVERGED = "not converged"
 
 FEWEST_FRAMES = 10  # counted: twice the parameters
@@ -50,7 +51,10 @@ def statuses(problem: Problem, speed: npt.NDArray[np.float64]) -> npt.NDArray[np
     """
     frames = problem.target.shape[1]
     result = np.full(len(problem.start_x), OK, dtype=object)
+    known = np.isfinite(speed)
     with np.errstate(invalid="ignore"):
+        mean = np.where(known, speed, 0.0).sum(axis=1) / known.sum(axis=1)
+        result[mean > problem.desired_speed] = FASTER
         result[leader_changes(problem) > max(MOST_CHANGES * frames, 1.0)] = JUMPS
         result[np.nanmax(np.nan_to_num(speed), axis=1) < STANDING_SPEED] = STANDING
         result[leader_frames(problem) == 0] = NO_LEADER

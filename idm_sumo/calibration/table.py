@@ -14,13 +14,16 @@ import pandas as pd
 
 from idm_sumo.calibration import identifiability, reference, solver, status
 from idm_sumo.calibration.chunks import CHUNK, chunks
+from idm_sumo.calibration.departures import departures
+from idm_sumo.calibration.desired_speed import AUTO, estimate_desired_speeds
 from idm_sumo.calibration.kernel import from_search
 from idm_sumo.calibration.problem import Problem, only, prepare
+from idm_sumo.calibration.without_d1 import MEAN_SPEED, mean_speeds
 from idm_sumo.models import idm
-from idm_sumo.recordings import columns as c
 from idm_sumo.runtime.errors import InputError
 from idm_sumo.runtime.progress import Progress, silent
 from idm_sumo.scenes.windows import Scenes
+from idm_sumo.simulation.driver_parameters import DESIRED_SPEED
 from idm_sumo.simulation.rollout import drive_idm
 
 Floats = npt.NDArray[np.float64]
@@ -60,7 +63,8 @@ def calibrate(
         Starts that ours screens (64), or that L-BFGS-B goes through (10).
     seed : int
         Of L-BFGS-B's random starts; ours draws nothing.
-    desired_speed : array_like, shape (vehicles,) or ()
+    desired_speed : array_like, shape (vehicles,) or (), or "auto", optional
+        :func:`idm_sumo.calibration.desired_speed.estimate_desired_speeds` says what "auto" takes.
         :math:`v_0` in m/s, by default the speed limit.
     mask : bool, shape (vehicles, frames), optional
         False where a recorded frame is not to count; NaN frames never do.
@@ -72,13 +76,14 @@ def calibrate(
     Returns
     -------
     pandas.DataFrame
-        One row a window, in order: ``period, vehicle, first_frame``; ``a, b, T, d0, d1`` (SI);
+        One row a window, in order: ``period, vehicle, first_frame``; ``a, b, T, d0, d1`` (SI); ``desired_speed_m_s``;
         ``ade_m`` of the full replay at these parameters; ``objective``; ``status`` (see
         :mod:`idm_sumo.calibration.status`); ``at_bound`` and ``undetermined`` (names joined by
         commas, '' for none); ``frames`` that count, ``leader_frames`` among the simulated,
         ``leader_changes``; ``effective_frames``; ``a_sd`` ... ``d1_sd`` (SI): the 95 % interval is
-        ``p ± 1.96 sd`` for ``T, d0, d1`` and ``p exp(± 1.96 sd / p)`` for ``a, b``. Parameters are
-        NaN where there was nothing to fit.
+        ``p ± 1.96 sd`` for ``T, d0, d1`` and ``p exp(± 1.96 sd / p)`` for ``a, b``; ``mean_speed_m_s`` of the simulated
+        window; when, where and as what the driver enters (:func:`idm_sumo.calibration.departures.departures`).
+        Parameters are NaN where there was nothing to fit.
 
     Raises
     ------
@@ -88,6 +93,10 @@ def calibrate(
     if solver not in SOLVERS:
         raise InputError(f"solver: {solver!r} is unknown; use one of {', '.join(SOLVERS)}")
     report, n = progress or silent, len(scenes)
+    if isinstance(desired_speed, str):
+        if desired_speed != AUTO:
+            raise InputError(f"desired_speed: {desired_speed!r} is unknown; give a speed in m/s, or {AUTO!r}")
+        desired_speed = estimate_desired_speeds(scenes)
     limit = np.asarray(scenes.road.desired_speed(desired_speed), dtype=np.float64)
     work = partial(_calibrate_chunk, objective=objective, loss=loss, solver=solver, starts=starts, seed=seed)
     size = CHUNK if solver == GAUSS_NEWTON else SLOW_CHUNK
@@ -167,8 +176,9 @@ def _as_table(
     n = len(scenes)
     found = identifiability.identify(only(problem, which), z)
     theta = _spread(from_search(z), which, n)
-    table = pd.DataFrame({c.PERIOD: [scenes.period] * n, c.VEHICLE: scenes.vehicle, "first_frame": scenes.first_frame})
+    table = scenes.keys()
     table[NAMES] = theta
+    table[DESIRED_SPEED] = problem.desired_speed
     table["ade_m"] = full_ade(scenes, problem, theta, limit)
     table["objective"] = _spread(value, which, n)
     table["status"] = pd.Series(state, dtype=str)
@@ -181,7 +191,9 @@ def _as_table(
     table["leader_changes"] = status.leader_changes(problem)
     table["effective_frames"] = _spread(found.effective_frames, which, n)
     table[[f"{name}_sd" for name in NAMES]] = _spread(found.sd, which, n)
-    return table
+    table[MEAN_SPEED] = mean_speeds(scenes)
+    entries = departures(scenes)
+    return table.join(entries[[name for name in entries if name not in table]])
 
 
 def _spread(values: Floats, which: Integers, n: int) -> Floats:

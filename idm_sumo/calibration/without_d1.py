@@ -20,13 +20,11 @@ from numba import njit
 from scipy.stats import qmc
 
 from idm_sumo.calibration import integrators
-from idm_sumo.calibration.driver_table import FIRST_FRAME, PARAMETERS, key_columns
 from idm_sumo.calibration.problem import Problem, prepare
 from idm_sumo.models import idm
-from idm_sumo.recordings import columns as c
-from idm_sumo.runtime.errors import InputError
 from idm_sumo.runtime.threads import in_threads
 from idm_sumo.scenes.windows import Scenes
+from idm_sumo.simulation.driver_parameters import desired_speeds_of, parameters_of
 
 Floats = npt.NDArray[np.float64]
 
@@ -177,6 +175,17 @@ def refit_table(drivers: pd.DataFrame, scenes: Scenes | Sequence[Scenes], *, int
                 desired_speed: float | None = None) -> pd.DataFrame:  # fmt: skip
     """Return the columns that let a driver table be exported: the refit, its ADE, the mean speed.
 
+    Parameters
+    ----------
+    drivers : pandas.DataFrame
+        As :func:`idm_sumo.calibration.table.calibrate` returns them.
+    scenes : Scenes or sequence of Scenes
+        What they were calibrated to.
+    integration : {"euler", "ballistic"}
+        What SUMO will use.
+    desired_speed : float, optional
+        m/s; by default the drivers' own (``desired_speed_m_s``), else the road's speed limit.
+
     Returns
     -------
     pandas.DataFrame
@@ -192,10 +201,11 @@ def refit_table(drivers: pd.DataFrame, scenes: Scenes | Sequence[Scenes], *, int
     for part in as_list(scenes):
         theta, speed = parameters_of(drivers, part), mean_speeds(part)
         start = np.where(np.isnan(theta), idm.TEXTBOOK, theta)
-        fitted, ade = refit(prepare(part, desired_speed=desired_speed), start, speed, integration=integration)
+        limit = desired_speeds_of(drivers, part, desired_speed)
+        fitted, ade = refit(prepare(part, desired_speed=limit), start, speed, integration=integration)
         lost = np.isnan(theta).any(axis=1)  # what could not be calibrated cannot be refitted
         fitted[lost], ade[lost] = np.nan, np.nan
-        table = keys_of(part).assign(**{name: fitted[:, i] for i, name in enumerate(REFIT)})
+        table = part.keys().assign(**{name: fitted[:, i] for i, name in enumerate(REFIT)})
         tables.append(table.assign(**{REFIT_ADE: ade, REFIT_INTEGRATION: integration, MEAN_SPEED: speed}))
     return pd.concat(tables, ignore_index=True)
 
@@ -217,16 +227,17 @@ def jam_distance_costs(drivers: pd.DataFrame, scenes: Scenes | Sequence[Scenes],
         fitted = refit_table(drivers, scenes, integration=integration, desired_speed=desired_speed)
     tables, first = [], 0
     for part in as_list(scenes):
-        theta, problem = parameters_of(drivers, part), prepare(part, desired_speed=desired_speed)
+        theta = parameters_of(drivers, part)
+        problem = prepare(part, desired_speed=desired_speeds_of(drivers, part, desired_speed))
         lost = np.isnan(theta).any(axis=1)
         ways = {
             "ade_m": (theta, "paper"), "ade_exact_m": (theta, integration),
-            "ade_linearised_m": (linearise(theta, mean_speeds(part), part.road.desired_speed(desired_speed)), integration),
+            "ade_linearised_m": (linearise(theta, mean_speeds(part), problem.desired_speed), integration),
             "ade_dropped_m": (theta * [1.0, 1.0, 1.0, 1.0, 0.0], integration),
         }  # fmt: skip
         ade = {name: np.where(lost, np.nan, integrators.ades(problem, *way)) for name, way in ways.items()}
         ade[REFIT_ADE] = fitted[REFIT_ADE].to_numpy()[first : first + len(part)]
-        tables.append(keys_of(part).assign(**ade))
+        tables.append(part.keys().assign(**ade))
         first += len(part)
     return pd.concat(tables, ignore_index=True)
 
@@ -250,29 +261,3 @@ def cost_summary(costs: pd.DataFrame) -> pd.DataFrame:
 def as_list(scenes: Scenes | Sequence[Scenes]) -> list[Scenes]:
     """Return one or several periods' scenes as a list."""
     return [scenes] if isinstance(scenes, Scenes) else list(scenes)
-
-
-def keys_of(scenes: Scenes) -> pd.DataFrame:
-    """Return period, vehicle and first frame of every window."""
-    return pd.DataFrame({c.PERIOD: scenes.period, c.VEHICLE: scenes.vehicle, FIRST_FRAME: scenes.first_frame})
-
-
-def parameters_of(drivers: pd.DataFrame, scenes: Scenes) -> Floats:
-    """Return ``a, b, T, d0, d1`` of every window's driver, shape ``(vehicles, 5)``, NaN where nothing could be fitted.
-
-    Raises
-    ------
-    InputError
-        If a window has no driver in the table.
-    """
-    on = key_columns(drivers)
-    keys = keys_of(scenes)[on]
-    named = drivers.assign(**{c.PERIOD: drivers[c.PERIOD].astype(str)})[[*on, *PARAMETERS]]
-    merged = keys.merge(named, on=on, how="left", validate="m:1", indicator=True)
-    if (absent := merged["_merge"] != "both").any():
-        row = keys[absent].iloc[0]
-        raise InputError(
-            f"drivers: vehicle {row[c.VEHICLE]} of period {row[c.PERIOD]} is missing; "
-            "calibrate it, or leave it out of the scenes"
-        )
-    return np.asarray(merged[list(PARAMETERS)].to_numpy(dtype=np.float64))

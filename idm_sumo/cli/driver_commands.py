@@ -58,6 +58,11 @@ def _add_calibrate(commands: Any) -> None:
     shared.recording_argument(parser)
     shared.window_arguments(parser)
     parser.add_argument(
+        "--desired-speed", type=shared.desired_speed, metavar="V|auto",
+        help="v0 in m/s, kept in the table (default: the speed limit of the recorded road); auto: the one speed of the recording "
+        "with which its drivers are fitted best, and for each driver at least the highest speed it is recorded at",
+    )  # fmt: skip
+    parser.add_argument(
         "--every", type=int, metavar="FRAMES", help="a further window every so many frames (default: one, at entry)"
     )
     parser.add_argument(
@@ -117,38 +122,44 @@ def calibrate(options: argparse.Namespace) -> None:
     ----------
     options : argparse.Namespace
     """
-    import pandas as pd
-
     from idm_sumo.calibration import calibrate as fit
-    from idm_sumo.calibration.departures import departures
     from idm_sumo.calibration.without_d1 import jam_distance_costs, refit_table
     from idm_sumo.prediction.driving_code import driving_code
 
     found = shared.scenes_of(options, shared.window_of(options, options.every))
-    tables = []
-    stages = [f"calibrating period {number} of {len(found.scenes)}" for number in range(1, len(found.scenes) + 1)]
+    scenes = found.scenes
     with progress_bar() as report:
-        for stage, one in zip(stages, found.scenes, strict=True):
-            fits = fit(
-                one,
-                objective=options.objective,
-                solver=options.solver,
-                desired_speed=options.desired_speed,
-                seed=options.seed,
-                jobs=options.jobs,
-                progress=_named(stage, report),
-            )
-            fits = _beside(fits, refit_table(fits, one, desired_speed=options.desired_speed))
-            costs = jam_distance_costs(fits, one, desired_speed=options.desired_speed)
-            tables.append(_beside(fits, costs, driving_code(one), departures(one)))
-    table = pd.concat(tables, ignore_index=True)
-    limit = found.scenes[0].road.desired_speed(options.desired_speed)
-    write(table.assign(desired_speed_m_s=limit), options.output)
+        fits = fit(
+            scenes,
+            objective=options.objective,
+            solver=options.solver,
+            desired_speed=options.desired_speed,
+            seed=options.seed,
+            jobs=options.jobs,
+            progress=_named("calibrating", report),
+        )
+    fits = _beside(fits, refit_table(fits, scenes))
+    table = _beside(fits, jam_distance_costs(fits, scenes), driving_code(scenes))
+    write(table, options.output)
+    _note_faster(table)
     for reason, count in found.left_out.items():
         note(f"{count} vehicle{'s' * (count != 1)} not calibrated: {reason}")
     shared.note_origin(found.notes)
     statuses = ", ".join(f"{count} {status}" for status, count in table["status"].value_counts().items())
     say(f"{len(table)} drivers, mean ADE {table['ade_m'].mean():.2f} m; status: {statuses}", f"wrote {options.output}")
+
+
+def _note_faster(table: pd.DataFrame) -> None:
+    """Say what to do about drivers that are recorded above their desired speed."""
+    from idm_sumo.calibration.status import FASTER
+
+    faster = table[table["status"] == FASTER]
+    if len(faster):
+        note(
+            f"{len(faster)} of {len(table)} drivers are recorded above their desired speed of "
+            f"{faster['desired_speed_m_s'].max():.1f} m/s on average, up to {faster['mean_speed_m_s'].max():.1f} m/s, "
+            "so that their parameters mean nothing; give --desired-speed auto, or a speed in m/s"
+        )
 
 
 def _named(stage: str, report: Progress) -> Progress:
@@ -163,14 +174,11 @@ def predict(options: argparse.Namespace) -> None:
     ----------
     options : argparse.Namespace
     """
-    import pandas as pd
-
     from idm_sumo.calibration.departures import departures
 
     foresee = _through_rollout(options) if options.method == "rollout" else _neighbours(options)
     found = shared.scenes_of(options, shared.window_of(options))
-    predicted = [_beside(foresee(one), departures(one)) for one in found.scenes]
-    table = pd.concat(predicted, ignore_index=True)
+    table = _beside(foresee(found.scenes), departures(found.scenes))
     write(table, options.output)
     for reason, count in found.left_out.items():
         note(f"{count} vehicle{'s' * (count != 1)} not predicted: {reason}")
@@ -206,7 +214,7 @@ def _through_rollout(options: argparse.Namespace) -> Callable[[Scenes], pd.DataF
     )
     from idm_sumo.scenes.windows import Window
 
-    def training(window: Window) -> list[Scenes]:
+    def training(window: Window) -> Scenes:
         found = shared.scenes_of(options, window).scenes
         return found if options.drivers is None else drivers_of(found, read_drivers(options.drivers))
 

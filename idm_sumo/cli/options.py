@@ -127,8 +127,29 @@ def window_arguments(parser: argparse.ArgumentParser) -> None:
     )
     parser.add_argument("--rollout-start", choices=("observed", "entry"), default="observed",
                         help="simulate from the last observed frame (default) or from entry")  # fmt: skip
-    parser.add_argument("--desired-speed", type=float, metavar="V",
-                        help="v0 in m/s (default: the speed limit of the recorded road)")  # fmt: skip
+
+
+def desired_speed(text: str) -> float | str:
+    """Return a speed in m/s, or "auto".
+
+    Parameters
+    ----------
+    text : str
+
+    Raises
+    ------
+    argparse.ArgumentTypeError
+        If it is neither, or not above 0.
+    """
+    if text == "auto":
+        return text
+    try:
+        value = float(text)
+    except ValueError:
+        value = 0.0
+    if not 0.0 < value < float("inf"):
+        raise argparse.ArgumentTypeError(f"{text!r} is neither a speed in m/s nor `auto`")
+    return value
 
 
 def output_argument(parser: argparse.ArgumentParser, metavar: str, help_text: str) -> None:
@@ -191,15 +212,14 @@ class Modelled:
 
     Attributes
     ----------
-    scenes : list of Scenes
-        One a period.
+    scenes : Scenes
     left_out : dict of str to int
-        Vehicles without a window, by reason.
+        Vehicles that are not modelled, by reason.
     notes : tuple of str
         Of the recording.
     """
 
-    scenes: list[Scenes]
+    scenes: Scenes
     left_out: dict[str, int]
     notes: tuple[str, ...]
 
@@ -217,27 +237,18 @@ def scenes_of(options: argparse.Namespace, window: Window) -> Modelled:
     InputError
         If no vehicle has a whole window.
     """
-    from idm_sumo.recordings import columns as c
     from idm_sumo.runtime.errors import InputError
     from idm_sumo.scenes.windows import build_scenes
 
     recording = load(options)
-    reasons = dict(recording.accounting.vehicles_dropped)
-    found = []
-    for period in options.period or recording.periods:
-        eligible = recording.eligible
-        modelled = eligible.loc[eligible[c.PERIOD] == period, c.VEHICLE]
-        scenes, excluded = build_scenes(recording.of_period(period), window, modelled=modelled)
-        for reason, count in excluded["reason"].value_counts().items():
-            reasons[str(reason)] = reasons.get(str(reason), 0) + int(count)
-        if len(scenes):
-            found.append(scenes)
-    if not found:
+    scenes = build_scenes(recording.of_period(*(options.period or recording.periods)), window)
+    if not len(scenes):
         raise InputError(
             f"{options.recording}: no vehicle is recorded for {window.frames} frames in a row; "
             "lower --observed or --horizon"
         )
-    return Modelled(found, reasons, recording.notes)
+    reasons = scenes.excluded["reason"].value_counts(sort=False)
+    return Modelled(scenes, {str(reason): int(count) for reason, count in reasons.items()}, recording.notes)
 
 
 def note_origin(notes: Iterable[str]) -> None:

@@ -103,7 +103,7 @@ def _first_cells(scenes: Scenes) -> tuple[npt.NDArray[np.int64], int]:
     ones: a slanting truck reaches far, and a car without perception may drift anywhere.
     """
     if scenes.leader_source == LEADER_FROM_LANE:
-        return scenes.traffic.cell(1, scenes.first_frame + scenes.start), scenes.road.main_lanes
+        return scenes.cells(1, scenes.start), scenes.road.main_lanes
     return scenes.cell + scenes.start, 1
 
 

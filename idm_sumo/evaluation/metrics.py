@@ -86,10 +86,9 @@ def score(scenes: Scenes, trajectories: Trajectories) -> pd.DataFrame:
     """
     error = displacement(scenes, trajectories)
     speed_error = (trajectories.speed - recorded_from_start(scenes, scenes.speed))[:, 1:]
-    keys = {c.PERIOD: scenes.period, c.VEHICLE: scenes.vehicle, "first_frame": scenes.first_frame}
     errors = {"ade_m": error.mean(axis=1), "fde_m": error[:, -1], "speed_rmse_m_s": _root_mean_square(speed_error)}
     conduct = _gap_metrics(scenes, trajectories) | _motion_metrics(scenes, trajectories)
-    return pd.DataFrame(keys | errors).join(first_contacts(scenes, trajectories)).join(pd.DataFrame(conduct))
+    return scenes.keys().assign(**errors).join(first_contacts(scenes, trajectories)).join(pd.DataFrame(conduct))
 
 
 def summary(scores: pd.DataFrame) -> dict[str, float]:

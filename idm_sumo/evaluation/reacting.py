@@ -65,9 +65,7 @@ def score_with_reacting(
         If the recording does not hold the surroundings.
     """
     if scenes.leader_source != LEADER_FROM_LANE:
-        raise InputError(
-            f"period {scenes.period}: the recording does not hold the vehicles behind, so they cannot react"
-        )
+        raise InputError("the recording does not hold the vehicles behind, so they cannot react")
     theta = np.broadcast_to(np.asarray(parameters, dtype=np.float64), (len(scenes), 5))
     limit = float(scenes.road.desired_speed(desired_speed))
     replayed = drive_idm(scenes, theta, desired_speed=limit)
@@ -177,10 +175,10 @@ def _rows_of_window(scenes: Scenes) -> tuple[Integers, Integers]:
 
     Cells are counted from the window's first frame.
     """
-    t, first, frames = scenes.traffic, int(scenes.first_frame[0]), scenes.window.frames
+    t, frames = scenes.traffic, scenes.window.frames
     rows, cells = [], []
     for lane in range(1, scenes.road.main_lanes + 1):
-        begin = int(t.cell(lane, first))
+        begin = int(scenes.cells(lane, 0)[0])
         span = t.offsets[begin : begin + frames + 1]
         rows.append(np.arange(span[0], span[-1]))
         cells.append((lane - 1) * frames + np.repeat(np.arange(frames), np.diff(span)))

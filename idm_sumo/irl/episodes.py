@@ -119,7 +119,7 @@ def episodes_of(scenes: Sequence[Scenes]) -> tuple[Episodes, Surroundings]:
 def _episodes(scenes: Scenes, shift: int) -> Episodes:
     n, first = len(scenes), scenes.start
     on_lanes = scenes.leader_source == LEADER_FROM_LANE
-    cell = scenes.traffic.cell(1, scenes.first_frame + first) if on_lanes else scenes.cell + first
+    cell = scenes.cells(1, first) if on_lanes else scenes.cell + first
     start = np.stack([getattr(scenes, name)[:, first] for name in ("x", "y", "heading", "speed")], axis=1)
     return Episodes(
         start, scenes.length, scenes.width, cell + shift, np.full(n, scenes.traffic.frames),

@@ -122,7 +122,7 @@ def drive_policy(scenes: Scenes, policy: Policy) -> Trajectories:
     """
     episodes, around = episodes_of([scenes])
     simulation = Simulation(episodes, around, np.arange(len(scenes)))
-    out = Trajectories.empty(len(scenes), scenes.window.horizon)
+    out = Trajectories.of(scenes)
     out.gap[:], out.leader[:] = np.inf, NOBODY
     _write(out, 0, simulation, scenes.length)
     for step in range(scenes.window.horizon):

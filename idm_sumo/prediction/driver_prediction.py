@@ -44,7 +44,7 @@ def predict_through_rollout(scenes: Scenes, predictor: RolloutPredictor | Moving
         counts = f", those before the last {learned.observed_} counting {predictor.strength_:g}"
     else:
         learned, seen, counts = predictor, scenes, ""
-    table = pd.DataFrame({c.PERIOD: scenes.period, c.VEHICLE: scenes.vehicle, "first_frame": scenes.first_frame})
+    table = scenes.keys()
     table[list(IDMParameters._fields)] = prediction.theta
     table["status"] = prediction.status
     table["based_on"] = (
@@ -59,7 +59,7 @@ def predict_through_rollout(scenes: Scenes, predictor: RolloutPredictor | Moving
     return table.join(first_second(seen))
 
 
-def drivers_of(scenes: list[Scenes], table: pd.DataFrame) -> list[Scenes]:
+def drivers_of(scenes: Scenes, table: pd.DataFrame) -> Scenes:
     """Return the windows of the drivers that a driver table names.
 
     Raises
@@ -68,10 +68,7 @@ def drivers_of(scenes: list[Scenes], table: pd.DataFrame) -> list[Scenes]:
         If none of them is in the scenes.
     """
     keys = pd.MultiIndex.from_frame(table[[c.PERIOD, c.VEHICLE]].astype({c.PERIOD: str}))
-    found = []
-    for one in scenes:
-        own = pd.MultiIndex.from_arrays([np.full(len(one), one.period), one.vehicle])
-        found.append(one.subset(np.asarray(own.isin(keys))))
-    if not sum(map(len, found)):
+    named = np.asarray(pd.MultiIndex.from_arrays([scenes.period, scenes.vehicle]).isin(keys))
+    if not named.any():
         raise InputError("--drivers: none of its drivers is in the recording; use `--method knn`, or leave it out")
-    return [one for one in found if len(one)]
+    return scenes.subset(named)

@@ -225,7 +225,7 @@ def past(scenes: Scenes, frames: int, desired_speed: float | None = None) -> tup
     if scenes.leader_source != LEADER_FROM_LANE:
         return before, prepare(before, desired_speed=desired_speed)
     lanes = before.road.lane_at(before.y)
-    before = replace(before, lane=lanes[:, 0], cell=before.traffic.cell(lanes[:, 0], before.first_frame))
+    before = replace(before, lane=lanes[:, 0], cell=before.cells(lanes[:, 0], 0))
     stayed = np.cumprod(lanes == lanes[:, :1], axis=1).astype(np.bool_)
     return before, prepare(before, desired_speed=desired_speed, mask=stayed)
 

@@ -174,7 +174,7 @@ def predict_drivers(scenes: Scenes, library: pd.DataFrame, *, observed: int, nei
     """
     known = _usable(library)
     codes = driving_code(scenes, observed)
-    own = pd.MultiIndex.from_arrays([np.full(len(scenes), scenes.period), scenes.vehicle])
+    own = pd.MultiIndex.from_arrays([scenes.period, scenes.vehicle])
     part_of_known = pd.factorize(known.set_index([c.PERIOD, c.VEHICLE]).index)[0] % LEFT_OUT_PARTS
     part_of = pd.Series(
         part_of_known, index=pd.MultiIndex.from_frame(known[[c.PERIOD, c.VEHICLE]].astype({c.PERIOD: str}))
@@ -190,7 +190,7 @@ def predict_drivers(scenes: Scenes, library: pd.DataFrame, *, observed: int, nei
         )
         theta[part == number] = predictor.predict(codes[part == number])
     blind = codes["leader_frames"] == 0
-    table = pd.DataFrame({c.PERIOD: scenes.period, c.VEHICLE: scenes.vehicle, "first_frame": scenes.first_frame})
+    table = scenes.keys()
     table[list(IDMParameters._fields)] = theta
     table["status"] = np.where(blind, "no leader seen: time headway filled in by the library's mean", "ok")
     table["based_on"] = f"{observed} frames, {neighbours} neighbours of {len(known)} drivers"

@@ -22,6 +22,7 @@ from idm_sumo.prediction.noise import ObservedScale, ResidualNoise
 from idm_sumo.prediction.observation import COLUMNS, first_second
 from idm_sumo.prediction.spread import remaining_covariance
 from idm_sumo.prediction.through_rollout import at, fit_weights
+from idm_sumo.recordings import columns as c
 from idm_sumo.recordings.columns import FRAME_STEP
 from idm_sumo.runtime.errors import InputError
 from idm_sumo.scenes.windows import Scenes
@@ -150,7 +151,7 @@ class RolloutPredictor(BaseEstimator):  # type: ignore[misc]
         """Return the same for scenes whose drivers may be among the training ones: each by weights that have not seen it."""
         code = first_second(scenes)
         prediction = self.predict_with_spread(code)
-        own = pd.MultiIndex.from_arrays([np.full(len(scenes), scenes.period), scenes.vehicle])
+        own = pd.MultiIndex.from_arrays([scenes.period, scenes.vehicle])
         number = self.keys_.get_indexer(own)
         fold = np.where(number >= 0, self.fold_of_driver_[number], -1)
         features, theta = self._features(self._codes(code)), prediction.theta.copy()
@@ -272,8 +273,8 @@ def _driveable(every: list[Scenes], desired_speed: float | None) -> list[Scenes]
 
 def _drivers(every: list[Scenes]) -> tuple[Integers, pd.MultiIndex]:
     """Return the driver of every window, numbered from 0 over all periods, and the drivers' periods and vehicles."""
-    keys = [(one.period, int(vehicle)) for one in every for vehicle in one.vehicle]
-    number, found = pd.factorize(pd.MultiIndex.from_tuples(keys))
+    keys = pd.concat([one.keys() for one in every])[[c.PERIOD, c.VEHICLE]]
+    number, found = pd.factorize(pd.MultiIndex.from_frame(keys))
     return np.asarray(number, dtype=np.int64), pd.MultiIndex.from_tuples(list(found))
 
 

@@ -13,6 +13,7 @@ import numpy.typing as npt
 
 from idm_sumo.recordings import columns as c
 from idm_sumo.recordings.columns import FRAME_STEP
+from idm_sumo.recordings.leaders import frame_code
 from idm_sumo.recordings.recording import Recording
 from idm_sumo.recordings.smoothing import SHORTEST, filter_runs
 
@@ -27,10 +28,10 @@ class Leaders(NamedTuple):
 
 
 def recorded_leaders(recording: Recording) -> Leaders:
-    """Rebuild the leaders of all rows of one period; the leader's front is own front plus headway."""
+    """Rebuild the leaders of all rows; the leader's front is own front plus headway."""
     table = recording.table
     raw = table[c.X].to_numpy() + table[c.HEADWAY].to_numpy()
-    first = _first_rows(table[c.VEHICLE].to_numpy(), table[c.FRAME].to_numpy(), raw, table[c.SPEED].to_numpy())
+    first = _first_rows(table[c.VEHICLE].to_numpy(), frame_code(table), raw, table[c.SPEED].to_numpy())
     lengths = np.diff(np.append(first, len(raw)))
     position, speed, _ = filter_runs(np.nan_to_num(raw), first, lengths)
     # A glimpse too short for a cubic says nothing of the leader's speed: it takes the follower's.
@@ -41,10 +42,10 @@ def recorded_leaders(recording: Recording) -> Leaders:
 
 
 def leader_runs(recording: Recording) -> npt.NDArray[np.int64]:
-    """Return for each row of one period the number of its stretch with one leader, shape (rows,)."""
+    """Return for each row the number of its stretch with one leader, shape (rows,)."""
     table = recording.table
     raw = table[c.X].to_numpy() + table[c.HEADWAY].to_numpy()
-    first = _first_rows(table[c.VEHICLE].to_numpy(), table[c.FRAME].to_numpy(), raw, table[c.SPEED].to_numpy())
+    first = _first_rows(table[c.VEHICLE].to_numpy(), frame_code(table), raw, table[c.SPEED].to_numpy())
     return np.repeat(np.arange(len(first)), np.diff(np.append(first, len(raw))))
 
 

@@ -157,20 +157,20 @@ class Recording:
         first = self.table.groupby(c.PERIOD, observed=True)[c.TIME].min().sort_values(kind="stable")
         return [str(label) for label in first.index]
 
-    def of_period(self, period: str) -> Recording:
-        """Return the part that was recorded in one period.
+    def of_period(self, *wanted: str) -> Recording:
+        """Return the part that was recorded in one period, or in several.
 
         Raises
         ------
         InputError
             If there is no such period.
         """
-        if period not in self.periods:
-            raise InputError(f"{self.source or 'recording'}: no period {period!r}; it has {', '.join(self.periods)}")
-        part = self.with_table(self.table[self.table[c.PERIOD] == period].reset_index(drop=True))
+        if absent := [period for period in wanted if period not in self.periods]:
+            raise InputError(f"{self.source or 'recording'}: no period {absent[0]!r}; it has {', '.join(self.periods)}")
+        part = self.with_table(self.table[self.table[c.PERIOD].isin(wanted)].reset_index(drop=True))
         if self.vehicles is None:
             return part
-        return replace(part, vehicles=self.vehicles[self.vehicles[c.PERIOD] == period].reset_index(drop=True))
+        return replace(part, vehicles=self.vehicles[self.vehicles[c.PERIOD].isin(wanted)].reset_index(drop=True))
 
     def with_table(self, table: pd.DataFrame, *notes: str) -> Recording:
         """Return the same recording with another table (same columns) and further notes.

@@ -56,7 +56,7 @@ def _cells_along(scenes: Scenes, y: Floats, first: int) -> npt.NDArray[np.int64]
     """Return the cell of the traffic that holds each point of the paths."""
     steps = first + np.arange(y.shape[1])
     if scenes.leader_source == LEADER_FROM_LANE:
-        return scenes.traffic.cell(scenes.road.lane_at(y), scenes.first_frame[:, None] + steps)
+        return scenes.cells(scenes.road.lane_at(y), steps)
     return scenes.cell[:, None] + steps
 
 

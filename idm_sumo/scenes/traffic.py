@@ -2,10 +2,11 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 import numpy.typing as npt
+import pandas as pd
 from numba import njit
 
 from idm_sumo.recordings import columns as c
@@ -16,10 +17,10 @@ NOBODY = -1  # a row that does not exist: nobody ahead
 
 @dataclass(frozen=True)
 class Traffic:
-    """Recorded vehicles of one period, as sorted cells.
+    """Recorded vehicles, as sorted cells.
 
-    A *cell* is one lane at one frame; the cells of a lane follow each other frame by frame,
-    so the next frame's cell is the next number. The rows of cell ``i`` are
+    A *cell* is one lane at one frame of one period; the cells of a lane follow each other frame by frame,
+    so the next frame's cell is the next number. The lanes of one period follow those of another. The rows of cell ``i`` are
     ``offsets[i]:offsets[i + 1]``, sorted by ``x``.
 
     Attributes
@@ -32,7 +33,7 @@ class Traffic:
     first_frame : int
         The frame of every lane's first cell.
     frames : int
-        Cells per lane.
+        Cells per lane of a period.
     """
 
     offsets: npt.NDArray[np.int64]
@@ -46,14 +47,21 @@ class Traffic:
     first_frame: int
     frames: int
 
+    def part(self, first: int, last: int) -> Traffic:
+        """Return the cells ``first`` up to ``last``, numbered from 0."""
+        rows = slice(int(self.offsets[first]), int(self.offsets[last]))
+        names = ("x", "y", "heading", "speed", "length", "width", "vehicle")
+        columns = {name: getattr(self, name)[rows] for name in names}
+        return replace(self, offsets=self.offsets[first : last + 1] - rows.start, **columns)
+
     def cell(self, lane: npt.ArrayLike, frame: npt.ArrayLike) -> npt.NDArray[np.int64]:
-        """Return the cell of main lane ``lane`` at ``frame``."""
+        """Return the cell of main lane ``lane`` at ``frame`` of the first period."""
         lanes, frames = np.asarray(lane, dtype=np.int64), np.asarray(frame, dtype=np.int64)
         return (lanes - 1) * self.frames + frames - self.first_frame
 
 
 def build_traffic(recording: Recording) -> Traffic:
-    """Sort one period of a recording into cells of the main lanes.
+    """Sort a recording into cells of the main lanes, period by period.
 
     The lane of a vehicle is the one its front bumper's centre lies in: the definition that
     SUMO applies to a vehicle moved to ``x, y``, and one that needs no lane labels.
@@ -61,12 +69,19 @@ def build_traffic(recording: Recording) -> Traffic:
     table, road = recording.table, recording.road
     frame = table[c.FRAME].to_numpy()
     first, frames = int(frame.min()), int(frame.max() - frame.min() + 1)
-    cell = (road.lane_at(table[c.Y]) - 1) * frames + frame - first
+    period, periods = period_numbers(table)
+    cell = (period * road.main_lanes + road.lane_at(table[c.Y]) - 1) * frames + frame - first
     columns = {name: table[name].to_numpy(np.float64) for name in (c.X, c.Y, c.HEADING, c.SPEED)}
     columns[c.LENGTH] = table[c.LENGTH].fillna(road.car_length).to_numpy()
     columns[c.WIDTH] = table[c.WIDTH].fillna(road.car_width).to_numpy()
     vehicle = table[c.VEHICLE].to_numpy()
-    return sort_into_cells(cell, road.main_lanes * frames, columns, vehicle, first, frames)
+    return sort_into_cells(cell, periods * road.main_lanes * frames, columns, vehicle, first, frames)
+
+
+def period_numbers(table: pd.DataFrame) -> tuple[npt.NDArray[np.int64], int]:
+    """Return each row's period, numbered from 0 in the order of the rows, and how many there are."""
+    number, labels = pd.factorize(table[c.PERIOD])
+    return number.astype(np.int64), len(labels)
 
 
 def sort_into_cells(

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterable
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 
 import numpy as np
 import numpy.typing as npt
@@ -13,7 +13,8 @@ from idm_sumo.recordings import columns as c
 from idm_sumo.recordings.leaders_from_headway import leader_lengths, recorded_leaders
 from idm_sumo.recordings.recording import Recording
 from idm_sumo.roads import Road
-from idm_sumo.scenes.traffic import Traffic, build_traffic, sort_into_cells
+from idm_sumo.runtime.errors import InputError
+from idm_sumo.scenes.traffic import Traffic, build_traffic, period_numbers, sort_into_cells
 
 Floats = npt.NDArray[np.float64]
 Integers = npt.NDArray[np.int64]
@@ -56,13 +57,21 @@ class Window:
         return max(self.observed, self.start + self.horizon + 1)
 
 
-@dataclass(frozen=True)
+def _nobody() -> pd.DataFrame:
+    return pd.DataFrame({c.PERIOD: pd.Series(dtype=str), c.VEHICLE: pd.Series(dtype="int64"), "reason": ""})
+
+
+@dataclass(frozen=True, repr=False)
 class Scenes:
-    """Drivers of one period, each in its window, with the traffic around.
+    """Drivers, each in its window, with the traffic around.
+
+    Windows of several periods stand in one list: each knows its period, and its cells of the traffic are of
+    that period only. So whatever drives, fits or scores windows needs not know of periods.
 
     Attributes
     ----------
-    period : str
+    period : str, shape (vehicles,)
+        Vehicle numbers are unique within one.
     window : Window
     road : Road
         What the drivers and their traffic were recorded on.
@@ -81,9 +90,11 @@ class Scenes:
     traffic : Traffic
     leader_source : str
         ``"lane"`` or ``"twin"``.
+    excluded : pandas.DataFrame
+        Vehicles that are not modelled: ``period, vehicle, reason``.
     """
 
-    period: str
+    period: npt.NDArray[np.str_]
     window: Window
     road: Road
     vehicle: Integers
@@ -101,60 +112,148 @@ class Scenes:
     cell: Integers
     traffic: Traffic
     leader_source: str
+    excluded: pd.DataFrame = field(default_factory=_nobody)
 
     def __len__(self) -> int:
         """Return the number of windows."""
         return len(self.vehicle)
+
+    def __repr__(self) -> str:
+        """Return one line: windows, drivers, periods, frames."""
+        drivers = len(self.keys().drop_duplicates([c.PERIOD, c.VEHICLE]))
+        return (
+            f"<Scenes: {len(self):,} windows of {drivers:,} drivers, period {', '.join(self.periods) or 'none'}, "
+            f"{self.window.observed} frames observed, {self.window.horizon} simulated>"
+        )
 
     @property
     def start(self) -> int:
         """Frame of the window at which the simulation starts."""
         return self.window.start
 
+    @property
+    def periods(self) -> list[str]:
+        """Labels of the periods, in the order of the windows."""
+        return list(dict.fromkeys(self.period.tolist()))
+
+    @property
+    def one_period(self) -> str:
+        """The period of all windows; empty without windows.
+
+        Raises
+        ------
+        InputError
+            If there are several: what plays the traffic frame by frame has one clock.
+        """
+        self.check_one_period()
+        return self.periods[0] if self.periods else ""
+
+    def check_one_period(self) -> None:
+        """Raise as :attr:`one_period` does."""
+        if len(self.periods) > 1:
+            raise InputError(f"scenes of {', '.join(self.periods)}: take one period at a time, see Scenes.by_period")
+
+    def by_period(self) -> list[Scenes]:
+        """Return the windows of each period, with that period's traffic."""
+        if len(self.periods) <= 1:
+            return [self]
+        return [self._of_period(period) for period in self.periods]
+
+    def _of_period(self, period: str) -> Scenes:
+        part = self.subset(self.period == period)
+        if self.leader_source != LEADER_FROM_LANE:
+            return part  # every window has its own lane
+        cells = self.road.main_lanes * self.traffic.frames
+        first = int(part.cell[0]) // cells * cells
+        return replace(part, traffic=self.traffic.part(first, first + cells), cell=part.cell - first)
+
+    def cells(self, lane: npt.ArrayLike, step: npt.ArrayLike) -> Integers:
+        """Return cells of the traffic around each window.
+
+        Parameters
+        ----------
+        lane : int array, shape (), (vehicles,) or (vehicles, steps)
+            Main lane.
+        step : int array, shape () or (steps,)
+            Frame of the window.
+        """
+        lanes, steps = np.asarray(lane, dtype=np.int64), np.asarray(step, dtype=np.int64)
+        more = (1,) * max(lanes.ndim - 1, steps.ndim)
+        first = (self.cell - self.lane * self.traffic.frames).reshape(-1, *more)
+        return np.asarray(first + lanes * self.traffic.frames + steps)
+
     def subset(self, which: npt.NDArray[np.bool_] | Integers) -> Scenes:
         """Return some of the drivers; the traffic stays whole."""
-        per_vehicle = ("vehicle", "first_frame", "lane", "x", "y", "heading", "speed", "headway",
+        per_vehicle = ("period", "vehicle", "first_frame", "lane", "x", "y", "heading", "speed", "headway",
                        "length", "width", "vehicle_class", "size_known", "cell")  # fmt: skip
         return replace(self, **{name: getattr(self, name)[which] for name in per_vehicle})
 
+    def keys(self) -> pd.DataFrame:
+        """Return ``period, vehicle, first_frame`` of every window."""
+        return pd.DataFrame({c.PERIOD: self.period, c.VEHICLE: self.vehicle, "first_frame": self.first_frame})
+
+    def to_pandas(self) -> pd.DataFrame:
+        """Return what was recorded of the drivers, one row a window and frame.
+
+        Returns
+        -------
+        pandas.DataFrame
+            ``period, vehicle, first_frame, frame, x, y, heading, speed, headway`` (m, rad, m/s).
+        """
+        frames = self.window.frames
+        table = self.keys().loc[np.repeat(np.arange(len(self)), frames)].reset_index(drop=True)
+        table[c.FRAME] = (self.first_frame[:, None] + np.arange(frames)).ravel()
+        paths = {name: getattr(self, name).ravel() for name in (c.X, c.Y, c.HEADING, c.SPEED, c.HEADWAY)}
+        return table.assign(**paths)
+
 
 def build_scenes(
-    recording: Recording, window: Window, *, modelled: Iterable[int] | None = None
-) -> tuple[Scenes, pd.DataFrame]:
-    """Cut windows out of one period of a cleaned, smoothed recording.
+    recording: Recording, window: Window | None = None, *, modelled: Iterable[int] | pd.DataFrame | None = None
+) -> Scenes:
+    """Cut windows out of a cleaned, smoothed recording.
 
     Parameters
     ----------
     recording : Recording
-        One period.
-    window : Window
-    modelled : iterable of int, optional
-        Vehicles that may be modelled; by default all. The others are traffic.
+        Of one or several periods, which are kept apart.
+    window : Window, optional
+        One second observed and ten simulated, by default.
+    modelled : iterable of int, or pandas.DataFrame with ``period, vehicle``, optional
+        Vehicles to model; numbers hold in every period. By default those that cleaning found fit
+        (:attr:`~idm_sumo.recordings.recording.Recording.eligible`). The others are traffic.
 
     Returns
     -------
-    scenes : Scenes
-    excluded : pandas.DataFrame
-        Columns ``period, vehicle, reason``: modelled vehicles without a single whole window.
+    Scenes
+        Its ``excluded`` holds the modelled vehicles without a single whole window, and, where ``modelled``
+        is not given, those that cleaning found unfit.
     """
-    table = recording.table
-    allowed = table[c.VEHICLE].unique() if modelled is None else np.asarray(sorted(modelled), dtype=np.int64)
-    first_row, rows = _longest_runs(table)
-    is_allowed = np.isin(table[c.VEHICLE].to_numpy()[first_row], allowed)
-    first_row, rows = first_row[is_allowed], rows[is_allowed]
+    window = window or Window()
+    first_row, rows = _longest_runs(recording.table)
+    keys = recording.table.iloc[first_row][[c.PERIOD, c.VEHICLE]].astype({c.PERIOD: str}).reset_index(drop=True)
+    allowed = _is_modelled(keys, recording.eligible if modelled is None else modelled)
+    first_row, rows, keys = first_row[allowed], rows[allowed], keys[allowed]
     long_enough = rows >= window.frames
-    period = str(table[c.PERIOD].iloc[0])
-    excluded = pd.DataFrame(
-        {c.PERIOD: period, c.VEHICLE: table[c.VEHICLE].to_numpy()[first_row[~long_enough]], "reason": TOO_SHORT}
-    )
+    excluded = keys[~long_enough].assign(reason=TOO_SHORT)
+    if modelled is None:
+        excluded = pd.concat([recording.ineligible.astype({c.PERIOD: str}), excluded])
     starts = _window_starts(first_row[long_enough], rows[long_enough], window)
-    return _cut(recording, period, window, starts), excluded
+    return replace(_cut(recording, window, starts), excluded=excluded.reset_index(drop=True))
+
+
+def _is_modelled(keys: pd.DataFrame, modelled: Iterable[int] | pd.DataFrame) -> npt.NDArray[np.bool_]:
+    """Return which vehicles (``period, vehicle``) are named."""
+    if not isinstance(modelled, pd.DataFrame):
+        return np.isin(keys[c.VEHICLE], np.asarray(sorted(modelled), dtype=np.int64))
+    named = pd.MultiIndex.from_frame(modelled[[c.PERIOD, c.VEHICLE]].astype({c.PERIOD: str}))
+    return np.asarray(pd.MultiIndex.from_frame(keys).isin(named))
 
 
 def _longest_runs(table: pd.DataFrame) -> tuple[Integers, Integers]:
     """Return first row and number of rows of every vehicle's longest unbroken run of frames."""
-    vehicle, frame = table[c.VEHICLE].to_numpy(), table[c.FRAME].to_numpy()
-    breaks = np.flatnonzero((np.diff(vehicle) != 0) | (np.diff(frame) != 1)) + 1
+    changes = (np.diff(period_numbers(table)[0]) != 0) | (np.diff(table[c.VEHICLE].to_numpy()) != 0)
+    vehicle = np.concatenate([[0], np.cumsum(changes)])
+    breaks = np.flatnonzero(changes | (np.diff(table[c.FRAME].to_numpy()) != 1)) + 1
     first = np.concatenate([[0], breaks])
     rows = np.diff(np.concatenate([first, [len(vehicle)]]))
     order = np.lexsort((first, -rows, vehicle[first]))
@@ -171,7 +270,7 @@ def _window_starts(first_row: Integers, rows: Integers, window: Window) -> Integ
     return np.asarray(np.repeat(first_row, counts) + within * window.every)
 
 
-def _cut(recording: Recording, period: str, window: Window, starts: Integers) -> Scenes:
+def _cut(recording: Recording, window: Window, starts: Integers) -> Scenes:
     """Gather the windows that begin at rows ``starts``."""
     table = recording.table
     rows = starts[:, None] + np.arange(window.frames)
@@ -180,12 +279,13 @@ def _cut(recording: Recording, period: str, window: Window, starts: Integers) ->
     first_frame = table[c.FRAME].to_numpy()[starts]
     if recording.has_leader_rows:
         traffic = build_traffic(recording)
-        cell = traffic.cell(lane, first_frame)
+        period, _ = period_numbers(table)
+        cell = traffic.cell(period[starts] * recording.road.main_lanes + lane, first_frame)
     else:
         traffic, cell = _private_traffic(recording, rows)
     length, width = (table[name].to_numpy()[starts] for name in (c.LENGTH, c.WIDTH))
     return Scenes(
-        period=period, window=window, road=recording.road, vehicle=table[c.VEHICLE].to_numpy()[starts],
+        period=table[c.PERIOD].to_numpy()[starts].astype(str), window=window, road=recording.road, vehicle=table[c.VEHICLE].to_numpy()[starts],
         first_frame=first_frame, lane=lane,
         length=np.where(np.isnan(length), recording.road.car_length, length),
         width=np.where(np.isnan(width), recording.road.car_width, width),

@@ -133,7 +133,7 @@ def drive_extended(
     same figures. Parameters as in :func:`set_out`.
     """
     minds, ground, body = set_out(scenes, recording, model, parameters, desired_speed)
-    out = Trajectories.empty(len(scenes), scenes.window.horizon)
+    out = Trajectories.of(scenes)
     start = np.stack([getattr(scenes, name)[:, scenes.start] for name in ("x", "y", "heading", "speed")], axis=1)
     _drive_all(
         minds,

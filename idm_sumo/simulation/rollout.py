@@ -3,10 +3,11 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass, fields
+from dataclasses import dataclass, fields, replace
 
 import numpy as np
 import numpy.typing as npt
+import pandas as pd
 from numba import njit
 
 from idm_sumo.models import bicycle, idm
@@ -15,11 +16,12 @@ from idm_sumo.recordings.columns import FRAME_STEP
 from idm_sumo.runtime.threads import in_threads
 from idm_sumo.scenes.traffic import NOBODY, leader_row
 from idm_sumo.scenes.windows import Scenes
+from idm_sumo.simulation.driver_parameters import as_driven
 
 Floats = npt.NDArray[np.float64]
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, repr=False)
 class Trajectories:
     """Simulated vehicles, ``T`` steps from their start.
 
@@ -33,6 +35,9 @@ class Trajectories:
         Bumper to bumper to the perceived leader (m), infinite without one.
     leader : int64, shape (vehicles, T + 1)
         Row of the perceived leader in the scenes' traffic, -1 without one.
+    period : str, shape (vehicles,)
+    vehicle, first_frame, start_frame : int64, shape (vehicles,)
+        Number, and frames of the window's beginning and of column 0.
     """
 
     x: Floats
@@ -43,15 +48,54 @@ class Trajectories:
     steering: Floats
     gap: Floats
     leader: npt.NDArray[np.int64]
+    period: npt.NDArray[np.str_]
+    vehicle: npt.NDArray[np.int64]
+    first_frame: npt.NDArray[np.int64]
+    start_frame: npt.NDArray[np.int64]
+
+    def __repr__(self) -> str:
+        """Return one line: how many vehicles and steps."""
+        return f"<Trajectories: {len(self.x):,} vehicles, {self.acceleration.shape[1]} steps of {FRAME_STEP} s>"
+
+    def to_pandas(self) -> pd.DataFrame:
+        """Return one row a vehicle and frame.
+
+        Returns
+        -------
+        pandas.DataFrame
+            ``period, vehicle, first_frame, frame, time_s`` (since the start), ``x, y, heading, speed, gap``
+            (m, rad, m/s), ``acceleration, steering`` of the step that begins there (NaN in the last frame).
+        """
+        vehicles, frames = self.x.shape
+        steps = np.arange(frames)
+        table = pd.DataFrame({
+            "period": np.repeat(self.period, frames), "vehicle": np.repeat(self.vehicle, frames),
+            "first_frame": np.repeat(self.first_frame, frames), "frame": (self.start_frame[:, None] + steps).ravel(),
+            "time_s": np.tile(steps * FRAME_STEP, vehicles),
+        })  # fmt: skip
+        for name in ("x", "y", "heading", "speed", "gap"):
+            table[name] = getattr(self, name).ravel()
+        for name in ("acceleration", "steering"):
+            table[name] = np.column_stack([getattr(self, name), np.full(vehicles, np.nan)]).ravel()
+        return table
+
+    @classmethod
+    def of(cls, scenes: Scenes) -> Trajectories:
+        """Return storage for the windows of ``scenes`` over their horizon."""
+        keys = {"period": scenes.period, "vehicle": scenes.vehicle, "first_frame": scenes.first_frame,
+                "start_frame": scenes.first_frame + scenes.start}  # fmt: skip
+        return replace(cls.empty(len(scenes), scenes.window.horizon), **keys)
 
     @classmethod
     def empty(cls, vehicles: int, steps: int) -> Trajectories:
-        """Return storage for ``vehicles`` over ``steps`` steps."""
+        """Return storage for ``vehicles`` over ``steps`` steps, numbered from 0."""
         state, control = (vehicles, steps + 1), (vehicles, steps)
         return cls(
             x=np.empty(state), y=np.empty(state), heading=np.empty(state), speed=np.empty(state),
             acceleration=np.empty(control), steering=np.empty(control),
             gap=np.empty(state), leader=np.empty(state, dtype=np.int64),
+            period=np.full(vehicles, ""), vehicle=np.arange(vehicles), first_frame=np.zeros(vehicles, dtype=np.int64),
+            start_frame=np.zeros(vehicles, dtype=np.int64),
         )  # fmt: skip
 
     @classmethod
@@ -68,7 +112,7 @@ class Trajectories:
 
 def drive_idm(
     scenes: Scenes,
-    parameters: npt.ArrayLike,
+    drivers: pd.DataFrame | npt.ArrayLike,
     *,
     desired_speed: npt.ArrayLike | None = None,
 ) -> Trajectories:
@@ -77,20 +121,24 @@ def drive_idm(
     Parameters
     ----------
     scenes : Scenes
-    parameters : array_like, shape (vehicles, 5) or (5,)
-        ``a, b, T, d0, d1`` in SI units.
-    desired_speed : array_like, shape (vehicles,) or (), optional
-        m/s; by default the road's speed limit.
+    drivers : pandas.DataFrame, or array_like of shape (windows, 5) or (5,)
+        A driver table, as ``calibrate`` returns it, or ``a, b, T, d0, d1`` in SI units.
+    desired_speed : array_like, shape (windows,) or (), optional
+        m/s; by default the table's, else the road's speed limit.
 
     Returns
     -------
     Trajectories
         By the paper's transition model: Euler with the old speed.
+
+    Raises
+    ------
+    InputError
+        If a window has no driver in the table, or one without parameters.
     """
     n = len(scenes)
-    theta = np.array(np.broadcast_to(parameters, (n, 5)), dtype=np.float64, order="C")  # no view: one type to numba
-    limit = np.array(np.broadcast_to(scenes.road.desired_speed(desired_speed), (n,)), dtype=np.float64)
-    out = Trajectories.empty(n, scenes.window.horizon)
+    theta, limit = as_driven(scenes, drivers, desired_speed)
+    out = Trajectories.of(scenes)
     first, t = scenes.start, scenes.traffic
     start = np.stack([getattr(scenes, name)[:, first] for name in ("x", "y", "heading", "speed")], axis=1)
     in_threads(
@@ -115,6 +163,7 @@ def drive_constant_velocity(scenes: Scenes) -> Trajectories:
         heading=heading * whole, speed=speed * whole,
         acceleration=np.zeros((n, steps)), steering=np.zeros((n, steps)),
         gap=np.full((n, steps + 1), np.inf), leader=np.full((n, steps + 1), NOBODY),
+        period=scenes.period, vehicle=scenes.vehicle, first_frame=scenes.first_frame, start_frame=scenes.first_frame + first,
     )  # fmt: skip
 
 

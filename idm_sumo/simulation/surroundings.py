@@ -88,6 +88,7 @@ def what_is_seen(recording: Recording, scenes: Scenes) -> tuple[Others, Twin]:
         The period the scenes were cut from.
     scenes : Scenes
     """
+    scenes.check_one_period()
     table = recording.table
     known = _leaders(recording, scenes)
     return _others(table, scenes, known), _twin(table, scenes, known.who, known.gap)

@@ -54,12 +54,12 @@ def traffic(vehicles: int, frames: int, stay: int) -> Recording:
 @cache
 def dense() -> Scenes:
     """Return about 190 vehicles at a time, 190 of them modelled for 50 frames."""
-    return build_scenes(traffic(330, 700, 400), Window(observed=2, horizon=50))[0].subset(np.arange(60, 250))
+    return build_scenes(traffic(330, 700, 400), Window(observed=2, horizon=50)).subset(np.arange(60, 250))
 
 
 def naive(scenes: Scenes) -> Trajectories:
     """Replay as one would first write it: all vehicles, a fresh simulation and a search of the net each time."""
-    out, t = Trajectories.empty(len(scenes), scenes.window.horizon), scenes.traffic
+    out, t = Trajectories.of(scenes), scenes.traffic
     for i in range(len(scenes)):
         with simulation(["--collision.action", "none", "--no-warnings", "true"], net=network.of(US101).file) as sumo:
             sumo.route.add("main", network.of(US101).mainline)
@@ -124,7 +124,7 @@ def test_vehicles_and_frames_a_second(benchmark, design) -> None:
 
 @pytest.mark.benchmark(group="a whole period: 1,484 replays of ten seconds in one pass over 9,000 frames")
 def test_a_whole_period_in_one_pass(benchmark) -> None:
-    scenes, _ = build_scenes(traffic(1620, 9000, 1050), Window())
+    scenes = build_scenes(traffic(1620, 9000, 1050), Window())
     scenes = scenes.subset(np.linspace(0, len(scenes) - 1, 1484).astype(int))
     replay_ghosts(scenes.subset(np.arange(1)), DRIVER)
     begin = time.process_time()  # CPU seconds, so that other work on the machine does not count

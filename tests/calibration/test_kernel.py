@@ -110,7 +110,7 @@ def test_the_leader_is_the_one_ahead_of_where_it_drives_now():
         Car(1, x=60.0, lane=3, speed=12.0, frames=140), Car(2, x=75.0, lane=3, speed=8.0, frames=140),
         Car(3, x=120.0, lane=3, speed=15.0, frames=140), Car(4, x=20.0, lane=3, speed=14.0, frames=140),
     )  # fmt: skip
-    scenes, _ = build_scenes(cars, Window())
+    scenes = build_scenes(cars, Window())
     for theta in ((6.0, 6.0, 0.1, 0.1, 0.0), (0.1, 6.0, 5.0, 10.0, 10.0), tuple(idm.TEXTBOOK)):
         driven = drive_idm(scenes, theta)
         ade = np.hypot(driven.x[:, 1:] - scenes.x[:, 10:], driven.y[:, 1:] - scenes.y[:, 10:]).mean(axis=1)

@@ -81,7 +81,7 @@ def test_dask_workers_give_the_same(known, fits):
 
 def test_a_chunk_carries_only_its_traffic():
     cars = [Car(n, x=40.0 * n, lane=2 + n % 2, speed=9.0, first_frame=1 + 30 * n, frames=130) for n in range(1, 6)]
-    scenes, _ = build_scenes(recording(*cars), Window())
+    scenes = build_scenes(recording(*cars), Window())
     theta = (1.0, 1.5, 1.2, 2.0, 0.5)
     for piece, part in chunks(scenes, 1):
         assert len(part.traffic.x) < len(scenes.traffic.x)
@@ -284,7 +284,7 @@ def test_real_drivers_are_fitted_as_well_as_by_the_papers_solver(shared_data):
 
     recorded = read_recording(shared_data / "us101_raw_subset.parquet")
     cleaned = clean(recorded.of_period(recorded.periods[0]))
-    scenes, _ = build_scenes(smooth(cleaned), Window())
+    scenes = build_scenes(smooth(cleaned), Window())
     some = scenes.subset(np.arange(0, len(scenes), 4))
     ours, paper = calibrate(some), calibrate(some, solver="l-bfgs-b", starts=5)
     assert len(ours) > 60

@@ -249,7 +249,7 @@ def test_blind_and_seeing_drivers_are_counted_alike():
 def test_recorded_drivers_do_not_collide(shared_data):
     recording = smooth(clean(read_recording(shared_data / "us101_scenes_smoothed.parquet")))
     for period in recording.periods:
-        some, _ = build_scenes(recording.of_period(period), Window(observed=10, horizon=100, every=50))
+        some = build_scenes(recording.of_period(period), Window(observed=10, horizon=100, every=50))
         assert len(some) > 10
         assert not first_contacts(some, trajectories(some)).collision.any()
 

@@ -58,7 +58,7 @@ def scenes(
     modelled: tuple[int, ...] = (1,),
     has_leader_rows: bool = True,
 ) -> Scenes:
-    return build_scenes(recording(*cars, has_leader_rows=has_leader_rows), window, modelled=modelled)[0]
+    return build_scenes(recording(*cars, has_leader_rows=has_leader_rows), window, modelled=modelled)
 
 
 def trajectories(
@@ -71,7 +71,7 @@ def trajectories(
 ) -> Trajectories:
     """Take the recorded twin's path where no other is given; arrays of one row a driver."""
     steps = some.window.horizon
-    out = Trajectories.empty(len(some), steps)
+    out = Trajectories.of(some)
     for name, given in (("x", x), ("y", y), ("heading", heading), ("speed", speed)):
         twin = getattr(some, name)[:, some.start : some.start + steps + 1]
         getattr(out, name)[:] = twin if given is None else given

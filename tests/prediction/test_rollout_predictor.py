@@ -118,7 +118,7 @@ def test_a_handful_of_drivers_is_not_learned_from():
 def test_training_drivers_are_predicted_by_weights_that_have_not_seen_them(predictor, training):
     apart, whole = predictor.predict_left_out(training).theta, predictor.predict(first_second(training))
     assert (np.abs(apart - whole).max(axis=1) > 1e-9).mean() > 0.9
-    stranger = replace(training, period="another")
+    stranger = replace(training, period=np.full(len(training), "another"))
     np.testing.assert_array_equal(predictor.predict_left_out(stranger).theta, whole)
 
 
@@ -142,10 +142,10 @@ def test_the_table_of_predictions_can_be_driven(predictor, training):
 
 
 def test_only_the_named_drivers_are_learned_from(training):
-    table = pd.DataFrame({"period": training.period, "vehicle": training.vehicle[:7]})
-    assert drivers_of([training], table)[0].vehicle.tolist() == training.vehicle[:7].tolist()
+    table = pd.DataFrame({"period": training.period[:7], "vehicle": training.vehicle[:7]})
+    assert drivers_of(training, table).vehicle.tolist() == training.vehicle[:7].tolist()
     with pytest.raises(InputError, match="none of its drivers"):
-        drivers_of([training], table.assign(period="another"))
+        drivers_of(training, table.assign(period="another"))
 
 
 def test_settings_are_left_alone_and_columns_named(predictor, training):

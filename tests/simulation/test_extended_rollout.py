@@ -35,7 +35,7 @@ def awkward():
     table.loc[table["vehicle"] % 3 == 0, "vehicle_class"] = 3
     table["acceleration"] = table.groupby("vehicle")["speed"].transform(lambda v: np.gradient(v, FRAME_STEP))
     recording = Recording.from_table(table, road=US101)
-    scenes, _ = build_scenes(recording, Window(observed=10, horizon=60, every=20), modelled=range(1, 26))
+    scenes = build_scenes(recording, Window(observed=10, horizon=60, every=20), modelled=range(1, 26))
     return recording, scenes
 
 
@@ -72,7 +72,7 @@ def test_both_agree_behind_leaders_known_by_headway(known, new_known, of_headway
     recording = Recording.from_table(
         vehicle(1, 40.0, -2.0, 9.0, frames=150, headway=headway), road=US101, has_leader_rows=False
     )
-    scenes, _ = build_scenes(recording, Window(observed=10, horizon=120))
+    scenes = build_scenes(recording, Window(observed=10, horizon=120))
     model = model_of(
         Cause("reaction_delay", {"tau": 0.45, "eta": known, "zeta": new_known, "xi": 0.5 * known}),
         Cause("lane_change_relaxation", {"kappa": 0.8, "tau_r": 9.0, "phi": of_headway}),
@@ -91,9 +91,9 @@ def test_a_delay_of_whole_frames_repeats_the_past() -> None:
         pd.concat([vehicle(1, 40.0, -2.0, 9.0, frames=80), vehicle(2, 70.0, -2.0, 7.0, frames=80)]), road=US101
     )
     window = Window(observed=21, horizon=30)
-    scenes, _ = build_scenes(recording, window, modelled=[1])
+    scenes = build_scenes(recording, window, modelled=[1])
     late = drive_extended(scenes, recording, model_of(Cause("reaction_delay", {"tau": 1.0})), DRIVER)
-    earlier, _ = build_scenes(recording, Window(observed=11, horizon=30), modelled=[1])
+    earlier = build_scenes(recording, Window(observed=11, horizon=30), modelled=[1])
     np.testing.assert_allclose(late.acceleration[0, 0], drive_idm(earlier, DRIVER).acceleration[0, 0], rtol=1e-12)
 
 
@@ -104,7 +104,7 @@ def test_who_knows_where_a_new_leader_was_brakes_at_once() -> None:
         road=US101,
         has_leader_rows=False,
     )
-    scenes, _ = build_scenes(recording, Window(observed=10, horizon=120))
+    scenes = build_scenes(recording, Window(observed=10, horizon=120))
     causes = (Cause("reaction_delay", {"tau": 0.6, "zeta": known}) for known in (0.0, 1.0))
     late, known = (drive_extended(scenes, recording, model_of(cause), DRIVER).acceleration[0] for cause in causes)
     cut_in = int(8.0 / FRAME_STEP) - scenes.start

@@ -211,7 +211,7 @@ def recorded_paths(test: Drivers) -> list[Trajectories]:
     paths = []
     for scenes in test.scenes:
         span = slice(scenes.start, scenes.start + scenes.window.horizon + 1)
-        path = Trajectories.empty(len(scenes), scenes.window.horizon)
+        path = Trajectories.of(scenes)
         for name in ("x", "y", "heading", "speed"):
             getattr(path, name)[:] = getattr(scenes, name)[:, span]
         paths.append(path)

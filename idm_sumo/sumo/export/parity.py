@@ -17,7 +17,6 @@ from idm_sumo.calibration import driver_table as d
 from idm_sumo.calibration import integrators
 from idm_sumo.calibration.kernel import look_ahead
 from idm_sumo.calibration.problem import Problem, prepare
-from idm_sumo.calibration.without_d1 import keys_of
 from idm_sumo.recordings import columns as c
 from idm_sumo.recordings.columns import FRAME_STEP
 from idm_sumo.roads import Road
@@ -88,7 +87,7 @@ def parity(
     """
     on = d.key_columns(drivers)
     named = drivers.assign(**{c.PERIOD: drivers[c.PERIOD].astype(str)})
-    table = d.check_drivers(keys_of(scenes).merge(named, on=on, how="left", validate="1:1"))
+    table = d.check_drivers(scenes.keys().merge(named, on=on, how="left", validate="1:1"))
     fitted = d.has_parameters(table)
     scenes, table = scenes.subset(fitted), table[fitted].reset_index(drop=True)
     problem = prepare(scenes, desired_speed=desired_speed)
@@ -107,7 +106,7 @@ def parity(
     ours, _ = integrators.drive(problem, theta, integration)
     apart = np.abs(native - ours)
     worst = apart.argmax(axis=1)
-    return keys_of(scenes).assign(largest_mm=1e3 * apart.max(axis=1), frame=worst + scenes.start)
+    return scenes.keys().assign(largest_mm=1e3 * apart.max(axis=1), frame=worst + scenes.start)
 
 
 def drive_natively(

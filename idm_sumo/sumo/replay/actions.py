@@ -38,7 +38,7 @@ def replay_controls(scenes: Scenes, acceleration: Floats, steering: Floats) -> T
     InputError
         If SUMO or the network cannot be loaded, or a recorded vehicle is off the network.
     """
-    out, actors = Trajectories.empty(len(scenes), scenes.window.horizon), cast(scenes)
+    out, actors = Trajectories.of(scenes), cast(scenes)
     out.acceleration[:], out.steering[:], out.gap[:], out.leader[:] = acceleration, steering, np.inf, NOBODY
     net = network.of(scenes.road)
     with simulation(net=net.file) as sumo:

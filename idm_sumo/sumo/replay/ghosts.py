@@ -11,6 +11,7 @@ from typing import Any
 
 import numpy as np
 import numpy.typing as npt
+import pandas as pd
 from joblib import Parallel, delayed
 from numba import njit
 
@@ -18,6 +19,7 @@ from idm_sumo.models import bicycle
 from idm_sumo.runtime.progress import Progress, silent
 from idm_sumo.scenes.traffic import NOBODY
 from idm_sumo.scenes.windows import Scenes
+from idm_sumo.simulation.driver_parameters import as_driven
 from idm_sumo.simulation.rollout import Trajectories, perceive
 from idm_sumo.sumo import network
 from idm_sumo.sumo.replay.one_vehicle import advance
@@ -32,7 +34,7 @@ EXACT = 1e-9  # m, within which SUMO returns the positions it was given
 
 def replay_ghosts(
     scenes: Scenes,
-    parameters: npt.ArrayLike,
+    drivers: pd.DataFrame | npt.ArrayLike,
     *,
     desired_speed: npt.ArrayLike | None = None,
     jobs: int = 1,
@@ -42,7 +44,7 @@ def replay_ghosts(
 
     Parameters
     ----------
-    scenes, parameters, desired_speed
+    scenes, drivers, desired_speed
         As of :func:`idm_sumo.simulation.rollout.drive_idm`.
     jobs : int
         Processes; each plays its share of the recording. The results do not depend on it.
@@ -62,10 +64,7 @@ def replay_ghosts(
         If SUMO returns a position that it was not given.
     """
     n = len(scenes)
-    theta = np.ascontiguousarray(np.broadcast_to(np.asarray(parameters, dtype=np.float64), (n, 5)))
-    limit = np.ascontiguousarray(
-        np.broadcast_to(np.asarray(scenes.road.desired_speed(desired_speed), dtype=np.float64), (n,))
-    )
+    theta, limit = as_driven(scenes, drivers, desired_speed)
     if jobs == 1 or n < 2:
         return _pass(scenes, theta, limit, progress)
     # Consecutive starts belong together, so that every process plays frames of its own.
@@ -105,7 +104,7 @@ def _pass(scenes: Scenes, theta: Floats, limit: Floats, progress: Progress = sil
 
 def _at_start(scenes: Scenes) -> tuple[Trajectories, Floats]:
     """Return storage that holds the starts, and the centres of mass (m), shape (vehicles, 2)."""
-    out, k = Trajectories.empty(len(scenes), scenes.window.horizon), scenes.start
+    out, k = Trajectories.of(scenes), scenes.start
     center = np.empty((len(scenes), 2))
     for name in ("x", "y", "heading", "speed"):
         getattr(out, name)[:, 0] = getattr(scenes, name)[:, k]

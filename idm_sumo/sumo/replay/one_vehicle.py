@@ -14,6 +14,7 @@ from typing import Any, NamedTuple
 
 import numpy as np
 import numpy.typing as npt
+import pandas as pd
 from joblib import Parallel, delayed
 from numba import njit
 
@@ -25,6 +26,7 @@ from idm_sumo.runtime.errors import InputError
 from idm_sumo.runtime.progress import Progress, silent
 from idm_sumo.scenes.traffic import NOBODY
 from idm_sumo.scenes.windows import LEADER_FROM_LANE, Scenes
+from idm_sumo.simulation.driver_parameters import as_driven
 from idm_sumo.simulation.extended_rollout import decide, set_out
 from idm_sumo.simulation.rollout import Trajectories, control, steer
 from idm_sumo.sumo import network
@@ -43,7 +45,7 @@ CHUNKS_A_JOB = 4  # so that progress shows, and a slow chunk does not keep the o
 
 def replay(
     scenes: Scenes,
-    parameters: npt.ArrayLike,
+    drivers: pd.DataFrame | npt.ArrayLike,
     *,
     desired_speed: npt.ArrayLike | None = None,
     which: npt.NDArray[np.bool_] | Integers | None = None,
@@ -55,7 +57,7 @@ def replay(
 
     Parameters
     ----------
-    scenes, parameters, desired_speed
+    scenes, drivers, desired_speed
         As of :func:`idm_sumo.simulation.rollout.drive_idm`.
     which : array, optional
         Mask or numbers of the windows to replay; by default all.
@@ -93,9 +95,8 @@ def replay(
     *The lane.* The modelled vehicle perceives along the lane it steers for. While its front is
     beyond that lane's edge, it stands on this edge in SUMO; the result has its true place.
     """
-    n = len(scenes)
-    theta = np.broadcast_to(np.asarray(parameters, dtype=np.float64), (n, 5))
-    limit = np.broadcast_to(np.asarray(scenes.road.desired_speed(desired_speed), dtype=np.float64), (n,))
+    len(scenes)
+    theta, limit = as_driven(scenes, drivers, desired_speed)
     if which is not None:
         scenes, theta, limit = scenes.subset(which), theta[which], limit[which]
     if jobs == 1 or len(scenes) < 2:
@@ -117,7 +118,7 @@ def _replay_serially(
     progress: Progress = silent,
 ) -> Trajectories:
     """Replay one window after the other in one simulation, whose road is empty between them."""
-    out, actors = Trajectories.empty(len(scenes), scenes.window.horizon), cast(scenes)
+    out, actors = Trajectories.of(scenes), cast(scenes)
     net = network.of(scenes.road)
     with simulation(net=net.file) as sumo:
         drive = _plain(scenes, theta, limit) if extension is None else _extended(sumo, scenes, theta, limit, *extension)

@@ -105,7 +105,9 @@ def compare_perception(
         If the recording does not hold the vehicles ahead.
     """
     if scenes.leader_source != LEADER_FROM_LANE:
-        raise InputError(f"period {scenes.period}: the recording does not hold the leaders, so SUMO cannot see them")
+        raise InputError(
+            f"period {scenes.one_period}: the recording does not hold the leaders, so SUMO cannot see them"
+        )
     actors, found, compared, largest = cast(scenes), [], 0, 0.0
     frames = np.arange(scenes.traffic.first_frame, scenes.traffic.first_frame + scenes.traffic.frames, every)
     by_frame = np.argsort(actors.frame, kind="stable")

@@ -174,6 +174,7 @@ def cast(scenes: Scenes) -> Cast:
     which only the headway is known has no lateral place; it drives in the middle of its
     follower's lane.
     """
+    scenes.check_one_period()  # a simulation has one clock
     t = scenes.traffic
     cell = np.repeat(np.arange(len(t.offsets) - 1), np.diff(t.offsets))
     group, frame = np.divmod(cell, t.frames)

@@ -66,7 +66,10 @@ def test_the_same_period_in_two_files(settings: Settings) -> None:
 
 
 def test_no_driver_is_on_both_sides_or_lost(study: Study, source: Source) -> None:
-    sides = [{(s.period, int(v)) for s in side.scenes for v in s.vehicle} for side in (study.train, study.test)]
+    sides = [
+        {key for s in side.scenes for key in zip(s.period, s.vehicle, strict=True)}
+        for side in (study.train, study.test)
+    ]
     assert not sides[0] & sides[1]
     assert len(sides[0]) + len(sides[1]) + len(study.excluded) + len(source.not_modelled) == 48
     assert len(study.train_fits) == len(study.train)

@@ -144,7 +144,7 @@ def test_the_reconstructed_pairs_of_i80(shared_data) -> None:
     assert "feet" in recording.notes[0]
     assert recording.is_smooth
     assert recording.table[c.X].max() < 1660 * FOOT  # the I-80 section is 503 m long
-    scenes, _ = build_scenes(clean(recording).of_period("0400-0415"), Window())
+    scenes = build_scenes(clean(recording).of_period("0400-0415"), Window())
     first = (
         raw[raw["period"] == "0400-0415"]
         .sort_values(["follower", "t"])

@@ -11,7 +11,7 @@ import pytest
 from idm_sumo.calibration import calibrate, integrators
 from idm_sumo.calibration.departures import departures
 from idm_sumo.calibration.problem import prepare
-from idm_sumo.calibration.without_d1 import cost_summary, jam_distance_costs, keys_of, refit_table
+from idm_sumo.calibration.without_d1 import cost_summary, jam_distance_costs, refit_table
 from idm_sumo.models import idm
 from idm_sumo.recordings import columns as c
 from idm_sumo.recordings.cleaning import clean
@@ -58,8 +58,7 @@ def scenes_of(paths: list[tuple[int, np.ndarray]], *, steps: int = STEPS) -> Sce
             )
         )
     recording = Recording.from_table(pd.concat(tables), road=US101, source="test")
-    scenes, _ = build_scenes(recording, Window(observed=1, horizon=steps, from_entry=True))
-    return scenes
+    return build_scenes(recording, Window(observed=1, horizon=steps, from_entry=True))
 
 
 def distance(speed: np.ndarray, start: float) -> np.ndarray:
@@ -143,20 +142,20 @@ def test_exact_jam_distance_is_set_every_step(traffic: Scenes, integration: str)
 @pytest.mark.parametrize("integration", SCHEMES)
 def test_the_types_as_they_stand_in_the_exported_file(traffic: Scenes, integration: str, tmp_path: Path) -> None:
     theta = random_drivers(len(traffic), 8)
-    drivers = keys_of(traffic).assign(**dict(zip(idm.IDMParameters._fields, theta.T, strict=True)))
+    drivers = traffic.keys().assign(**dict(zip(idm.IDMParameters._fields, theta.T, strict=True)))
     result = export_routes(
         drivers, tmp_path / "x.rou.xml", departures=departures(traffic).assign(x_m=1.0), integration=integration
     )
     written = read_types(result.route_file)
     problem = prepare(traffic)
-    types = [written[f"{traffic.period}.{number}"] for number in traffic.vehicle]
+    types = [written[f"{traffic.one_period}.{number}"] for number in traffic.vehicle]
     x, _ = p.drive_natively(problem, types, integration=integration)
     assert np.abs(x - integrators.drive(problem, theta, integration)[0]).max() < MILLIMETRE
 
 
 def test_what_could_not_be_calibrated_costs_nan_and_is_not_driven(traffic: Scenes) -> None:
     theta = random_drivers(len(traffic), 8, d1=True)
-    drivers = keys_of(traffic).assign(**dict(zip(idm.IDMParameters._fields, theta.T, strict=True)), status="ok")
+    drivers = traffic.keys().assign(**dict(zip(idm.IDMParameters._fields, theta.T, strict=True)), status="ok")
     drivers.loc[3, list(idm.IDMParameters._fields)] = np.nan
     drivers.loc[3, "status"] = "too few frames"
     refitted = refit_table(drivers, traffic)
@@ -266,7 +265,7 @@ def calibrated(shared_data: Path) -> tuple[list[Scenes], pd.DataFrame]:
     scenes = []
     for period in recording.periods:
         cleaned = clean(recording.of_period(period))
-        scenes.append(build_scenes(smooth(cleaned), Window(), modelled=cleaned.eligible[c.VEHICLE])[0])
+        scenes.append(build_scenes(smooth(cleaned), Window(), modelled=cleaned.eligible[c.VEHICLE]))
     drivers = pd.concat([calibrate(part) for part in scenes], ignore_index=True)
     assert len(drivers) > 300
     return scenes, drivers
@@ -280,7 +279,7 @@ def test_parity_of_every_real_driver(calibrated: tuple[list[Scenes], pd.DataFram
     )
     for choice in ("refit", "exact"):
         result = pd.concat([
-            p.parity(table[table[c.PERIOD] == part.period], part, integration=integration,
+            p.parity(table[table[c.PERIOD] == part.one_period], part, integration=integration,
                 jam_distance=choice) for part in scenes
         ])  # fmt: skip
         assert len(result) == len(drivers)

@@ -225,7 +225,7 @@ def test_departures_of_a_recording_know_the_way_out(tmp_path: Path) -> None:
 
 
 def test_departures_of_scenes_are_where_the_simulation_starts() -> None:
-    scenes, _ = build_scenes(recording(), Window(observed=10, horizon=20))
+    scenes = build_scenes(recording(), Window(observed=10, horizon=20))
     table = departures(scenes).set_index("vehicle").loc[2]
     assert (table["first_frame"], table["lane"]) == (200, 1)
     assert table["depart_s"] == pytest.approx(20.9)  # the last observed frame, the tenth

@@ -27,7 +27,7 @@ SHORT = Window(observed=2, horizon=30)
 
 def scenes_of(*vehicles, window=SHORT, modelled=None, has_leader_rows=True) -> Scenes:
     recording = Recording.from_table(pd.concat(vehicles), road=US101, has_leader_rows=has_leader_rows)
-    return build_scenes(recording, window, modelled=modelled)[0]
+    return build_scenes(recording, window, modelled=modelled)
 
 
 def assert_back_ends_agree(scenes: Scenes, parameters=DRIVER) -> Trajectories:
@@ -203,7 +203,7 @@ def test_2000_replays_leave_no_memory_behind() -> None:
 def test_the_surrogate_replays_and_is_perceived_alike(tmp_path) -> None:
     make_surrogate(tmp_path / "surrogate.txt", minutes=0.5, seed=1)
     recording = smooth(clean(read_recording(tmp_path / "surrogate.txt")))
-    scenes, _ = build_scenes(recording.of_period(recording.periods[0]), Window())
+    scenes = build_scenes(recording.of_period(recording.periods[0]), Window())
     assert len(scenes) > 10
     assert_same(replay_ghosts(scenes, DRIVER), drive_idm(scenes, DRIVER))
     assert compare_perception(scenes, as_points=True).differences.empty
