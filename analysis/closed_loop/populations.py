@@ -26,7 +26,7 @@ from idm_sumo.recordings.smoothing import smooth
 from idm_sumo.runtime.errors import InputError
 from idm_sumo.runtime.progress import Progress, silent
 from idm_sumo.scenes.windows import Scenes, Window, build_scenes
-from idm_sumo.sumo.export.translation import checked_speeds, sumo_parameters, with_parameters
+from idm_sumo.sumo.export.translation import checked_speeds, desired_speeds, sumo_parameters, with_parameters
 
 Floats = npt.NDArray[np.float64]
 
@@ -117,7 +117,7 @@ def _read(path: Path, scenes: Scenes) -> pd.DataFrame:
     Of several windows of a driver the first counts.
     """
     table, _ = with_parameters(read_drivers(path), str(path))
-    period = scenes.period
+    period = scenes.one_period
     own = table[table[c.PERIOD].astype(str) == period].drop_duplicates([c.PERIOD, c.VEHICLE]).reset_index(drop=True)
     if own.empty:
         there = ", ".join(sorted(table[c.PERIOD].astype(str).unique()))
@@ -139,7 +139,9 @@ def _check_recording(own: pd.DataFrame, scenes: Scenes, path: Path) -> None:
         )
 
 
-def parameters_for(population: str, drivers: Drivers, demand: pd.DataFrame, speeds: pd.Series) -> tuple[Floats, int]:
+def parameters_for(
+    population: str, drivers: Drivers, demand: pd.DataFrame, speeds: pd.Series
+) -> tuple[Floats, Floats, int]:
     """Return the parameters of every vehicle of the demand.
 
     Parameters
@@ -155,6 +157,8 @@ def parameters_for(population: str, drivers: Drivers, demand: pd.DataFrame, spee
     -------
     theta : ndarray, shape (vehicles, 5)
         ``a, b, T, d0, 0``.
+    desired_speed : ndarray, shape (vehicles,)
+        m/s; the speed limit for those with the pooled parameters.
     pooled : int
         Vehicles that have the pooled parameters, for want of their own.
 
@@ -163,12 +167,13 @@ def parameters_for(population: str, drivers: Drivers, demand: pd.DataFrame, spee
     InputError
         If there is nothing to predict from.
     """
-    vehicle, limit = demand[c.VEHICLE].to_numpy(), drivers.scenes.road.speed_limit
+    vehicle, road = demand[c.VEHICLE].to_numpy(), drivers.scenes.road
+    limits = np.full(len(demand), road.speed_limit)
     keys = {c.PERIOD: drivers.scenes.one_period, c.VEHICLE: vehicle}
     everybody = pd.DataFrame(keys | drivers.pooled._asdict()).assign(**{MEAN_SPEED: speeds.reindex(vehicle).to_numpy()})
-    theta, _ = sumo_parameters(everybody, "linearised", limit, "euler", "pooled")
+    theta, _ = sumo_parameters(everybody, "linearised", limits, "euler", "pooled")
     if population == "pooled":
-        return theta, len(demand)
+        return theta, limits, len(demand)
     table = drivers.table if population == "drivers" else drivers.predicted
     if table is None:
         raise InputError(
@@ -177,10 +182,11 @@ def parameters_for(population: str, drivers: Drivers, demand: pd.DataFrame, spee
     if MEAN_SPEED not in table:
         table = table.assign(**{MEAN_SPEED: speeds.reindex(table[c.VEHICLE]).fillna(speeds.mean()).to_numpy()})
     way = "refit" if set(REFIT) <= set(table) else "linearised"
-    own, _ = sumo_parameters(table, way, limit, "euler", population)
+    own_limits = desired_speeds(table, None, road, population)
+    own, _ = sumo_parameters(table, way, own_limits, "euler", population)
     known, row = _known_to(table, demand)
-    theta[known] = own[row]
-    return theta, int((~known).sum())
+    theta[known], limits[known] = own[row], own_limits[row]
+    return theta, limits, int((~known).sum())
 
 
 def _known_to(table: pd.DataFrame, demand: pd.DataFrame) -> tuple[npt.NDArray[np.bool_], npt.NDArray[np.intp]]:

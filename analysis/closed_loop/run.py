@@ -183,8 +183,8 @@ def _cases(
             types = default_types(demand, population, lane_change)
         elif drivers is not None:
             own = "drivers" if population in LOOPS else population
-            theta, pooled = parameters_for(own, drivers, demand, speeds)
-            types = calibrated_types(demand, theta, lane_change, recorded.road.speed_limit)
+            theta, limits, pooled = parameters_for(own, drivers, demand, speeds)
+            types = calibrated_types(demand, theta, lane_change, limits, speed_limit=recorded.road.speed_limit)
         ours = None
         if population in LOOPS and settings.model is not None:
             ours = _ours(settings.model, population, demand, recorded, theta)

@@ -151,7 +151,7 @@ def _traffic(recording: Recording, scenes: Scenes, first: int, steps: int) -> li
     """Return the vehicles around, or the recorded leader alone where no other has rows."""
     if scenes.leader_source == LEADER_OF_TWIN:
         return _leader_alone(scenes, steps)
-    table = recording.of_period(scenes.period).table
+    table = recording.of_period(scenes.one_period).table
     span = slice(scenes.start, scenes.start + steps)
     near = table[c.X].between(scenes.x[0, span].min() - BEHIND, scenes.x[0, span].max() + AHEAD)
     there = table[c.FRAME].between(first, first + steps - 1) & near & (table[c.VEHICLE] != scenes.vehicle[0])

@@ -156,7 +156,7 @@ def _write_page(
     table = scores.rename(columns={"model": "method"})[["method", "ade_m", "fde_m", "min_gap_m"]]
     write_player(
         path, recording, scenes, played, table,
-        title=f"Vehicle {scenes.vehicle[0]} of period {scenes.period}, replayed",
+        title=f"Vehicle {scenes.vehicle[0]} of period {scenes.one_period}, replayed",
         answer=f"Over {seconds:g} s the modelled car is {last['ade_m']:.2f} m from the recorded one on average, "
         f"and {last['fde_m']:.2f} m at the end.",
         notes=[note for note in recording.notes if "surrogate" in note.lower()],

@@ -3,7 +3,8 @@
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
+from functools import partial
 
 import numpy as np
 import numpy.typing as npt
@@ -28,6 +29,7 @@ class Drivers:
     """
 
     scenes: tuple[Scenes, ...]
+    desired_speed: float | None = None  # m/s, of everybody; the road's speed limit if it is not given
 
     def __len__(self) -> int:
         """Return the number of windows."""
@@ -63,15 +65,15 @@ class Drivers:
         """
         return pd.concat([driving_code(s, frames) for s in self.scenes], ignore_index=True)
 
-    def drive(self, parameters: npt.ArrayLike, drive: Drive = drive_idm) -> list[Trajectories]:
+    def drive(self, parameters: npt.ArrayLike, drive: Drive | None = None) -> list[Trajectories]:
         """Drive all windows by one set of parameters each.
 
         Parameters
         ----------
         parameters : array_like, shape (windows, 5) or (5,)
             ``a, b, T, d0, d1``.
-        drive : callable
-            Drives scenes by parameters.
+        drive : callable, optional
+            Drives scenes by parameters; by default the kernel, at the drivers' desired speed.
 
         Returns
         -------
@@ -79,7 +81,8 @@ class Drivers:
             One a period.
         """
         theta = np.broadcast_to(np.asarray(parameters, dtype=np.float64), (len(self), 5))
-        return [drive(s, part) for s, part in zip(self.scenes, self.parts(theta), strict=True)]
+        chosen = drive or partial(drive_idm, desired_speed=self.desired_speed)
+        return [chosen(s, part) for s, part in zip(self.scenes, self.parts(theta), strict=True)]
 
     def drive_each(self, methods: dict[str, npt.NDArray[np.float64]], drive: Drive) -> dict[str, list[Trajectories]]:
         """Drive all windows by several methods at once.
@@ -145,4 +148,5 @@ class Drivers:
             return self
         kept = np.zeros(len(self))
         kept[rng.choice(len(self), most, replace=False)] = 1
-        return Drivers(tuple(s.subset(k.astype(bool)) for s, k in zip(self.scenes, self.parts(kept), strict=True)))
+        parts = zip(self.scenes, self.parts(kept), strict=True)
+        return replace(self, scenes=tuple(s.subset(k.astype(bool)) for s, k in parts))

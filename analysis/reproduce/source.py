@@ -47,6 +47,8 @@ class Source:
         Vehicles that are traffic only: ``period, vehicle, reason``.
     notes : tuple of str
         What was assumed.
+    desired_speed : float, optional
+        Of all drivers, in every fit and every rollout (m/s); by default their road's speed limit.
     """
 
     name: str
@@ -57,6 +59,7 @@ class Source:
     accounts: dict[str, Accounting]
     not_modelled: pd.DataFrame
     notes: tuple[str, ...]
+    desired_speed: float | None = None
 
     def drivers(self, side: ByPeriod, name: str, window: Window) -> tuple[Drivers, pd.DataFrame]:
         """Cut the windows of one side.
@@ -93,7 +96,7 @@ class Source:
                 f"{self.name}: no vehicle of {name} period {', '.join(side)} is recorded for "
                 f"{window.frames} frames in a row; shorten the horizon or choose other periods"
             )
-        return Drivers(tuple(scenes)), pd.concat(excluded, ignore_index=True)
+        return Drivers(tuple(scenes), self.desired_speed), pd.concat(excluded, ignore_index=True)
 
 
 def load_source(settings: Settings, progress: Progress = silent) -> Source:
@@ -137,7 +140,9 @@ def load_source(settings: Settings, progress: Progress = silent) -> Source:
     train, test, split_note = _split(name, periods, not_modelled, settings)
     used = {period: recording for period, recording in periods.items() if period in train or period in test}
     notes = dict.fromkeys(note for recording in used.values() for note in recording.notes)
-    return Source(name, used, tuple(files), train, test, accounts, not_modelled, (*notes, *split_note))
+    return Source(
+        name, used, tuple(files), train, test, accounts, not_modelled, (*notes, *split_note), settings.desired_speed
+    )
 
 
 def _files(settings: Settings, progress: Progress) -> list[Path]:

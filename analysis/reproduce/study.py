@@ -157,7 +157,7 @@ def predictions(study: Study) -> dict[str, Floats]:
     seen = study.test.code(s.observed)
     _, theta = study.library
     n = len(study.test)
-    first_gap = [first_gap_parameters(scenes, study.pooled) for scenes in study.test.scenes]
+    first_gap = [first_gap_parameters(one, study.pooled, desired_speed=s.desired_speed) for one in study.test.scenes]
     one_for_all = np.tile(study.pooled, (n, 1))
     first_seconds = pd.concat([first_second(scenes, s.observed) for scenes in study.test.scenes])
 

@@ -16,7 +16,7 @@ from idm_sumo.models.idm import LOWER, UPPER, IDMParameters
 from idm_sumo.prediction.driving_code import FEATURES
 from idm_sumo.runtime.progress import Progress, silent
 from idm_sumo.scenes.windows import Window
-from idm_sumo.simulation.rollout import Trajectories, drive_constant_velocity, drive_idm
+from idm_sumo.simulation.rollout import Trajectories, drive_constant_velocity
 
 from . import paper
 from .drivers import Drive, Drivers
@@ -145,7 +145,7 @@ def frames(study: Study, test: Drivers) -> pd.DataFrame:
 
 
 def _score(drivers: Drivers, theta: npt.NDArray[np.float64]) -> dict[str, float]:
-    return dict(summary(drivers.score(drivers.drive(theta, drive_idm))))
+    return dict(summary(drivers.score(drivers.drive(theta))))
 
 
 def beside_paper(

@@ -47,7 +47,7 @@ def compile_kernels() -> None:
     pooled(scenes)
     fits = calibrate(scenes)
     driving_code(scenes, 5)
-    score(scenes, drive_idm(scenes, fits[["a", "b", "T", "d0", "d1"]].fillna(1.0)))
+    score(scenes, drive_idm(scenes, fits[["a", "b", "T", "d0", "d1"]].fillna(1.0).to_numpy()))
 
 
 def _platoon() -> Recording:

@@ -211,15 +211,20 @@ def _through_rollout(options: argparse.Namespace) -> Callable[[Scenes], pd.DataF
         WATCHING_STEP,
         drivers_of,
         predict_through_rollout,
+        typical_desired_speed,
     )
     from idm_sumo.scenes.windows import Window
 
+    drivers = None if options.drivers is None else read_drivers(options.drivers)
+    speed = None if drivers is None else typical_desired_speed(drivers)
+
     def training(window: Window) -> Scenes:
         found = shared.scenes_of(options, window).scenes
-        return found if options.drivers is None else drivers_of(found, read_drivers(options.drivers))
+        return found if drivers is None else drivers_of(found, drivers)
 
     second = min(options.observed, SECOND)
-    predictor = RolloutPredictor(seed=options.seed).fit(training(Window(observed=second, every=LEARNING_STEP)))
+    predictor = RolloutPredictor(desired_speed=speed, seed=options.seed)
+    predictor.fit(training(Window(observed=second, every=LEARNING_STEP)))
     if options.observed == second:
         return lambda scenes: predict_through_rollout(scenes, predictor)
     watched = training(Window(observed=options.observed, every=WATCHING_STEP))

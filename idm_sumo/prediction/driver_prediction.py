@@ -4,17 +4,14 @@ from __future__ import annotations
 
 import numpy as np
 import pandas as pd
-from scipy.stats import norm
 
-from idm_sumo.calibration.hierarchical import SHIFT
-from idm_sumo.models.idm import LOWER, UPPER, IDMParameters
 from idm_sumo.prediction.moving_horizon import MovingHorizon, recent
 from idm_sumo.prediction.observation import first_second
 from idm_sumo.prediction.rollout_predictor import RolloutPredictor
-from idm_sumo.prediction.spread import logarithms
 from idm_sumo.recordings import columns as c
 from idm_sumo.runtime.errors import InputError
 from idm_sumo.scenes.windows import Scenes
+from idm_sumo.simulation.driver_parameters import DESIRED_SPEED
 
 LEARNING_STEP = 30  # frames between the windows that are learned from
 WATCHING_STEP = 60  # between those from which is learned how much a longer past counts
@@ -34,7 +31,7 @@ def predict_through_rollout(scenes: Scenes, predictor: RolloutPredictor | Moving
     Returns
     -------
     pandas.DataFrame
-        ``period, vehicle, first_frame, a, b, T, d0, d1, status, based_on``, the ends of the
+        ``period, vehicle, first_frame, a, b, T, d0, d1, desired_speed_m_s, status, based_on``, the ends of the
         90 % interval of every parameter (``a_low, a_high``, ...) and the first second.
     """
     prediction = predictor.predict_left_out(scenes)
@@ -44,19 +41,21 @@ def predict_through_rollout(scenes: Scenes, predictor: RolloutPredictor | Moving
         counts = f", those before the last {learned.observed_} counting {predictor.strength_:g}"
     else:
         learned, seen, counts = predictor, scenes, ""
-    table = scenes.keys()
-    table[list(IDMParameters._fields)] = prediction.theta
-    table["status"] = prediction.status
-    table["based_on"] = (
+    table = prediction._replace(keys=scenes.keys()).to_pandas()
+    based_on = (
         f"{scenes.window.observed} frames, fit through the rollout of {learned.windows_} windows of "
         f"{learned.drivers_} drivers{counts}"
     )
-    half = norm.ppf(0.5 + 0.5 * LIKELY) * np.sqrt(np.einsum("njj->nj", prediction.covariance))
-    middle = logarithms(prediction.theta)
-    for end, sign in (("low", -1.0), ("high", 1.0)):
-        limit = np.clip(np.exp(middle + sign * half) - SHIFT, np.array(LOWER), np.array(UPPER))
-        table[[f"{name}_{end}" for name in IDMParameters._fields]] = limit
+    table.insert(table.columns.get_loc("status") + 1, "based_on", based_on)
     return table.join(first_second(seen))
+
+
+def typical_desired_speed(drivers: pd.DataFrame) -> float | None:
+    """Return the median desired speed (m/s) of a driver table, None where it has none.
+
+    A driver that is yet to be predicted is taken to want what drivers want; one second of it does not tell.
+    """
+    return float(drivers[DESIRED_SPEED].median()) if DESIRED_SPEED in drivers else None
 
 
 def drivers_of(scenes: Scenes, table: pd.DataFrame) -> Scenes:

@@ -27,7 +27,8 @@ from idm_sumo.calibration.kernel import costs, to_search
 from idm_sumo.calibration.pooled import usable_windows
 from idm_sumo.calibration.problem import Problem, only, prepare
 from idm_sumo.prediction.observation import first_second
-from idm_sumo.prediction.rollout_predictor import OK, Prediction, RolloutPredictor
+from idm_sumo.prediction.result import Prediction
+from idm_sumo.prediction.rollout_predictor import OK, RolloutPredictor
 from idm_sumo.prediction.spread import logarithms
 from idm_sumo.runtime.errors import InputError
 from idm_sumo.scenes.windows import LEADER_FROM_LANE, Scenes, Window
@@ -132,6 +133,7 @@ class MovingHorizon(BaseEstimator):  # type: ignore[misc]
         return first_second(recent(scenes, self._seen(frames)))
 
     def _moved(self, scenes: Scenes, frames: int, prior: Prediction) -> Prediction:
+        prior = prior._replace(keys=scenes.keys())
         if self.strength_ == 0.0 or frames <= self.predictor.observed_:
             return prior
         which, watched = self._watched(scenes, frames, prior)

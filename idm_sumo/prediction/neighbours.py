@@ -21,6 +21,7 @@ from idm_sumo.recordings import columns as c
 from idm_sumo.runtime.errors import InputError
 from idm_sumo.scenes.perception import leaders_along
 from idm_sumo.scenes.windows import Scenes
+from idm_sumo.simulation.driver_parameters import DESIRED_SPEED
 
 Floats = npt.NDArray[np.float64]
 
@@ -165,7 +166,7 @@ def predict_drivers(scenes: Scenes, library: pd.DataFrame, *, observed: int, nei
     Returns
     -------
     pandas.DataFrame
-        ``period, vehicle, first_frame, a, b, T, d0, d1, status, based_on`` and the code.
+        ``period, vehicle, first_frame, a, b, T, d0, d1, desired_speed_m_s, status, based_on`` and the code.
 
     Raises
     ------
@@ -180,7 +181,8 @@ def predict_drivers(scenes: Scenes, library: pd.DataFrame, *, observed: int, nei
         part_of_known, index=pd.MultiIndex.from_frame(known[[c.PERIOD, c.VEHICLE]].astype({c.PERIOD: str}))
     )
     part = part_of[~part_of.index.duplicated()].reindex(own).fillna(-1).to_numpy(dtype=np.int64)
-    theta = np.empty((len(scenes), len(IDMParameters._fields)))
+    theta, speed = np.empty((len(scenes), len(IDMParameters._fields))), np.empty(len(scenes))
+    wanted = known.get(DESIRED_SPEED, pd.Series(scenes.road.speed_limit, index=known.index))
     for number in np.unique(part):
         rest = known[part_of_known != number]
         if rest.empty:
@@ -189,9 +191,13 @@ def predict_drivers(scenes: Scenes, library: pd.DataFrame, *, observed: int, nei
             rest[list(FEATURES.values())], rest[list(IDMParameters._fields)]
         )
         theta[part == number] = predictor.predict(codes[part == number])
+        speed[part == number] = predictor.fit(rest[list(FEATURES.values())], wanted[rest.index]).predict(
+            codes[part == number]
+        )
     blind = codes["leader_frames"] == 0
     table = scenes.keys()
     table[list(IDMParameters._fields)] = theta
+    table[DESIRED_SPEED] = speed.clip(wanted.min(), wanted.max())  # a mean of equal numbers differs by rounding
     table["status"] = np.where(blind, "no leader seen: time headway filled in by the library's mean", "ok")
     table["based_on"] = f"{observed} frames, {neighbours} neighbours of {len(known)} drivers"
     return table.join(codes)

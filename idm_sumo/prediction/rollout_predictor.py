@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from typing import NamedTuple
 
 import numpy as np
 import numpy.typing as npt
@@ -20,6 +19,7 @@ from idm_sumo.models.idm import IDMParameters
 from idm_sumo.prediction import basis
 from idm_sumo.prediction.noise import ObservedScale, ResidualNoise
 from idm_sumo.prediction.observation import COLUMNS, first_second
+from idm_sumo.prediction.result import Prediction
 from idm_sumo.prediction.spread import remaining_covariance
 from idm_sumo.prediction.through_rollout import at, fit_weights
 from idm_sumo.recordings import columns as c
@@ -42,26 +42,13 @@ SPREAD_WINDOWS = 600  # that the remaining covariance is learnt from
 NOISE = 0.2  # m, times the root of the seconds: what positions are uncertain by even if the parameters were known
 
 
-class Prediction(NamedTuple):
-    """What is foreseen of drivers.
-
-    Attributes
-    ----------
-    theta : float64, shape (drivers, 5)
-        ``a, b, T, d0, d1``.
-    covariance : float64, shape (drivers, 5, 5)
-        Of ``log(a, b, T, d0, d1 + 1 m)`` about them.
-    status : str, shape (drivers,)
-        "ok", or why it is the population's.
-    """
-
-    theta: Floats
-    covariance: Floats
-    status: npt.NDArray[np.str_]
-
-
 class RolloutPredictor(BaseEstimator):  # type: ignore[misc]
     """IDM parameters linear in functions of the first second, fitted to drive right (not to look like fitted parameters).
+
+    Of scikit-learn's protocol it follows what needs no arrays: parameters are set at construction and by ``set_params``,
+    ``clone`` copies them, ``fit`` returns the predictor and what is learned ends in an underscore, ``predict`` takes rows of
+    features. It is fitted to scenes, not to ``X, y``, because drivers are learned by driving them; ``check_estimator``,
+    pipelines and grid searches over arrays therefore do not apply.
 
     Parameters
     ----------
@@ -145,7 +132,8 @@ class RolloutPredictor(BaseEstimator):  # type: ignore[misc]
         code = self._codes(X)
         status = self.status(code)
         known = (status == OK)[:, None, None]
-        return Prediction(self.predict(code), np.where(known, self.covariance_, self.population_covariance_), status)
+        covariance = np.where(known, self.covariance_, self.population_covariance_)
+        return Prediction(self.predict(code), covariance, status, self.desired_speed_)
 
     def predict_left_out(self, scenes: Scenes) -> Prediction:
         """Return the same for scenes whose drivers may be among the training ones: each by weights that have not seen it."""
@@ -158,7 +146,7 @@ class RolloutPredictor(BaseEstimator):  # type: ignore[misc]
         for k, weights in enumerate(self.fold_weights_):
             mine = (fold == k) & (prediction.status == OK)
             theta[mine] = from_search(at(self.center_, features[mine], weights))
-        return prediction._replace(theta=theta)
+        return prediction._replace(theta=theta, keys=scenes.keys())
 
     def status(self, X: pd.DataFrame | npt.ArrayLike) -> npt.NDArray[np.str_]:
         """Return "ok", or why a driver is given the population's parameters."""

@@ -100,7 +100,7 @@ def _moments(scenes: Scenes) -> npt.NDArray[np.int64]:
 def _inputs(drivers: Drivers, pooled: IDMParameters, with_leader: bool) -> tuple[Floats, Floats, list[Trajectories]]:
     """Return inputs, targets (m every second) and the pooled rollout."""
     driven = drivers.drive(pooled)
-    features = [plain(first_second(s).to_numpy(np.float64), pooled, s.road.speed_limit) for s in drivers.scenes]
+    features = [_plain(s, pooled, drivers.desired_speed) for s in drivers.scenes]
     targets = [
         (recorded_from_start(s, s.x) - t.x)[:, _moments(s)[1:]] for s, t in zip(drivers.scenes, driven, strict=True)
     ]
@@ -108,6 +108,11 @@ def _inputs(drivers: Drivers, pooled: IDMParameters, with_leader: bool) -> tuple
         paths = [_leaders_path(s, t) for s, t in zip(drivers.scenes, driven, strict=True)]
         features = [np.column_stack(both) for both in zip(features, paths, strict=True)]
     return np.concatenate(features), np.concatenate(targets), driven
+
+
+def _plain(scenes: Scenes, pooled: IDMParameters, desired_speed: float | None) -> Floats:
+    limit = float(scenes.road.desired_speed(desired_speed))
+    return plain(first_second(scenes).to_numpy(np.float64), pooled, limit)
 
 
 def _leaders_path(scenes: Scenes, driven: Trajectories) -> Floats:

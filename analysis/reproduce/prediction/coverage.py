@@ -10,7 +10,7 @@ from idm_sumo.evaluation.metrics import recorded_from_start
 from idm_sumo.prediction import Prediction
 from idm_sumo.prediction.noise import ResidualNoise
 from idm_sumo.recordings import columns as c
-from idm_sumo.simulation.rollout import Trajectories, drive_constant_velocity, drive_idm
+from idm_sumo.simulation.rollout import Trajectories, drive_constant_velocity
 
 from ..drivers import Drivers
 from .intervals import share_interval
@@ -50,7 +50,7 @@ def coverage_of(learned: Learned, test: Drivers, driven: dict[str, list[Trajecto
     still = [drive_constant_velocity(s) for s in train.scenes], [drive_constant_velocity(s) for s in test.scenes]
     for name, (seen, unseen) in {
         "constant_velocity": still,
-        "idm_pooled": (train.drive(predictor.pooled_, drive_idm), driven["idm_pooled"]),
+        "idm_pooled": (train.drive(predictor.pooled_), driven["idm_pooled"]),
     }.items():
         before, after = _residuals(train, seen), _residuals(test, unseen)
         known[name] = (ResidualNoise.fit(before, np.ones_like(before)), after, np.ones_like(after))

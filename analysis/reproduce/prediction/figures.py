@@ -43,7 +43,7 @@ def fan(study: Study) -> Figure:
     scenes, predictor = max(study.test.scenes, key=len), study.learned.predictor
     found = predictor.predict_with_spread(first_second(scenes))
     own = slice(scenes.start, scenes.start + scenes.window.horizon + 1)
-    off = scenes.x[:, own] - drive_idm(scenes, found.theta).x
+    off = scenes.x[:, own] - drive_idm(scenes, found.theta, desired_speed=predictor.desired_speed_).x
     order = np.argsort(np.abs(off).mean(axis=1), kind="stable")
     figure, axes = new_figure(9.0, 3.4, columns=len(QUARTILES))
     for ax, q in zip(axes, QUARTILES, strict=True):
@@ -55,7 +55,7 @@ def fan(study: Study) -> Figure:
             low, high = predictor.noise_.interval(share, scale)
             ax.fill_between(time[1:], low, high, color=METHOD_COLOURS["idm_rollout"], alpha=alpha, linewidth=0,
                             label=f"{share:.0%}")  # fmt: skip
-        for path in _drawn(one, prediction):
+        for path in _drawn(one, prediction, predictor.desired_speed_):
             ax.plot(time, path, color=METHOD_COLOURS["idm_rollout"], linewidth=0.5, alpha=0.5)
         ax.plot(time, off[which[0]], color=RECORDED, label="recorded")
         ax.set(xlabel="time (s)", title=f"vehicle {one.vehicle[0]}")
@@ -107,7 +107,7 @@ def seconds(table: pd.DataFrame) -> Figure:
     return figure
 
 
-def _drawn(one: Scenes, prediction: Prediction) -> npt.NDArray[np.float64]:
+def _drawn(one: Scenes, prediction: Prediction, speed: float) -> npt.NDArray[np.float64]:
     """Return positions of rollouts with drawn parameters.
 
     They are relative to the predicted rollout.
@@ -115,4 +115,5 @@ def _drawn(one: Scenes, prediction: Prediction) -> npt.NDArray[np.float64]:
     rng = np.random.default_rng(0)
     u = rng.multivariate_normal(logarithms(prediction.theta)[0], prediction.covariance[0], DRAWN)
     many = one.subset(np.zeros(DRAWN, dtype=np.int64))
-    return np.asarray(drive_idm(many, to_parameters(u)).x - drive_idm(one, prediction.theta).x)
+    drawn = drive_idm(many, to_parameters(u), desired_speed=speed)
+    return np.asarray(drawn.x - drive_idm(one, prediction.theta, desired_speed=speed).x)

@@ -59,7 +59,7 @@ def learn(source: Source, settings: Settings, window: Window) -> Learned:
     """
     drivers, _ = source.drivers(source.train, "train", replace(window, every=LEARNING_STEP))
     rng = np.random.default_rng(settings.seed)
-    windows = Drivers(tuple(some_drivers(scenes, rng) for scenes in drivers.scenes))
+    windows = replace(drivers, scenes=tuple(some_drivers(scenes, rng) for scenes in drivers.scenes))
     predictor = RolloutPredictor(desired_speed=settings.desired_speed, seed=settings.seed)
     return Learned(windows, predictor.fit(list(windows.scenes)))
 
@@ -96,7 +96,7 @@ def fits_or(scenes: Scenes, pooled: IDMParameters, desired_speed: float | None) 
         Windows of one period.
     pooled : IDMParameters
         The pooled set.
-    desired_speed : float
+    desired_speed : float, optional
         Desired speed (m/s).
 
     Returns

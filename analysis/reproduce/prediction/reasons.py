@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from typing import Any
 
 import numpy as np
@@ -106,7 +107,7 @@ def directions(drivers: Drivers, fits: pd.DataFrame) -> dict[str, Any]:
     for scenes, theta, kept in parts:
         use = kept.astype(np.bool_)
         z = to_search(theta[use])
-        identification = identify(prepare(scenes.subset(use)), z)
+        identification = identify(prepare(scenes.subset(use), desired_speed=drivers.desired_speed), z)
         to_box = 1.0 / (slopes_at(z) * (UPPER - LOWER))
         values, vectors = np.linalg.eigh(identification.covariance * to_box[:, :, None] * to_box[:, None, :])
         width.append(2.0 * NORMAL_95 * np.sqrt(np.maximum(values, 0.0)))
@@ -237,8 +238,10 @@ def hindsight(windows: Drivers, one_for_all: IDMParameters, seed: int) -> dict[s
     for k in np.sort(rng.choice(len(drivers), min(HINDSIGHT_DRIVERS, len(drivers)), replace=False)):
         own = ((keys[c.PERIOD] == drivers[k][0]) & (keys[c.VEHICLE] == drivers[k][1])).to_numpy()
         one = _only(windows, np.flatnonzero(own))
-        oracle = fits_or(one.scenes[0], one_for_all, None)
-        sets: dict[str, Any] = {"idm_pooled": one_for_all, "idm_oracle": oracle, "hindsight": pooled(one.scenes)}
+        speed = windows.desired_speed
+        oracle = fits_or(one.scenes[0], one_for_all, speed)
+        together = pooled(one.scenes, desired_speed=speed)
+        sets: dict[str, Any] = {"idm_pooled": one_for_all, "idm_oracle": oracle, "hindsight": together}
         rows.append({name: _ade(one, theta).mean() for name, theta in sets.items()})
     share = share_closed(pd.DataFrame(rows), "hindsight")
     return {
@@ -254,7 +257,7 @@ def _only(drivers: Drivers, rows: Integers) -> Drivers:
     kept = np.zeros(len(drivers))
     kept[rows] = 1
     parts = zip(drivers.scenes, drivers.parts(kept), strict=True)
-    return Drivers(tuple(s.subset(k.astype(bool)) for s, k in parts if k.any()))
+    return replace(drivers, scenes=tuple(s.subset(k.astype(bool)) for s, k in parts if k.any()))
 
 
 def _ade(drivers: Drivers, theta: npt.ArrayLike) -> Floats:

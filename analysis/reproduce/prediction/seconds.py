@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 import numpy.typing as npt
 import pandas as pd
@@ -97,7 +99,7 @@ def _watched(source: Source, side: dict[str, frozenset[int]], name: str, setting
         except InputError:
             continue
         rng = np.random.default_rng(settings.seed)
-        return Drivers(tuple(some_drivers(s, rng, MOST_DRIVERS) for s in found.scenes))
+        return replace(found, scenes=tuple(some_drivers(s, rng, MOST_DRIVERS) for s in found.scenes))
     return None
 
 
@@ -133,7 +135,8 @@ def _rows(test: Drivers, found: dict[tuple[str, float], list[Floats]]) -> pd.Dat
     follows = [recent(s, 1) for s in test.scenes]
     by_driver = {}
     for what, theta in found.items():
-        off = np.concatenate([displacement(s, drive_idm(s, t)) for s, t in zip(follows, theta, strict=True)])
+        driven = (drive_idm(s, t, desired_speed=test.desired_speed) for s, t in zip(follows, theta, strict=True))
+        off = np.concatenate([displacement(s, t) for s, t in zip(follows, driven, strict=True)])
         errors = pd.DataFrame({"ade_m": off.mean(axis=1), "fde_m": off[:, -1]})
         by_driver[what] = errors.groupby([keys[c.PERIOD], keys[c.VEHICLE]]).mean()
     ends = {name: own["ade_m"] for (name, _), own in by_driver.items() if name in (POOLED, ORACLE)}

@@ -59,7 +59,12 @@ def lane_change_attributes(model: str, parameters: Mapping[str, str]) -> dict[st
 
 
 def calibrated_types(
-    demand: pd.DataFrame, theta: Floats, lane_change: Mapping[str, str], desired_speed: float
+    demand: pd.DataFrame,
+    theta: Floats,
+    lane_change: Mapping[str, str],
+    desired_speed: npt.ArrayLike,
+    *,
+    speed_limit: float = np.inf,
 ) -> list[Element]:
     """Return the exported type of every vehicle.
 
@@ -71,8 +76,10 @@ def calibrated_types(
         ``a, b, T, d0`` of each, and a ``d1`` that is zero, for SUMO has none.
     lane_change : mapping of str to str
         Of :func:`lane_change_attributes`.
-    desired_speed : float
+    desired_speed : array_like, shape (vehicles,) or ()
         m/s.
+    speed_limit : float
+        The road's (m/s). SUMO lets nobody drive above it, unless a factor of the type says so.
 
     Raises
     ------
@@ -86,13 +93,14 @@ def calibrated_types(
         )
     if (theta[:, 4] != 0.0).any():
         raise InputError("SUMO's IDM has no d1: refit or linearise the drivers first")
+    limits = np.broadcast_to(np.asarray(desired_speed, dtype=np.float64), (len(demand),)).tolist()
     sizes = zip(*(demand[name].tolist() for name in (d.KEYS[1], d.LENGTH, d.WIDTH, d.CLASS)), strict=True)
-    return [
-        type_element(
-            DriverType(f"type.{vehicle}", a, b, T, d0, desired_speed, length, width, int(kind)), None, **lane_change
-        )
-        for (vehicle, length, width, kind), (a, b, T, d0, _) in zip(sizes, theta.tolist(), strict=True)
-    ]
+    types = []
+    for (vehicle, length, width, kind), (a, b, T, d0, _), v0 in zip(sizes, theta.tolist(), limits, strict=True):
+        driver = DriverType(f"type.{vehicle}", a, b, T, d0, v0, length, width, int(kind))
+        faster = {"speedFactor": number(v0 / speed_limit)} if v0 > speed_limit else {}
+        types.append(type_element(driver, None, **faster, **lane_change))
+    return types
 
 
 def default_types(demand: pd.DataFrame, name: str, lane_change: Mapping[str, str]) -> list[Element]:

@@ -37,8 +37,7 @@ def traffic() -> Recording:
 
 
 def one_driver(whole: Recording) -> Scenes:
-    scenes, _ = build_scenes(whole, Window(OBSERVED, HORIZON), modelled=[1])
-    return scenes
+    return build_scenes(whole, Window(OBSERVED, HORIZON), modelled=[1])
 
 
 @pytest.fixture(scope="module")

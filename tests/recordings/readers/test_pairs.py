@@ -45,8 +45,8 @@ def test_the_gap_is_the_recorded_one_and_no_other_pair_is_seen(tmp_path) -> None
     # The second pair drives exactly between the first one's cars, at the same moments.
     table = in_feet(pd.concat([pair(12, 7, length=18.0), pair(31, 30, start=55.0, gap=3.0), pair(41, 40)]))
     recording = smooth(clean(read(tmp_path, table)))
-    scenes, excluded = build_scenes(recording, SHORT)
-    assert excluded.empty
+    scenes = build_scenes(recording, SHORT)
+    assert scenes.excluded.empty
     assert scenes.leader_source == LEADER_OF_TWIN
     driven = drive_idm(scenes, (1.4, 1.8, 1.1, 2.0, 0.0))
     np.testing.assert_allclose(driven.gap[:, 0], [20.0, 3.0, 20.0], atol=0.01)
