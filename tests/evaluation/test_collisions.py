@@ -259,7 +259,7 @@ def test_recorded_drivers_do_not_collide(shared_data):
 def test_agrees_with_looking_at_every_pair_of_vehicles(data):
     n = data.draw(st.integers(1, 6))
     cars = [
-        Car(i + 2, x=data.draw(st.floats(80.0, 130.0)), lane=data.draw(st.floats(0.6, 5.4)),
+        Car(i + 2, x=data.draw(st.floats(80.0, 130.0)), y=np.full(40, data.draw(st.floats(-0.98, -0.02)) * US101.width),
             speed=data.draw(st.floats(0.0, 20.0)), heading=data.draw(st.floats(-0.2, 0.2)),
             length=data.draw(st.floats(2.0, 18.0)))
         for i in range(n)
@@ -273,7 +273,7 @@ def test_agrees_with_looking_at_every_pair_of_vehicles(data):
         ego = (path.x[0, k], path.y[0, k], 0.05, 4.0, 2.0)
         hits = {
             car.vehicle for car in cars
-            if common_area(ego, (car.x + car.speed * 0.1 * (3 + k), float(US101.lane_center(car.lane)), car.heading,
+            if common_area(ego, (car.x + car.speed * 0.1 * (3 + k), car.y[0], car.heading,
                                  car.length, car.width)) > 1e-12
         }  # fmt: skip
         if k and hits - since_start:

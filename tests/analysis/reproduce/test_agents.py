@@ -11,6 +11,7 @@ import pandas as pd
 import pytest
 
 from analysis.reproduce.agents import figures as agent_figures
+from analysis.reproduce.agents import learners as agent_learners
 from analysis.reproduce.agents import rows as agents
 from analysis.reproduce.agents import study as agent_study
 from analysis.reproduce.agents import words as agent_words
@@ -82,7 +83,7 @@ def test_what_is_learned_is_kept(
     monkeypatch.setenv("IDM_SUMO_CACHE", str(tmp_path))
     one = replace(settings, agent_seeds=1, agent_steps=128 * 50)
     first = learners_of(sides[0], one)
-    monkeypatch.setattr(agents, "lessons_of", lambda _: pytest.fail("learned again"))
+    monkeypatch.setattr(agent_learners, "lessons_of", lambda _: pytest.fail("learned again"))
     again = learners_of(sides[0], one)
     np.testing.assert_array_equal(first.policies["irl_rl"][0].layers[0][0], again.policies["irl_rl"][0].layers[0][0])
     assert fingerprint(sides[0], one) != fingerprint(sides[1], one)
@@ -92,7 +93,7 @@ def test_what_is_learned_is_kept(
 def test_without_the_extra_there_are_clones_and_one_line_that_says_what_to_install(
     settings: Settings, sides: tuple[Drivers, Drivers], tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    monkeypatch.setattr(agents, "rl_is_installed", lambda: False)
+    monkeypatch.setattr(agent_learners, "rl_is_installed", lambda: False)
     found = learners_of(sides[0], replace(settings, agent_seeds=1), tmp_path / "learned")
     assert list(found.policies) == ["behaviour_cloning"]
     rows = agents.rows(agents.drive_agents(sides[1], found, in_sumo=False))

@@ -113,7 +113,7 @@ def test_the_reports_sentences_hold_the_tables_numbers(tables: dict[str, pd.Data
 def test_a_past_that_is_not_believed_is_said_so(tables: dict[str, pd.DataFrame]) -> None:
     table = tables["prediction_seconds"]
     assert "no weight at all" in prediction_words.caption(table.assign(strength=0.0))
-    assert "counts 0.03 times" in prediction_words.caption(table.assign(strength=0.03))
+    assert "the past has 0.03 times the weight" in prediction_words.caption(table.assign(strength=0.03))
 
 
 def test_figure_of_seconds_is_drawn(tables: dict[str, pd.DataFrame], tmp_path: Path) -> None:
