@@ -189,13 +189,16 @@ def effect_terms(stimuli, m):  # type: ignore[no-untyped-def]
     )
     share = m[slots.SECOND_LEADER] if stimuli.second_gap < 1e6 else 0.0
     beside = stimuli.next_adjacent_speed if m[slots.FRICTION_NEXT] > 0.5 else stimuli.adjacent_speed
+    # Named before the call: Numba takes no conditional within a call of so many keywords.
+    accepted = stimuli.accepted_headway if given_up + limited > 0.0 else 0.0
+    memory = m[slots.MEMORY] if stimuli.mean_speed == stimuli.mean_speed else 0.0
     return EffectTerms(
         headway=headway,
         limit=in_lane(stimuli.lane, m[slots.DESIRED_SPEED], m[slots.DESIRED_SPEED_LANE], m[slots.DESIRED_SPEED_ACROSS]),
         credit=gap_credit(stimuli.jump, stimuli.since_change, m[slots.RELAXATION] * of_gap, m[slots.RELAXATION_TIME]),
         given_up=given_up,
         limited=limited,
-        accepted=stimuli.accepted_headway if given_up + limited > 0.0 else 0.0,
+        accepted=accepted,
         share=share * (1.0 - m[slots.SECOND_SPEED_ONLY]),
         rate_share=share * m[slots.SECOND_SPEED_ONLY],
         second_speed=stimuli.second_speed,
@@ -204,7 +207,7 @@ def effect_terms(stimuli, m):  # type: ignore[no-untyped-def]
         asymmetry=m[slots.ASYMMETRY],
         slope=m[slots.SPEED_HEADWAY],
         pivot=m[slots.PIVOT_SPEED],
-        memory=m[slots.MEMORY] if stimuli.mean_speed == stimuli.mean_speed else 0.0,
+        memory=memory,
         mean_speed=stimuli.mean_speed,
         place=m[slots.PLACE],
         place_headway=m[slots.PLACE_HEADWAY],
