@@ -6,7 +6,10 @@ The names below are imported when they are first used, so that ``import idm_sumo
 from __future__ import annotations
 
 from importlib import import_module
+from pathlib import Path
 from typing import TYPE_CHECKING, Any
+
+from idm_sumo.runtime.environment import find_places_for_caches
 
 if TYPE_CHECKING:
     from idm_sumo.calibration.table import calibrate as calibrate
@@ -67,3 +70,6 @@ def __getattr__(name: str) -> Any:
 def __dir__() -> list[str]:
     """Return the public names."""
     return list(__all__)
+
+
+find_places_for_caches(Path(__file__).parent)  # before any compiled kernel is loaded

@@ -14,7 +14,7 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 import pandas as pd
-from joblib import Parallel, cpu_count, delayed
+from joblib import cpu_count
 
 from idm_sumo.calibration import driver_table as d
 from idm_sumo.evaluation.comparison import compare_measures, measure_traffic
@@ -26,6 +26,7 @@ from idm_sumo.roads import Road
 from idm_sumo.runtime.errors import InputError
 from idm_sumo.runtime.files import MANIFEST, new_folder
 from idm_sumo.runtime.progress import Progress, silent
+from idm_sumo.runtime.workers import in_processes
 from idm_sumo.sumo.closed_loop.demand import boundary_speeds, demand_of
 from idm_sumo.sumo.closed_loop.ego import Ego
 from idm_sumo.sumo.closed_loop.extended_loop import ModelDrivers
@@ -242,14 +243,17 @@ def _run_all(
     if jobs == 1:
         return [(case, run_and_measure(case.files, recorded=clock, progress=progress, **more)) for case, more in work]
     progress("simulating", 0, len(cases))
-    results = Parallel(n_jobs=jobs, return_as="generator")(
-        delayed(run_and_measure)(case.files, recorded=clock, **more) for case, more in work
-    )
+    results = in_processes(jobs, ((case, clock, more) for case, more in work), _run_one)
     done = []
     for case, measured in zip(cases, results, strict=True):
         done.append((case, measured))
         progress("simulating", len(done), len(cases))
     return done
+
+
+def _run_one(case: Case, clock: Recording, more: dict[str, Any]) -> Measured:
+    """Run one case; what a worker process does."""
+    return run_and_measure(case.files, recorded=clock, **more)
 
 
 def _ego(settings: Settings, road: Road, demand: pd.DataFrame, drivers: Drivers | None) -> Ego | None:

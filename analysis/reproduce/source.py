@@ -14,6 +14,7 @@ from idm_sumo.recordings.reading import read_recording
 from idm_sumo.recordings.recording import Recording
 from idm_sumo.recordings.smoothing import smooth
 from idm_sumo.runtime.errors import InputError
+from idm_sumo.runtime.ownership import is_whole
 from idm_sumo.runtime.progress import Progress, silent
 from idm_sumo.scenes.windows import Window, build_scenes
 from idm_sumo.sumo.surrogate.builtin import SURROGATE, surrogate, surrogate_folder
@@ -166,7 +167,7 @@ def _surrogate(settings: Settings, progress: Progress) -> Path:
 
     While SUMO makes it on one core, the kernels are compiled on another.
     """
-    if surrogate_folder(settings.minutes, settings.seed).is_dir():
+    if is_whole(surrogate_folder(settings.minutes, settings.seed)):
         return surrogate(minutes=settings.minutes, seed=settings.seed)
     compiling = compile_beside()
     folder = surrogate(minutes=settings.minutes, seed=settings.seed, progress=progress)

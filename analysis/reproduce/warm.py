@@ -5,8 +5,7 @@ A first run so does not wait for it.
 
 from __future__ import annotations
 
-from concurrent.futures import Future, ProcessPoolExecutor
-from multiprocessing import get_context
+from concurrent.futures import Future
 
 import numpy as np
 import pandas as pd
@@ -18,6 +17,7 @@ from idm_sumo.recordings import columns as c
 from idm_sumo.recordings.columns import FRAME_STEP
 from idm_sumo.recordings.recording import Recording
 from idm_sumo.roads import Road
+from idm_sumo.runtime.workers import beside
 from idm_sumo.scenes.windows import Window, build_scenes
 from idm_sumo.simulation.rollout import drive_idm
 
@@ -35,10 +35,7 @@ def compile_beside() -> Future[None]:
     concurrent.futures.Future
         Wait for the end with ``.result()``.
     """
-    pool = ProcessPoolExecutor(1, mp_context=get_context("spawn"))
-    compiled = pool.submit(compile_kernels)
-    pool.shutdown(wait=False)  # the process ends after compiling
-    return compiled
+    return beside(compile_kernels)
 
 
 def compile_kernels() -> None:

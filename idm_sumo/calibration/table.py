@@ -4,9 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 from functools import partial
-from typing import cast
 
-import joblib
 import numba
 import numpy as np
 import numpy.typing as npt
@@ -22,6 +20,7 @@ from idm_sumo.calibration.without_d1 import MEAN_SPEED, mean_speeds
 from idm_sumo.models import idm
 from idm_sumo.runtime.errors import InputError
 from idm_sumo.runtime.progress import Progress, silent
+from idm_sumo.runtime.workers import in_processes
 from idm_sumo.scenes.windows import Scenes
 from idm_sumo.simulation.driver_parameters import DESIRED_SPEED
 from idm_sumo.simulation.rollout import drive_idm
@@ -129,8 +128,8 @@ def _run(work: partial[pd.DataFrame], tasks: Iterator[tuple[object, ...]], jobs:
         return (work(*task) for task in tasks)
     threads = max(1, numba.get_num_threads() // jobs)
     # Pieces are small: memory-mapped they would be read-only, which is another type to numba.
-    parallel = joblib.Parallel(n_jobs=jobs, return_as="generator", pre_dispatch="2*n_jobs", max_nbytes=None)
-    return cast(Iterator[pd.DataFrame], parallel(joblib.delayed(_with_threads)(threads, work, task) for task in tasks))
+    calls = ((threads, work, task) for task in tasks)
+    return in_processes(jobs, calls, _with_threads, pre_dispatch="2*n_jobs", max_nbytes=None)
 
 
 def _with_threads(threads: int, work: partial[pd.DataFrame], task: tuple[object, ...]) -> pd.DataFrame:

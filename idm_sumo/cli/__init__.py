@@ -6,33 +6,29 @@ It is the only room that sees `analysis`.
 from __future__ import annotations
 
 import sys
-import traceback
 from collections.abc import Sequence
-from typing import NoReturn
 
-from idm_sumo.cli.parser import build_parser
-from idm_sumo.runtime.errors import InputError
+from idm_sumo.cli.guard import defended
+from idm_sumo.runtime.environment import one_blas_thread
 
-BAD_INPUT = 2
+VERBOSE = {"-v", "--verbose"}
 
 
 def main(arguments: Sequence[str] | None = None) -> None:
-    """Run one command and exit: 0 when done, 2 with one line when the input or the user stopped it."""
-    options = build_parser().parse_args(arguments)
-    try:
+    """Run one command; end the program with one line if anything stops it.
+
+    Raises
+    ------
+    SystemExit
+        With 2 if input, options or the machine stopped the run, 130 after an interrupt, 1 for a
+        defect of ours; see :mod:`idm_sumo.cli.guard`.
+    """
+    given = sys.argv[1:] if arguments is None else list(arguments)
+    with defended(verbose=bool(VERBOSE & set(given))):
+        one_blas_thread()
+        from idm_sumo.cli import outputs  # here, so that an interrupt while modules load is caught
+        from idm_sumo.cli.parser import build_parser
+
+        options = build_parser().parse_args(given)
+        outputs.check(options)
         options.run(options)
-    except InputError as error:
-        if options.verbose:
-            traceback.print_exc()
-        _stop(str(error))
-    except KeyboardInterrupt:
-        _stop("interrupted; nothing half-written is left, run the same command again")
-    except BrokenPipeError:
-        sys.stderr.close()  # the reader of our output has gone, as `head` does
-        sys.exit(0)
-
-
-def _stop(message: str) -> NoReturn:
-    one_line = " ".join(message.split())
-    print(f"idm-sumo: {one_line}", file=sys.stderr)
-    sys.exit(BAD_INPUT)

@@ -8,6 +8,7 @@ from pathlib import Path
 from typing import Any
 
 from idm_sumo.cli import options as shared
+from idm_sumo.cli import outputs
 from idm_sumo.cli.console import progress_bar, say, study_module, text_table
 from idm_sumo.runtime.errors import InputError
 
@@ -83,6 +84,7 @@ def _add_compare(commands: Any) -> None:
     shared.location_argument(parser)
     shared.minutes_argument(parser, 45.0)
     shared.output_argument(parser, "DIR", "tables/, figures/, report.html, manifest.json go there")
+    outputs.declare(parser, "recording", "others")
 
 
 def compare(options: argparse.Namespace) -> None:
@@ -183,6 +185,7 @@ def _add_interactive(commands: Any) -> None:
         " with them, by the drivers that were refitted with them (drivers.parquet beside it)",
     )
     shared.output_argument(parser, "DIR", "tables/, figures/, fcd/, simulation/, report.html, manifest.json go there")
+    outputs.declare(parser, "recording", "drivers", "model")
 
 
 def _setting(text: str) -> tuple[str, str]:

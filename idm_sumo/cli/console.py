@@ -13,12 +13,16 @@ from typing import TYPE_CHECKING
 from rich.console import Console
 from rich.progress import BarColumn, Progress, TaskID, TaskProgressColumn, TextColumn, TimeRemainingColumn
 
+from idm_sumo.cli.guard import say
 from idm_sumo.runtime.text import number
 
 if TYPE_CHECKING:
     import pandas as pd
 
     from idm_sumo.runtime.progress import Progress as Report
+
+
+__all__ = ["note", "progress_bar", "say", "study_module", "text_table"]
 
 
 @contextmanager
@@ -76,16 +80,6 @@ class _StageLog:
         if stage != self._last:
             print(f"{numbered(stage, self._stages)} ...", file=sys.stderr, flush=True)
             self._last = stage
-
-
-def say(*lines: str) -> None:
-    """Print lines to standard output.
-
-    Parameters
-    ----------
-    *lines : str
-    """
-    print(*lines, sep="\n")
 
 
 def note(line: str) -> None:

@@ -8,6 +8,7 @@ import sys
 from typing import Any
 
 from idm_sumo.cli import options as shared
+from idm_sumo.cli import outputs
 from idm_sumo.cli.console import note, progress_bar, say, study_module
 from idm_sumo.runtime.memory import keep_freed_memory
 
@@ -57,6 +58,7 @@ def add(commands: Any) -> None:
         "DIR",
         "diagnosis.json, report.html, model.json, drivers.parquet, tables/, figures/, manifest.json go there",
     )
+    outputs.declare(parser, "recording")
 
 
 def diagnose(options: argparse.Namespace) -> None:

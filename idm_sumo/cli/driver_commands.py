@@ -7,6 +7,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from idm_sumo.cli import options as shared
+from idm_sumo.cli import outputs
 from idm_sumo.cli.console import note, progress_bar, say
 
 if TYPE_CHECKING:
@@ -75,6 +76,7 @@ def _add_calibrate(commands: Any) -> None:
         help="gauss-newton: fast, exact derivatives (default); l-bfgs-b: the paper's",
     )
     shared.output_argument(parser, "FILE", ".parquet or .csv, one row a driver")
+    outputs.declare(parser, "recording", endings=(".parquet", ".csv"))
 
 
 def _add_predict(commands: Any) -> None:
@@ -113,6 +115,7 @@ def _add_predict(commands: Any) -> None:
     parser.add_argument("--neighbours", type=int, default=8, metavar="K", help="drivers to average (default 8)")
     parser.set_defaults(horizon=1, rollout_start="observed")
     shared.output_argument(parser, "FILE", ".parquet or .csv, one row a driver")
+    outputs.declare(parser, "recording", "drivers", endings=(".parquet", ".csv"))
 
 
 def calibrate(options: argparse.Namespace) -> None:

@@ -7,6 +7,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from idm_sumo.cli import options as shared
+from idm_sumo.cli import outputs
 from idm_sumo.cli.console import note, say, text_table
 
 if TYPE_CHECKING:
@@ -31,6 +32,7 @@ def add(commands: Any) -> None:
     parser = shared.command(commands, "export", export, EXPORT, "idm-sumo export drivers.parquet -o drivers.rou.xml")
     parser.add_argument("drivers", type=Path, metavar="DRIVERS", help="table of `calibrate` or `predict`")
     shared.output_argument(parser, "FILE.rou.xml", "FILE.sumocfg and FILE.net.xml are written beside it")
+    outputs.declare(parser, "drivers", "net_file", "model", endings=(".xml",))
     parser.add_argument(
         "--jam-distance",
         choices=("refit", "linearised", "none"),

@@ -7,6 +7,7 @@ from pathlib import Path
 from typing import Any
 
 from idm_sumo.cli import options as shared
+from idm_sumo.cli import outputs
 from idm_sumo.cli.console import note, progress_bar, say, study_module, text_table
 
 STEPS = 1_200_000
@@ -57,6 +58,7 @@ def add(commands: Any) -> None:
         "--steps", type=int, default=50, metavar="FRAMES", help="of each demonstration (default 50, 5 s)"
     )
     shared.output_argument(parser, "FILE", "weights with standard errors, as JSON")
+    outputs.declare(parser, "recording", endings=(".json",))
 
     parser = shared.command(actions, "train", train, TRAIN, "idm-sumo irl train RECORDING --quick -o agents")
     _source_arguments(parser)
@@ -73,6 +75,7 @@ def add(commands: Any) -> None:
     shared.output_argument(
         parser, "DIR", "reward, policies, learning curve; interrupted, the same command goes on from its checkpoints"
     )
+    outputs.declare(parser, "recording", kept=True)
 
     parser = shared.command(
         actions, "evaluate", evaluate, EVALUATE, "idm-sumo irl evaluate RECORDING --quick --agents agents -o scores.csv"
@@ -80,6 +83,7 @@ def add(commands: Any) -> None:
     _source_arguments(parser)
     parser.add_argument("--agents", type=Path, required=True, metavar="DIR", help="folder of `irl train`")
     shared.output_argument(parser, "FILE", "one row a method and seed, as CSV")
+    outputs.declare(parser, "recording", endings=(".csv",))
 
 
 def _source_arguments(parser: argparse.ArgumentParser) -> None:

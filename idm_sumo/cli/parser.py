@@ -21,6 +21,7 @@ from idm_sumo.cli import (
     recording_commands,
     study_commands,
 )
+from idm_sumo.cli.guard import BAD_INPUT, complain, say
 
 DESCRIPTION = """\
 Replay recorded traffic in SUMO, drive one vehicle at a time by a model,
@@ -61,6 +62,10 @@ class OneLineParser(argparse.ArgumentParser):
     It names what may have been meant, and exits with 2.
     """
 
+    def _print_message(self, message: str, file: Any = None) -> None:
+        """Print help where it can be read, or say that it cannot; argparse would say nothing."""
+        say(message.rstrip("\n"))  # errors come by :meth:`error`
+
     def error(self, message: str) -> NoReturn:
         """Exit with one line.
 
@@ -68,8 +73,8 @@ class OneLineParser(argparse.ArgumentParser):
         ----------
         message : str
         """
-        print(f"{self.prog}: {message}; see `{self.prog} --help`", file=sys.stderr)
-        sys.exit(2)
+        complain(f"{self.prog}: {message}; see `{self.prog} --help`")
+        sys.exit(BAD_INPUT)
 
     def parse_known_args(self, args: Sequence[str] | None = None, namespace: Any = None) -> Any:  # type: ignore[override]
         """Parse, refusing mistyped options first.

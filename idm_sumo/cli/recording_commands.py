@@ -8,6 +8,7 @@ from pathlib import Path
 from typing import Any
 
 from idm_sumo.cli import options as shared
+from idm_sumo.cli import outputs
 from idm_sumo.cli.console import progress_bar, say, text_table
 
 INSPECT = """\
@@ -62,11 +63,13 @@ def add(commands: Any) -> None:
         commands, "surrogate", surrogate, SURROGATE, "idm-sumo surrogate -o surrogate.parquet --minutes 4"
     )
     shared.output_argument(parser, "FILE", ".parquet, .txt (official layout) or .csv (portal layout)")
+    outputs.declare(parser, endings=(".parquet", ".txt", ".csv"))
     parser.add_argument(
         "--minutes", type=shared.minutes, default=45.0, metavar="N", help="length (default 45, three periods of 15)"
     )
 
     parser = shared.command(commands, "fetch", fetch, FETCH, "idm-sumo fetch --dest data")
+    outputs.declare(parser, output="dest", kept=True)
     parser.add_argument("--dest", type=Path, default=Path("data"), metavar="DIR", help="where it goes (default data)")
     parser.add_argument("--location", default="us-101", metavar="NAME", help="which study area (default us-101)")
     parser.add_argument(

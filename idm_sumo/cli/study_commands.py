@@ -8,7 +8,9 @@ from pathlib import Path
 from typing import Any
 
 from idm_sumo.cli import options as shared
+from idm_sumo.cli import outputs
 from idm_sumo.cli.console import note, progress_bar, say, study_module, text_table
+from idm_sumo.runtime.places import refuse_overlap
 
 SHOWN = ["method", "ade_m", "ade_se_m", "fde_m", "fde_se_m", "collisions", "vehicles"]
 
@@ -75,6 +77,7 @@ def _add_replay(commands: Any) -> None:
         help="extended model of `diagnose` (model.json), driven beside the plain one",
     )
     shared.output_argument(parser, "DIR", "trajectory, picture, animation and scores go there")
+    outputs.declare(parser, "recording", "drivers", "model")
 
 
 def _add_reproduce(commands: Any) -> None:
@@ -90,6 +93,7 @@ def _add_reproduce(commands: Any) -> None:
         help="a named run (default, without RECORDING: the paper's)",
     )
     shared.output_argument(parser, "DIR", "tables/, figures/, report.html, manifest.json go there")
+    outputs.declare(parser, "recording", "configuration_file", "agents")
     parser.add_argument(
         "--quick", action="store_true", help="fewer drivers and a shorter built-in recording: seconds, not minutes"
     )
@@ -169,6 +173,7 @@ def reproduce(options: argparse.Namespace) -> None:
     settings = settings_module.load_settings(run, overrides)
     if options.quick:
         settings = module.quick(settings)
+    refuse_overlap(settings.recordings, [options.output])  # those that a run file names, too
     with progress_bar(module.stages(settings)) as report:
         table = module.reproduce(settings, options.output, command=sys.argv, jobs=options.jobs, progress=report)
     if not options.no_agents and (missing := study_module("reproduce.agents.rows").missing_row(table)):

@@ -2,8 +2,8 @@
 
 from __future__ import annotations
 
+import os
 import shutil
-import tempfile
 from dataclasses import dataclass
 from datetime import UTC, datetime
 from pathlib import Path
@@ -18,6 +18,7 @@ from idm_sumo.roads import DEFAULT
 from idm_sumo.runtime.errors import InputError
 from idm_sumo.runtime.files import new_file
 from idm_sumo.runtime.progress import Progress, silent
+from idm_sumo.runtime.siblings import lock_of, scratch, sweep
 
 
 class Page(BaseModel):
@@ -174,8 +175,18 @@ class _Download:
         self.loaded = 0
 
     def run(self, *, verify: bool) -> FetchResult:
-        """Do what is left to do."""
+        """Do what is left to do, unless another run is at it."""
         self.folder.mkdir(parents=True, exist_ok=True)
+        sweep(self.folder)
+        lock = lock_of(self.folder)
+        if lock is None:
+            raise InputError(f"{self.folder}: another fetch is at work there; wait for it, or give another folder")
+        try:
+            return self._run(verify=verify)
+        finally:
+            os.close(lock)
+
+    def _run(self, *, verify: bool) -> FetchResult:
         kept = self._kept()
         stand = self.portal.stand()
         manifest = kept or self._begin(stand)
@@ -226,9 +237,9 @@ class _Download:
 
     def _compare(self, manifest: Manifest) -> None:
         """Load every page of the manifest once more, beside, and raise for the first that is another."""
-        with tempfile.TemporaryDirectory(dir=self.folder, prefix=".compare-") as beside:
+        with scratch(self.folder) as beside:
             for number, page in enumerate(manifest.pages):
-                self._load_page(manifest, number, Path(beside), page.sha256).unlink()
+                self._load_page(manifest, number, beside, page.sha256).unlink()
                 self.progress("comparing", number * manifest.page_rows + page.rows, manifest.rows)
 
     def _load(self, manifest: Manifest) -> Manifest:

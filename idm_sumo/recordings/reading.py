@@ -5,7 +5,6 @@ from __future__ import annotations
 import json
 import os
 import re
-import tempfile
 from dataclasses import replace
 from pathlib import Path
 from typing import Any, NamedTuple
@@ -21,6 +20,7 @@ from idm_sumo.recordings.recording import DTYPES, SURROGATE_NOTICE, Recording
 from idm_sumo.roads import DEFAULT, Road, road_at
 from idm_sumo.runtime import inputs, parquet
 from idm_sumo.runtime.errors import InputError
+from idm_sumo.runtime.files import new_file
 
 PARQUET = b"PAR1"
 ZIP = b"PK\x03\x04"
@@ -255,18 +255,7 @@ def write_parquet(recording: Recording, path: str | os.PathLike[str]) -> None:
     }  # fmt: skip
     table = pa.Table.from_pandas(recording.table, preserve_index=False)
     table = table.replace_schema_metadata({**(table.schema.metadata or {}), METADATA: json.dumps(kept).encode()})
-    try:
-        path.parent.mkdir(parents=True, exist_ok=True)
-        handle, beside = tempfile.mkstemp(dir=path.parent, prefix=f".{path.name}.")
-    except OSError as error:
-        raise InputError(f"{path}: cannot be written ({error.strerror})") from None
-    os.close(handle)
-    try:
-        parquet.write_table(table, beside, compression="zstd")
-        if pa.parquet.read_metadata(beside).num_rows != len(recording.table):
+    with new_file(path) as part:
+        parquet.write_table(table, part, compression="zstd")
+        if pa.parquet.read_metadata(part).num_rows != len(recording.table):
             raise InputError(f"{path}: was not written whole; is the disk full?")
-        os.replace(beside, path)
-    except OSError as error:
-        raise InputError(f"{path}: cannot be written ({error.strerror or error})") from None
-    finally:
-        Path(beside).unlink(missing_ok=True)

@@ -1,85 +1,119 @@
-"""A result is complete or absent: write beside, move into place, leave nothing behind."""
+"""A result is complete or absent: write beside, verify, move into place, leave nothing behind."""
 
 from __future__ import annotations
 
+import errno
 import os
 import shutil
-import tempfile
-from collections.abc import Iterator
-from contextlib import contextmanager
+from collections.abc import Iterator, Sequence
+from contextlib import ExitStack, contextmanager
 from pathlib import Path
 
 from idm_sumo.runtime.errors import InputError
+from idm_sumo.runtime.exchange import put_in_place
+from idm_sumo.runtime.ownership import MANIFEST, refuse_strangers, seal, sha256
+from idm_sumo.runtime.places import file_place, folder_place, parents_of
+from idm_sumo.runtime.siblings import PREFIX, bring_back, remove, sibling
 
-MANIFEST = "manifest.json"  # what marks a folder as a result of ours, which a new run may replace
+__all__ = ["MANIFEST", "new_file", "new_files", "new_folder"]
+
+# What goes wrong with a disk while a result is written, whoever writes it.
+DISK = (errno.ENOSPC, errno.EDQUOT, errno.EFBIG, errno.EIO, errno.EROFS)
 
 
 @contextmanager
 def new_file(path: Path | str) -> Iterator[Path]:
     """Yield a temporary file beside ``path`` that takes its place when the block succeeds.
 
+    The folders above are made if need be. A symbolic link stays one: the file it leads to is
+    replaced. Permissions are those of the file that is replaced, or follow the umask.
+
     Raises
     ------
     InputError
-        If the folder does not exist or cannot be written.
+        If ``path`` is a folder, a device, a pipe or a read-only file, or cannot be written.
     """
-    target = Path(path)
-    try:
-        handle, name = tempfile.mkstemp(prefix=f".{target.stem}.", suffix="".join(target.suffixes), dir=target.parent)
-    except OSError as error:
-        raise InputError(f"{target}: cannot write there ({error.strerror}); choose another output") from None
-    os.close(handle)
-    part = Path(name)
-    try:
+    with new_files([path]) as (part,):
         yield part
-        part.chmod(0o644)
-        if target.is_dir():
-            raise InputError(f"{target}: is a folder; name a file")
-        os.replace(part, target)
-    finally:
-        part.unlink(missing_ok=True)
+
+
+@contextmanager
+def new_files(paths: Sequence[Path | str]) -> Iterator[list[Path]]:
+    """Yield temporary files that take the places of ``paths`` together: all of them or none.
+
+    Raises
+    ------
+    InputError
+        As :func:`new_file` does.
+    """
+    targets = [file_place(path) for path in paths]
+    with ExitStack() as stack, _told(paths[0]):
+        for target in targets:
+            stack.enter_context(parents_of(target))
+        parts = [stack.enter_context(sibling(target)) for target in targets]
+        yield parts
+        for part, target in zip(parts, targets, strict=True):
+            if target.exists():
+                part.chmod(target.stat().st_mode & 0o777)
+            sha256(part, settle=True)
+        _replace_all(parts, [file_place(target) for target in targets], stack)
 
 
 @contextmanager
 def new_folder(path: Path | str) -> Iterator[Path]:
     """Yield a temporary folder beside ``path`` that takes its place when the block succeeds.
 
-    An earlier result of ours (a folder with ``manifest.json``) is replaced, an empty folder
-    too; any other folder is refused before work starts. Files of other names that lie in an
-    earlier result stay there.
+    Every file of it is listed, with its SHA-256, in ``manifest.json``. An earlier result is
+    replaced if it holds nothing but what its own manifest lists, unchanged; an empty folder too.
+    Any other folder is refused before work starts.
 
     Raises
     ------
     InputError
-        If ``path`` holds something else, or cannot be written.
+        If ``path`` holds anything else, or cannot be written.
     """
-    target = Path(path)
-    if target.exists() and not target.is_dir():
-        raise InputError(f"{target}: is a file; name a folder")
-    if target.is_dir() and any(target.iterdir()) and not (target / MANIFEST).is_file():
-        raise InputError(f"{target}: is not empty and no earlier result; choose another folder")
+    target = folder_place(path)
+    with _told(path), parents_of(target):
+        bring_back(target)
+        refuse_strangers(path, target)
+        with sibling(target, folder=True) as part:
+            yield part
+            seal(part)
+            if target.exists():
+                part.chmod(target.stat().st_mode & 0o777)
+                refuse_strangers(path, target)  # that came while we worked
+            put_in_place(part, target)
+
+
+def _replace_all(parts: Sequence[Path], targets: Sequence[Path], stack: ExitStack) -> None:
+    """Move files into place; if one cannot be, those before it are as they were."""
+    backups = [stack.enter_context(sibling(target)) if target.exists() else None for target in targets[:-1]]
+    for backup, target in zip(backups, targets, strict=False):
+        if backup is not None:
+            shutil.copy2(target, backup)
+    last = os.stat(parts[-1]).st_ino
     try:
-        target.parent.mkdir(parents=True, exist_ok=True)
-        part = Path(tempfile.mkdtemp(prefix=f".{target.name}.", dir=target.parent))
+        for part, target in zip(parts, targets, strict=True):
+            os.replace(part, target)
+    except BaseException:
+        if not (os.path.exists(targets[-1]) and os.stat(targets[-1]).st_ino == last):  # then all are in place
+            for backup, target, part in zip(backups, targets, parts, strict=False):
+                if not os.path.lexists(part):
+                    os.replace(backup, target) if backup is not None else remove(target)
+        raise
+
+
+@contextmanager
+def _told(path: Path | str) -> Iterator[None]:
+    """Say which result it was that the disk did not take."""
+    try:
+        yield
     except OSError as error:
-        raise InputError(f"{target}: cannot write there ({error.strerror}); choose another output") from None
-    try:
-        yield part
-        part.chmod(0o755)
-        _take_place(part, target)
-    finally:
-        shutil.rmtree(part, ignore_errors=True)
+        if error.errno not in DISK and not _is_part(error.filename):
+            raise
+        raise InputError(f"{path}: cannot be written ({os.strerror(error.errno or errno.EIO)})") from None
 
 
-def _take_place(part: Path, target: Path) -> None:
-    """Move ``part`` to ``target``; what else the user keeps there stays, what it replaces goes after the move."""
-    if not target.exists():
-        os.replace(part, target)
-        return
-    old = part.with_name(part.name + ".old")
-    os.replace(target, old)
-    os.replace(part, target)
-    for entry in old.iterdir():
-        if not (target / entry.name).exists():
-            os.replace(entry, target / entry.name)
-    shutil.rmtree(old)
+def _is_part(name: object) -> bool:
+    """Whether a name is that of a temporary file or folder of ours."""
+    return isinstance(name, str | Path) and PREFIX in str(name)

@@ -255,7 +255,6 @@ def test_unwritable_output(recording: Path, tmp_path: Path, capsys: pytest.Captu
     blocker.write_text("")
     assert "file" in refused(["reproduce", str(recording), "-o", str(blocker)], capsys)
     assert "file" in refused(["reproduce", str(recording), "-o", str(blocker / "below")], capsys)
-    assert "nowhere" in refused(["calibrate", str(recording), "-o", str(tmp_path / "nowhere" / "d.parquet")], capsys)
     assert "d.xlsx" in refused(["calibrate", str(recording), "-o", str(tmp_path / "d.xlsx")], capsys)
 
 
@@ -295,7 +294,7 @@ def test_interrupted_run_leaves_nothing(recording: Path, tmp_path: Path) -> None
         f"main(['reproduce', {str(recording)!r}, '-o', {str(tmp_path / 'out')!r}])\n"
     )
     done = subprocess.run([sys.executable, "-c", script], capture_output=True, text=True, cwd=Path(__file__).parents[2])
-    assert done.returncode == 2
+    assert done.returncode == 130
     assert "interrupted" in done.stderr.splitlines()[-1]
     assert list(tmp_path.iterdir()) == []
 

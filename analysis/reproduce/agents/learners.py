@@ -10,7 +10,7 @@ from typing import Any
 
 import numpy as np
 import pandas as pd
-from joblib import Parallel, cpu_count, delayed
+from joblib import cpu_count
 
 from idm_sumo.evaluation import risk
 from idm_sumo.irl import simulation
@@ -29,6 +29,7 @@ from idm_sumo.runtime.cache import cache_folder
 from idm_sumo.runtime.errors import InputError
 from idm_sumo.runtime.files import new_file
 from idm_sumo.runtime.progress import Progress, silent
+from idm_sumo.runtime.workers import in_processes
 
 from ..drivers import Drivers
 from ..settings import Settings
@@ -188,8 +189,8 @@ def _train(folder: Path, lessons: Lessons, settings: Settings, seeds: list[int],
             train_one(folder, lessons, settings.agent_steps, seed, progress)
         return
     progress("training agents", 0, len(missing))
-    tasks = (delayed(train_one)(folder, lessons, settings.agent_steps, seed) for seed in missing)
-    for done, _ in enumerate(Parallel(n_jobs=processes, backend="loky", return_as="generator")(tasks)):
+    calls = ((folder, lessons, settings.agent_steps, seed) for seed in missing)
+    for done, _ in enumerate(in_processes(processes, calls, train_one, backend="loky")):
         progress("training agents", done + 1, len(missing))
 
 

@@ -19,6 +19,7 @@ from idm_sumo.models.effects.catalogue import BY_NAME
 from idm_sumo.models.effects.record import format_quantity
 from idm_sumo.models.idm import IDMParameters
 from idm_sumo.runtime.errors import InputError
+from idm_sumo.runtime.files import new_file
 
 FORMAT = "idm-sumo extended model 1"
 GOLDEN = (5**0.5 - 1.0) / 2.0  # golden ratio; fractional parts of its multiples fill the unit interval evenly
@@ -249,10 +250,8 @@ class ExtendedModel:
         path : path-like
             File to write; replaced if it exists.
         """
-        path = Path(path)
-        beside = path.with_name(f".{path.name}.{os.getpid()}")
-        beside.write_text(self.to_json(), encoding="utf-8")
-        os.replace(beside, path)
+        with new_file(Path(path)) as part:
+            part.write_text(self.to_json(), encoding="utf-8")
 
     @classmethod
     def read(cls, path: str | os.PathLike[str]) -> ExtendedModel:

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import tempfile
 from collections.abc import Sequence
 from pathlib import Path
 from typing import Any, Protocol
@@ -21,6 +20,7 @@ from idm_sumo.recordings import columns as c
 from idm_sumo.recordings.columns import FRAME_STEP
 from idm_sumo.roads import Road
 from idm_sumo.runtime.errors import InputError
+from idm_sumo.runtime.siblings import scratch
 from idm_sumo.scenes.windows import Scenes
 from idm_sumo.sumo import network, session
 from idm_sumo.sumo.export import run_recipe
@@ -190,8 +190,8 @@ def drive_on(
     extra = np.ascontiguousarray(np.broadcast_to(np.asarray(d1, dtype=np.float64), (n,)))
     x, speed = np.empty((n, h + 1)), np.empty((n, h + 1))
     x[:, 0], speed[:, 0] = problem.start_x, problem.start_speed
-    with tempfile.TemporaryDirectory(prefix="idm-sumo-") as name:
-        net, routes = course.write_net(Path(name)), Path(name, "drivers.rou.xml")
+    with scratch() as folder:
+        net, routes = course.write_net(folder), folder / "drivers.rou.xml"
         _write_vehicles(course, types, problem, routes)
         with session.simulation(_options(integration, routes), net=net) as sumo:
             _take_places(sumo, course, problem, n)

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import shutil
 from collections.abc import Sequence
-from contextlib import ExitStack
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -23,10 +22,11 @@ from idm_sumo.recordings import columns as c
 from idm_sumo.recordings.recording import Recording
 from idm_sumo.roads import DEFAULT, Road
 from idm_sumo.runtime.errors import InputError
-from idm_sumo.runtime.files import new_file
+from idm_sumo.runtime.files import new_files
 from idm_sumo.scenes.windows import Scenes
 from idm_sumo.sumo import network
 from idm_sumo.sumo.export import run_recipe
+from idm_sumo.sumo.export.companions import Companions
 from idm_sumo.sumo.export.extended_types import Expressed, express
 from idm_sumo.sumo.export.translation import (
     desired_speeds,
@@ -253,14 +253,13 @@ def _routes(net: RoadNetwork, table: pd.DataFrame, held: Expressed) -> Element:
 
 def _write(target: Path, root: Element, net: Path, integration: str) -> tuple[Path, Path, Path]:
     """Write routes, configuration and network beside each other: all or none."""
-    stem = target.name.removesuffix(".xml").removesuffix(".rou")
-    config, copy = target.with_name(f"{stem}.sumocfg"), target.with_name(f"{stem}.net.xml")
-    for path in (copy, target, config):
-        if path.is_dir():  # before anything is moved into place
-            raise InputError(f"{path}: is a folder; name a file")
-    with ExitStack() as stack:
-        parts = [stack.enter_context(new_file(path)) for path in (copy, target, config)]
-        shutil.copyfile(net, parts[0])
-        save(root, parts[1])
-        save(run_recipe.configuration(copy.name, target.name, integration), parts[2])
-    return target, config, copy
+    beside = Companions.of(target, net)
+    beside.refuse_others()
+    copied = [] if beside.net_is_there else [beside.net]
+    with new_files([target, beside.config, *copied]) as (routes, config, *copy):
+        save(root, routes)
+        save(run_recipe.configuration(beside.net.name, target.name, integration), config)
+        beside.sign(config)
+        for part in copy:
+            shutil.copyfile(net, part)
+    return target, beside.config, beside.net

@@ -12,11 +12,11 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 import pandas as pd
-from joblib import Parallel, delayed
 from numba import njit
 
 from idm_sumo.models import bicycle
 from idm_sumo.runtime.progress import Progress, silent
+from idm_sumo.runtime.workers import in_processes
 from idm_sumo.scenes.traffic import NOBODY
 from idm_sumo.scenes.windows import Scenes
 from idm_sumo.simulation.driver_parameters import as_driven
@@ -69,8 +69,9 @@ def replay_ghosts(
         return _pass(scenes, theta, limit, progress)
     # Consecutive starts belong together, so that every process plays frames of its own.
     order = np.argsort(scenes.first_frame, kind="stable")
-    tasks = (delayed(_pass)(scenes.subset(part), theta[part], limit[part]) for part in np.array_split(order, jobs))
-    return Trajectories.joined(Parallel(n_jobs=jobs, backend="loky")(tasks)).rows(np.argsort(order, kind="stable"))
+    calls = ((scenes.subset(part), theta[part], limit[part]) for part in np.array_split(order, jobs))
+    parts = list(in_processes(jobs, calls, _pass, backend="loky"))
+    return Trajectories.joined(parts).rows(np.argsort(order, kind="stable"))
 
 
 def _pass(scenes: Scenes, theta: Floats, limit: Floats, progress: Progress = silent) -> Trajectories:

@@ -15,7 +15,6 @@ from typing import Any, NamedTuple
 import numpy as np
 import numpy.typing as npt
 import pandas as pd
-from joblib import Parallel, delayed
 from numba import njit
 
 from idm_sumo.models import bicycle
@@ -24,6 +23,7 @@ from idm_sumo.recordings.columns import FRAME_STEP
 from idm_sumo.recordings.recording import Recording
 from idm_sumo.runtime.errors import InputError
 from idm_sumo.runtime.progress import Progress, silent
+from idm_sumo.runtime.workers import in_processes
 from idm_sumo.scenes.traffic import NOBODY
 from idm_sumo.scenes.windows import LEADER_FROM_LANE, Scenes
 from idm_sumo.simulation.driver_parameters import as_driven
@@ -102,9 +102,9 @@ def replay(
     if jobs == 1 or len(scenes) < 2:
         return _replay_serially(scenes, theta, limit, extension, progress)
     chunks = np.array_split(np.arange(len(scenes)), min(len(scenes), jobs * CHUNKS_A_JOB))
-    tasks = (delayed(_replay_serially)(scenes.subset(part), theta[part], limit[part], extension) for part in chunks)
+    calls = ((scenes.subset(part), theta[part], limit[part], extension) for part in chunks)
     parts = []
-    for part in Parallel(n_jobs=jobs, backend="loky", return_as="generator")(tasks):
+    for part in in_processes(jobs, calls, _replay_serially, backend="loky"):
         parts.append(part)
         progress("replay in SUMO", sum(len(done.x) for done in parts), len(scenes))
     return Trajectories.joined(parts)

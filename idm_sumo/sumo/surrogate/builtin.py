@@ -8,7 +8,9 @@ from pathlib import Path
 from idm_sumo.roads import US101
 from idm_sumo.runtime.cache import cache_folder
 from idm_sumo.runtime.files import new_folder
+from idm_sumo.runtime.ownership import is_whole
 from idm_sumo.runtime.progress import Progress, silent
+from idm_sumo.runtime.siblings import remove
 from idm_sumo.sumo import network
 from idm_sumo.sumo.surrogate import make
 
@@ -58,8 +60,9 @@ def surrogate(*, minutes: float = 45.0, seed: int = 1, progress: Progress = sile
         If SUMO cannot make a recording of that length and seed, or the cache cannot be written.
     """
     folder = surrogate_folder(minutes, seed)
-    if folder.is_dir():
+    if is_whole(folder):
         return folder
+    remove(folder)  # the cache is ours: what is damaged there is made again
     with new_folder(folder) as part:
         tables = make.surrogate_periods(
             minutes=minutes,

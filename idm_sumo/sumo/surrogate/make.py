@@ -8,7 +8,6 @@ an IDM to it is not finding again what was put in.
 
 from __future__ import annotations
 
-import tempfile
 from collections.abc import Callable, Iterable, Iterator
 from contextlib import ExitStack
 from pathlib import Path
@@ -25,6 +24,7 @@ from idm_sumo.recordings.reading import NOTICE, SURROGATE_COLUMN
 from idm_sumo.recordings.recording import SURROGATE_NOTICE
 from idm_sumo.runtime.errors import InputError
 from idm_sumo.runtime.files import new_file
+from idm_sumo.runtime.siblings import scratch
 from idm_sumo.sumo.surrogate import demand as surrogate_demand
 from idm_sumo.sumo.surrogate import layout as surrogate_layout
 from idm_sumo.sumo.surrogate import noise as surrogate_noise
@@ -99,8 +99,8 @@ def surrogate_periods(
     frames_a_period = round(minutes * 60 / surrogate_demand.PERIODS / STEP) * surrogate_traffic.FRAMES_A_STEP
     schedule = surrogate_demand.Schedule(begin=WARM_UP, period=frames_a_period * FRAME_STEP)
     drivers = surrogate_demand.draw_drivers(schedule, np.random.default_rng([seed, 1]))
-    with tempfile.TemporaryDirectory(prefix="idm-sumo-") as folder:
-        routes = Path(folder, "surrogate.rou.xml")
+    with scratch() as folder:
+        routes = folder / "surrogate.rou.xml"
         surrogate_demand.write_routes(drivers, routes)
         steps = surrogate_traffic.run(routes, schedule, seed, progress)
     frames = surrogate_noise.between_steps(steps)

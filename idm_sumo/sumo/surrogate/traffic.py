@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import math
-import tempfile
 from collections.abc import Callable
 from pathlib import Path
 from typing import Any
@@ -14,6 +13,7 @@ import pyarrow.parquet as pq
 
 from idm_sumo.recordings.columns import FRAME_STEP
 from idm_sumo.roads import US101
+from idm_sumo.runtime.siblings import scratch
 from idm_sumo.sumo import network
 from idm_sumo.sumo.session import simulation
 from idm_sumo.sumo.surrogate.demand import Schedule
@@ -66,8 +66,8 @@ def run(routes: Path, schedule: Schedule, seed: int, progress: Callable[[float, 
         ``vehicle`` (int), ``step`` (int, 0 at the recording's first instant), ``x``, ``y`` (m),
         ``speed`` (m/s); sorted by vehicle and step.
     """
-    with tempfile.TemporaryDirectory(prefix="idm-sumo-") as folder:
-        fcd = Path(folder, "fcd.parquet")
+    with scratch() as folder:
+        fcd = folder / "fcd.parquet"
         options = (
             "--route-files", str(routes), "--seed", str(seed), "--step-method.ballistic", "true",
             "--lateral-resolution", f"{US101.widths[0]}", "--collision.action", "none", "--no-warnings", "true",

@@ -1,0 +1,13 @@
+"""The same bytes elsewhere; `python -m tests.faults.elsewhere` compares every command in every way."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+from tests.faults.commands import prepare
+from tests.faults.elsewhere import CHANGES, differences
+
+
+def test_calibration_does_not_depend_on_where_it_runs(tmp_path: Path) -> None:
+    prepare(tmp_path / "work")
+    assert differences(tmp_path / "work", "calibrate", list(CHANGES)) == {change: [] for change in CHANGES}
