@@ -1,4 +1,4 @@
-"""The built-in surrogate recording, made once and kept in the user's cache."""
+"""The built-in surrogate recording, kept in the user's cache."""
 
 from __future__ import annotations
 
@@ -19,33 +19,56 @@ LABELS = ("0750-0805", "0805-0820", "0820-0835")  # of its periods, in the order
 
 
 def recording_path(name: str | Path, *, minutes: float = 45.0, seed: int = 1, progress: Progress = silent) -> Path:
-    """Return the path of a recording that is named by its path or by ``surrogate``.
+    """Return the path of a recording, or of ``surrogate``.
 
     Parameters
     ----------
     name : str or Path
         A file or folder, or the word ``surrogate``. A file of that name is given as ``./surrogate``.
     minutes, seed, progress
-        As :func:`surrogate`; of no effect for a file.
+        As of :func:`surrogate`; of no effect for a file.
+
+    Returns
+    -------
+    Path
+        ``name``, or the built-in recording, which is made if the cache lacks it.
+
+    Raises
+    ------
+    InputError
+        As of :func:`surrogate`.
     """
     return surrogate(minutes=minutes, seed=seed, progress=progress) if str(name) == SURROGATE else Path(name)
 
 
 def surrogate_folder(minutes: float, seed: int) -> Path:
-    """Return where the surrogate of that length and seed is kept, made or not."""
-    return cache_folder() / f"surrogate-{minutes:g}min-seed{seed}-{_fingerprint()}"
-
-
-def surrogate(*, minutes: float = 45.0, seed: int = 1, progress: Progress = silent) -> Path:
-    """Return the path of the built-in recording, made if the cache lacks it.
+    """Return where a surrogate recording is kept, made or not.
 
     Parameters
     ----------
     minutes : float
-        Length; three periods of equal length.
+        Length of the recording (min).
     seed : int
-        Of everything random in it.
-    progress : callable
+        Seed of the recording.
+
+    Returns
+    -------
+    Path
+        A folder of the cache; its name also holds a fingerprint of the code that makes the recording.
+    """
+    return cache_folder() / f"surrogate-{minutes:g}min-seed{seed}-{_fingerprint()}"
+
+
+def surrogate(*, minutes: float = 45.0, seed: int = 1, progress: Progress = silent) -> Path:
+    """Return the built-in recording, made if the cache lacks it.
+
+    Parameters
+    ----------
+    minutes : float
+        Length of the recording (min), in three periods of equal length.
+    seed : int
+        Seed of everything random in it.
+    progress : Progress
         Called with a stage's name, what is done of it and its total.
 
     Returns
@@ -75,6 +98,10 @@ def surrogate(*, minutes: float = 45.0, seed: int = 1, progress: Progress = sile
 
 
 def _fingerprint() -> str:
-    """Return a fingerprint of what makes the recording, so that a changed maker does not serve old files."""
+    """Return a fingerprint of what makes the recording.
+
+    It covers the code of this room and the network. As part of the folder's name it keeps changed code from
+    serving old files.
+    """
     sources = [*sorted(Path(__file__).parent.glob("*.py")), network.of(US101).file]
     return hashlib.sha256(b"".join(path.read_bytes() for path in sources)).hexdigest()[:8]

@@ -1,4 +1,4 @@
-"""Who drives through the surrogate recording: departures, routes and a character for every driver."""
+"""Drivers of the surrogate recording: departures, routes, parameters."""
 
 from __future__ import annotations
 
@@ -19,9 +19,10 @@ REAL_COUNTS = (2169, 2017, 1915)
 PERIODS = len(REAL_COUNTS)
 REAL_PERIOD = 900.0  # s
 
-# Assumed, as no period could be had: shares of vehicles that use a ramp, and of models.
 NETWORK = network.of(US101)
 ON_RAMP = NETWORK.layout.on_ramp
+
+# Assumed shares of vehicles that use a ramp, and of car-following models.
 ON_RAMP_SHARE = 0.05
 OFF_RAMP_SHARE = 0.035
 MODELS = {"EIDM": 0.40, "Krauss": 0.30, "IDM": 0.20, "W99": 0.10}
@@ -33,14 +34,14 @@ ACTION_STEP = 1.0  # s, between two decisions of a driver, who keeps the acceler
 
 
 class Schedule(NamedTuple):
-    """When a surrogate recording takes place, in seconds of the simulation.
+    """Times of a surrogate recording, in seconds of the simulation.
 
     Attributes
     ----------
     begin : float
-        First instant of the recording; before it the road fills.
+        First instant of the recording (s); before it the road fills.
     period : float
-        Length of each of the three periods.
+        Length of each of the three periods (s).
     """
 
     begin: float
@@ -48,7 +49,7 @@ class Schedule(NamedTuple):
 
     @property
     def end(self) -> float:
-        """Instant after which nobody who enters is recorded."""
+        """Instant (s) after which nobody who enters is recorded."""
         return self.begin + PERIODS * self.period
 
 
@@ -60,7 +61,7 @@ def draw_drivers(schedule: Schedule, rng: np.random.Generator) -> pd.DataFrame:
     schedule : Schedule
         When to record.
     rng : numpy.random.Generator
-        Randomness.
+        Source of the random draws.
 
     Returns
     -------
@@ -81,9 +82,9 @@ def draw_drivers(schedule: Schedule, rng: np.random.Generator) -> pd.DataFrame:
 
 
 def _departures(schedule: Schedule, rng: np.random.Generator) -> np.ndarray:
-    """Return departure times: a Poisson process with the real count of each period."""
+    """Return departures (s): a Poisson process with the recorded counts."""
     edges = schedule.begin + schedule.period * np.arange(PERIODS + 1)
-    edges[0], edges[-1] = 0.0, edges[-1] + 30.0  # the road fills before, and stays full to the end
+    edges[0], edges[-1] = 0.0, edges[-1] + 30.0  # the road fills before and stays full to the end
     times = []
     for begin, end, real in zip(edges[:-1], edges[1:], REAL_COUNTS, strict=True):
         times.append(rng.uniform(begin, end, round(real / REAL_PERIOD * (end - begin))))
@@ -91,7 +92,10 @@ def _departures(schedule: Schedule, rng: np.random.Generator) -> np.ndarray:
 
 
 def _draw_sizes(drivers: pd.DataFrame, rng: np.random.Generator) -> None:
-    """Add length and width (m); cars after the quartiles of US-101, 14.5, 15.5 and 17 ft."""
+    """Add length and width (m).
+
+    Car lengths follow the quartiles of US-101: 14.5, 15.5 and 17 ft.
+    """
     count = len(drivers)
     kind = [drivers["vehicle_class"] == number for number in (MOTORCYCLE, CAR, TRUCK)]
     lengths = [rng.normal(2.2, 0.15, count), rng.normal(4.78, 0.55, count).clip(3.6, 6.7), rng.uniform(8, 19, count)]
@@ -121,7 +125,15 @@ def _draw_characters(drivers: pd.DataFrame, rng: np.random.Generator) -> None:
 
 
 def write_routes(drivers: pd.DataFrame, path: Path) -> None:
-    """Write the drivers as a SUMO route file, each with a vehicle type of its own."""
+    """Write the drivers as a SUMO route file.
+
+    Parameters
+    ----------
+    drivers : pandas.DataFrame
+        As of :func:`draw_drivers`; each driver gets a vehicle type of its own.
+    path : Path
+        File to write.
+    """
     lines = ["<routes>"]
     for origin in ("upstream", ON_RAMP):
         for destination in ("outflow", "off_ramp"):
@@ -146,7 +158,8 @@ def _type_of(number: int, driver: object) -> dict[str, object]:
         "vClass": SUMO_CLASS[get("vehicle_class")], "length": get("length"), "width": get("width"),
         "maxSpeed": 40, "emergencyDecel": 9, "actionStepLength": ACTION_STEP, **own,
         "lcKeepRight": 0, "lcStrategic": 6 if ramp else 1, "lcCooperative": 1 if ramp else 0.8,
-        "lcPushy": 0.4 if ramp else 0, "lcLookaheadLeft": 4, "maxSpeedLat": 1.2, "minGapLat": 0.5, "latAlignment": "center",
+        "lcPushy": 0.4 if ramp else 0, "lcLookaheadLeft": 4, "maxSpeedLat": 1.2, "minGapLat": 0.5,
+        "latAlignment": "center",
         **model.get(get("model"), {}),
     }  # fmt: skip
 
@@ -154,8 +167,8 @@ def _type_of(number: int, driver: object) -> dict[str, object]:
 def _trip_of(number: int, driver: object) -> dict[str, object]:
     """Return the attributes of one driver's departure.
 
-    Who leaves by the off-ramp starts on the right. Vehicles start behind the last one in
-    their lane, which lets a queue grow back to where they come from without starving it.
+    Drivers who leave by the off-ramp start on the right. Vehicles start behind the last one in
+    their lane, so that a queue can grow back to the origin and vehicles still depart.
     """
     get = driver.__getattribute__
     origin, destination = (ON_RAMP if get("on_ramp") else "upstream"), ("off_ramp" if get("off_ramp") else "outflow")

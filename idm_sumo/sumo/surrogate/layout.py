@@ -1,4 +1,4 @@
-"""Frames of the surrogate recording in NGSIM's layout: names, feet, neighbours, clock."""
+"""The surrogate recording in NGSIM's layout and units."""
 
 from __future__ import annotations
 
@@ -26,12 +26,25 @@ FRAME_MS = 100
 OFF_RAMP_LANE = US101.off_ramps[0].number
 ON_RAMP_SEEN, OFF_RAMP_SEEN = 500 * FOOT, 1424 * FOOT
 NO_SPEED_HEADWAY = 9999.99  # NGSIM's time headway of a standing vehicle
-# Global coordinates are Local ones turned to the southeast: made up, but metric.
+# Global coordinates (ft) are Local ones turned to the southeast, with an invented origin.
 GLOBAL_ORIGIN = (6451137.6, 1873344.9)
 
 
 def in_section(frames: Trajectories, drivers: pd.DataFrame) -> npt.NDArray[np.bool_]:
-    """Return which rows the recording sees, before noise."""
+    """Return which rows the recording sees, before noise.
+
+    Parameters
+    ----------
+    frames : dict of ndarray, shape (rows,)
+        ``vehicle`` (number), ``x`` and ``y`` (m).
+    drivers : pandas.DataFrame
+        As of :func:`~idm_sumo.sumo.surrogate.demand.draw_drivers`; row number is vehicle number.
+
+    Returns
+    -------
+    ndarray of bool, shape (rows,)
+        True inside the section, and on a ramp where the recording sees it.
+    """
     vehicle, x = frames["vehicle"], frames["x"]
     seen = (x >= np.where(drivers["on_ramp"].to_numpy()[vehicle], ON_RAMP_SEEN, 0)) & (x <= US101.length)
     on_off_ramp = US101.lane_of(x, frames["y"]) == OFF_RAMP_LANE
@@ -41,16 +54,16 @@ def in_section(frames: Trajectories, drivers: pd.DataFrame) -> npt.NDArray[np.bo
 def lay_out(
     frames: Trajectories, noisy: Trajectories, drivers: pd.DataFrame, frames_a_period: int
 ) -> Iterator[pd.DataFrame]:
-    """Yield the recording under NGSIM's names and in its units, one table a period.
+    """Yield the recording in NGSIM's columns, one table a period.
 
     Parameters
     ----------
     frames, noisy : dict of ndarray, shape (rows,)
-        What happened and what a camera saw of it; sorted by vehicle and frame.
+        Simulated positions, and the same with measurement noise; sorted by vehicle and frame.
     drivers : pandas.DataFrame
-        See :func:`~idm_sumo.sumo.surrogate.demand.draw_drivers`; row number is vehicle number.
+        As of :func:`~idm_sumo.sumo.surrogate.demand.draw_drivers`; row number is vehicle number.
     frames_a_period : int
-        A vehicle belongs to the period in which it is first seen.
+        Frames of a period. A vehicle belongs to the period in which it is first seen.
 
     Yields
     ------
@@ -76,7 +89,10 @@ def lay_out(
 
 
 def _renumber(first: npt.NDArray[Any], frames_a_period: int) -> tuple[npt.NDArray[np.int8], npt.NDArray[np.int32]]:
-    """Return period and number (from 1 in each period, in order of appearance) of each vehicle."""
+    """Return period and number of each vehicle.
+
+    Numbers begin at 1 in each period, in the order of appearance.
+    """
     period = first // frames_a_period
     order = np.argsort(first, kind="stable")
     number = np.empty(len(first), dtype=np.int32)
@@ -85,14 +101,14 @@ def _renumber(first: npt.NDArray[Any], frames_a_period: int) -> tuple[npt.NDArra
 
 
 def _add_clock(table: pd.DataFrame, frame: npt.NDArray[Any], period: int, frames_a_period: int) -> None:
-    """Add ``Frame_ID`` and ``Global_Time`` by the period's own clock."""
+    """Add time of day and frame number."""
     clock = PERIOD_START[period] + FRAME_MS * (frame.astype(np.int64) - period * frames_a_period)
     table["Global_Time"] = clock
     table["Frame_ID"] = ((clock - CLOCK_OFFSET[period]) // FRAME_MS).astype(np.int32)
 
 
 def _add_vehicles(table: pd.DataFrame, who: pd.DataFrame, sizes: npt.NDArray[np.int64]) -> None:
-    """Add what stays the same of a vehicle."""
+    """Add the columns that are constant over a vehicle's frames."""
     table["Total_Frames"] = np.repeat(sizes, sizes).astype(np.int32)
     table["v_Length"] = np.repeat((who["length"] / FOOT).round(1).to_numpy(), sizes)
     table["v_Width"] = np.repeat((who["width"] / FOOT).round(1).to_numpy(), sizes)
@@ -100,7 +116,7 @@ def _add_vehicles(table: pd.DataFrame, who: pd.DataFrame, sizes: npt.NDArray[np.
 
 
 def _add_motion(table: pd.DataFrame, x: npt.NDArray[np.float64], y: npt.NDArray[np.float64]) -> None:
-    """Add lateral position, speed and acceleration in feet, and global coordinates."""
+    """Add lateral position, speed, acceleration and global coordinates (feet)."""
     speed, acceleration = speed_and_acceleration(x, starts_of(table["Vehicle_ID"].to_numpy()))
     table["Local_X"] = (-y / FOOT).round(3)
     table["v_Vel"], table["v_Acc"] = (speed / FOOT).round(2), (acceleration / FOOT).round(2)
@@ -112,10 +128,10 @@ def _add_motion(table: pd.DataFrame, x: npt.NDArray[np.float64], y: npt.NDArray[
 def _neighbours(
     frame: npt.NDArray[Any], lane: npt.NDArray[Any], place: npt.NDArray[Any], period: npt.NDArray[Any]
 ) -> tuple[npt.NDArray[np.int64], npt.NDArray[np.int64]]:
-    """Return the row next ahead and next behind in the same frame and lane, -1 for none.
+    """Return the next rows ahead and behind in the lane.
 
-    Lanes 6, 7 and 8 are one strip. Who is ahead or behind but belongs to another period has
-    no number in this one and stays unnamed, as in the official files.
+    They are -1 where there is none. Lanes 6, 7 and 8 are one strip. A neighbour that belongs to
+    another period has no number in this one and stays unnamed, as in the official files.
     """
     strip = np.minimum(lane, US101.main_lanes + 1)
     order = np.lexsort((place, strip, frame))

@@ -1,9 +1,9 @@
-"""A stand-in for the US-101 recording, made with SUMO for people who do not have the files.
+"""A surrogate for the US-101 recording, simulated with SUMO.
 
-It is simulated, not measured, and nobody should take it for more. It is made of several
-car-following models with a character for every driver, sublane lane changes, ramps, trucks,
-motorcycles, waves from a bottleneck downstream and a camera's noise, so that calibrating
-an IDM to it is not finding again what was put in.
+It is simulated, not measured, and serves people who do not have the files. It is made of several
+car-following models with different parameters for every driver, sublane lane changes, ramps, trucks,
+motorcycles, waves from a bottleneck downstream and measurement noise. No driver is an IDM driver of
+known parameters, so calibrating an IDM to it does not just return what was put in.
 """
 
 from __future__ import annotations
@@ -38,7 +38,7 @@ Progress = Callable[[float, float], None]
 
 
 def make_surrogate(path: Path | str, *, minutes: float = 45.0, seed: int = 1, progress: Progress | None = None) -> None:
-    """Make a surrogate recording and write it in NGSIM's layout, in feet.
+    """Make a surrogate recording and write it in NGSIM's layout.
 
     Parameters
     ----------
@@ -47,7 +47,7 @@ def make_surrogate(path: Path | str, *, minutes: float = 45.0, seed: int = 1, pr
         otherwise Parquet with the official names. Parquet and CSV say that nothing was measured;
         the official text has no place for that.
     minutes, seed, progress
-        See :func:`surrogate_table`.
+        As of :func:`surrogate_periods`.
 
     Raises
     ------
@@ -59,7 +59,18 @@ def make_surrogate(path: Path | str, *, minutes: float = 45.0, seed: int = 1, pr
 
 
 def surrogate_table(*, minutes: float = 45.0, seed: int = 1, progress: Progress | None = None) -> pd.DataFrame:
-    """Simulate a surrogate recording and return it whole; see :func:`surrogate_periods`."""
+    """Simulate a surrogate recording and return it as one table.
+
+    Parameters
+    ----------
+    minutes, seed, progress
+        As of :func:`surrogate_periods`.
+
+    Returns
+    -------
+    pandas.DataFrame
+        The tables of :func:`surrogate_periods`, one after the other.
+    """
     return pd.concat(surrogate_periods(minutes=minutes, seed=seed, progress=progress), ignore_index=True)
 
 
@@ -116,7 +127,17 @@ def _chosen(frames: Trajectories, rows: np.ndarray) -> Trajectories:
 
 
 def write_layout(tables: Iterable[pd.DataFrame], path: Path, suffix: str) -> None:
-    """Write tables of official columns as text (``.txt``), portal CSV (``.csv``) or Parquet, one after the other."""
+    """Write tables of official columns to one file.
+
+    Parameters
+    ----------
+    tables : iterable of pandas.DataFrame
+        Written one after the other.
+    path : Path
+        File to write.
+    suffix : str
+        Its format: ``.txt`` (official text), ``.csv`` (data portal), anything else Parquet.
+    """
     with ExitStack() as stack:
         writer = None
         for table in tables:

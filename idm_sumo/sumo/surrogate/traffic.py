@@ -1,4 +1,4 @@
-"""The simulation behind the surrogate recording: full traffic and a bottleneck that comes and goes."""
+"""The surrogate's simulation: full traffic and a bottleneck downstream."""
 
 from __future__ import annotations
 
@@ -27,18 +27,18 @@ LAST_CHANCE = 170.0  # m along the weaving section of 213 m
 LONGEST_CLEARING = 900.0  # s
 
 # Mean speeds (m/s) of the real periods, which the speed signs keep: traffic jams before the
-# weaving section and speeds up behind it, as on US-101, and waves come back from downstream.
+# weaving section and speeds up behind it, as on US-101, and waves travel upstream from the bottleneck.
 TARGET_SPEED = (11.6, 8.5, 7.3)
 WEAVE_SIGN = (12.8, 9.9, 8.2)  # m/s, while the section is as fast as it should be
 AFTER_SIGN = (24.0, 12.0, 11.5)  # m/s, between the off-ramp and the bottleneck
 BOTTLENECK_SIGN = (12.0, 10.5, 9.5)  # m/s, on average
 SWAY = 3.0  # m/s, standard deviation of the sign at the bottleneck
-SWAY_TIME = 60.0  # s, its memory
+SWAY_TIME = 60.0  # s, its correlation time
 GAIN = 1.0  # m/s on the sign of the weaving section for 1 m/s too fast or too slow
 SLOWEST_SIGN = 5.0  # m/s
 
 # With ballistic steps the acceleration is constant within a step, so frames between two
-# steps are known exactly (see `surrogate_noise.between_steps`). This saves 4/5 of the time.
+# steps are known exactly (see `noise.between_steps`). This saves 4/5 of the time.
 STEP = 0.5  # s
 MARGIN = 20.0  # m, more than a step around the section
 FRAMES_A_STEP = round(STEP / FRAME_STEP)
@@ -47,7 +47,7 @@ Trajectories = dict[str, npt.NDArray[Any]]
 
 
 def run(routes: Path, schedule: Schedule, seed: int, progress: Callable[[float, float], None] | None) -> Trajectories:
-    """Simulate and return what happened, one row a vehicle and step.
+    """Simulate and return one row a vehicle and step.
 
     Parameters
     ----------
@@ -58,13 +58,18 @@ def run(routes: Path, schedule: Schedule, seed: int, progress: Callable[[float, 
     seed : int
         Seed of SUMO and of the bottleneck.
     progress : callable or None
-        Told how many seconds of how many are done.
+        Called with the seconds simulated and their total.
 
     Returns
     -------
     dict of ndarray, shape (rows,)
         ``vehicle`` (int), ``step`` (int, 0 at the recording's first instant), ``x``, ``y`` (m),
         ``speed`` (m/s); sorted by vehicle and step.
+
+    Raises
+    ------
+    InputError
+        If SUMO cannot be loaded.
     """
     with scratch() as folder:
         fcd = folder / "fcd.parquet"
@@ -72,7 +77,7 @@ def run(routes: Path, schedule: Schedule, seed: int, progress: Callable[[float, 
             "--route-files", str(routes), "--seed", str(seed), "--step-method.ballistic", "true",
             "--lateral-resolution", f"{US101.widths[0]}", "--collision.action", "none", "--no-warnings", "true",
             "--fcd-output", str(fcd), "--fcd-output.attributes", "x,y,speed", "--precision", "4",
-            # A step early: who is in the section by then belongs to no period.
+            # A step early: vehicles in the section by then belong to no period.
             "--device.fcd.begin", f"{schedule.begin - STEP:.1f}",
         )  # fmt: skip
         with simulation(options, net=NETWORK.file, step_length=STEP) as sumo:
@@ -83,7 +88,10 @@ def run(routes: Path, schedule: Schedule, seed: int, progress: Callable[[float, 
 def _simulate(
     sumo: Any, schedule: Schedule, rng: np.random.Generator, progress: Callable[[float, float], None] | None
 ) -> None:
-    """Step until everybody recorded has left, changing the signs at the bottleneck as time goes."""
+    """Step until every recorded vehicle has left.
+
+    The speed signs at the bottleneck change as time goes.
+    """
     now, sway = 0.0, 0.0
     total = schedule.end + 120.0  # about how long it takes the section to empty
     decay = math.exp(-CONTROL_STEP / SWAY_TIME)
@@ -107,10 +115,10 @@ def _set_signs(sumo: Any, period: int, sway: float) -> None:
 
 
 def _give_up_lane_changes(sumo: Any) -> None:
-    """Let those go on in their lane who did not get into the lane of their route in time.
+    """Reroute vehicles that missed the lane of their route.
 
-    Who misses the off-ramp stays on the freeway; who finds no gap to merge leaves again by the
-    off-ramp. SUMO would have them wait at the lane's end, until the weaving section is locked.
+    A vehicle that misses the off-ramp stays on the freeway; one that finds no gap to merge leaves again
+    by the off-ramp. SUMO would have them wait at the lane's end until the weaving section is locked.
     """
     for name in sumo.edge.getLastStepVehicleIDs("weave"):
         if sumo.vehicle.getLanePosition(name) < LAST_CHANCE:
@@ -121,12 +129,12 @@ def _give_up_lane_changes(sumo: Any) -> None:
 
 
 def _present(sumo: Any) -> bool:
-    """Whether anybody is still in the section or about to enter it."""
+    """Whether a vehicle is in the section or enters it."""
     return any(sumo.edge.getLastStepVehicleNumber(edge) for edge in (*SECTION, "on_ramp", "off_ramp"))
 
 
 def _mean_speed(sumo: Any) -> float:
-    """Return the mean speed (m/s) of all vehicles in the section."""
+    """Return the mean speed (m/s) of the section's vehicles."""
     counts = np.array([sumo.edge.getLastStepVehicleNumber(edge) for edge in SECTION], dtype=np.float64)
     speeds = np.array([sumo.edge.getLastStepMeanSpeed(edge) for edge in SECTION])
     return float((speeds * counts).sum() / counts.sum()) if counts.sum() else US101.speed_limit

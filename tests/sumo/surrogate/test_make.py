@@ -1,4 +1,4 @@
-"""The surrogate recording: NGSIM's layout, repeatable, and possible on a road."""
+"""The surrogate recording: NGSIM's layout, repeatable, physically possible."""
 
 import io
 
@@ -28,7 +28,7 @@ def table():
 
 @pytest.fixture(scope="module")
 def rows(table):
-    """The table with its period and the lane's strip (6, 7, 8 are one) beside."""
+    """Return the table with its period and strip; lanes 6, 7 and 8 are one strip."""
     return table.assign(
         period=table["Global_Time"] - 100 * table["Frame_ID"],
         strip=table["Lane_ID"].clip(upper=6),
@@ -129,7 +129,7 @@ def test_traffic_is_dense_and_mixed(rows):
     assert 5 < rows["v_Vel"].mean() * FOOT < 18
 
 
-def test_motorcycles_come_by(table):
+def test_some_vehicles_are_motorcycles(table):
     other = surrogate.surrogate_table(minutes=MINUTES, seed=SEED + 1)
     assert set(table["v_Class"]) | set(other["v_Class"]) == {1, 2, 3}
     assert not table.head(1000).equals(other.head(1000))
@@ -163,13 +163,13 @@ def test_text_and_csv_hold_the_same_rows(table, tmp_path):
 
 
 @pytest.mark.parametrize(("arguments", "message"), [({"minutes": 0.0}, "minutes = 0"), ({"seed": -1}, "seed = -1")])
-def test_impossible_wishes_are_named_and_leave_nothing(arguments, message, tmp_path):
+def test_impossible_options_are_named_and_leave_nothing(arguments, message, tmp_path):
     with pytest.raises(InputError, match=message):
         surrogate.make_surrogate(tmp_path / "no.parquet", **arguments)
     assert list(tmp_path.iterdir()) == []
 
 
-def test_noise_has_the_size_and_memory_it_says():
+def test_noise_has_the_stated_size_and_correlation_time():
     rng = np.random.default_rng(0)
     noise = surrogate_noise._correlated(np.full(400, 300), 0.5, rng).reshape(400, 300)
     assert noise.std() == pytest.approx(1, abs=0.03)
