@@ -20,7 +20,8 @@ from idm_sumo.scenes.windows import Scenes, Window, build_scenes
 from idm_sumo.simulation.rollout import Trajectories, drive_idm
 from idm_sumo.sumo import network
 from idm_sumo.sumo.replay.ghosts import replay_ghosts
-from idm_sumo.sumo.replay.one_vehicle import advance, replay, start_of
+from idm_sumo.sumo.replay.motion import Driver, Motion, advance, start_of
+from idm_sumo.sumo.replay.one_vehicle import replay
 from idm_sumo.sumo.session import simulation
 
 DRIVER = np.array([1.4, 1.8, 1.1, 2.0, 1.0])
@@ -70,9 +71,10 @@ def naive(scenes: Scenes) -> Trajectories:
 def _naive_one(sumo, scenes, i, out, t) -> None:
     length, lane_y, present = scenes.length[i], float(US101.lane_center(scenes.lane[i])), set()
     x, y, heading, speed = start_of(scenes, i)
-    cx, cy = bicycle.center_of_front(x, y, heading, length)
+    motion = Motion(*bicycle.center_of_front(x, y, heading, length), heading, speed)
+    driver = Driver(DRIVER, US101.speed_limit, length, lane_y)
     for k in range(out.x.shape[1]):
-        out.x[i, k], out.y[i, k], out.heading[i, k], out.speed[i, k] = x, y, heading, speed
+        out.x[i, k], out.y[i, k], out.heading[i, k], out.speed[i, k] = x, y, motion.heading, motion.speed
         cells = t.cell(LANES, scenes.first_frame[i] + scenes.start + k)
         rows = np.concatenate([np.arange(t.offsets[cell], t.offsets[cell + 1]) for cell in cells])
         placed = {str(t.vehicle[row]): row for row in rows if t.vehicle[row] != scenes.vehicle[i]}
@@ -92,10 +94,8 @@ def _naive_one(sumo, scenes, i, out, t) -> None:
         gap = np.inf if row == NOBODY else leader[1] + sumo.vehicle.getMinGap("ego")
         out.leader[i, k], out.gap[i, k] = row, gap
         if k < out.acceleration.shape[1]:
-            leader_speed = t.speed[row] if row != NOBODY else speed
-            out.acceleration[i, k], out.steering[i, k], cx, cy, heading, speed, x, y = advance(
-                cx, cy, heading, speed, gap, leader_speed, DRIVER, US101.speed_limit, length, lane_y
-            )
+            leader_speed = t.speed[row] if row != NOBODY else motion.speed
+            out.acceleration[i, k], out.steering[i, k], motion, x, y = advance(motion, gap, leader_speed, driver)
 
 
 DESIGNS = {

@@ -13,7 +13,7 @@ from idm_sumo.recordings.columns import FRAME_STEP
 from idm_sumo.roads import Road
 from idm_sumo.simulation.rollout import control
 from idm_sumo.sumo.replay.perception import leader_by_getleader
-from idm_sumo.sumo.replay.stage import ON_ROUTE_AT_EXACT_PLACE, compass
+from idm_sumo.sumo.replay.scene import ON_ROUTE_AT_EXACT_PLACE, compass
 
 COLUMNS = ("time_s", "x", "y", "heading", "speed", "acceleration", "steering", "gap_m", "leader")
 KEEP_LANE = 0  # SUMO's lane change mode: none of its own

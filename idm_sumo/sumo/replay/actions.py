@@ -1,4 +1,4 @@
-"""The ``sumo`` back end for an agent: vehicles driven by given accelerations and steering angles."""
+"""Vehicles in SUMO driven by given accelerations and steering angles."""
 
 from __future__ import annotations
 
@@ -6,26 +6,29 @@ import numpy as np
 import numpy.typing as npt
 
 from idm_sumo.models import bicycle
-from idm_sumo.recordings.columns import FRAME_STEP
 from idm_sumo.scenes.traffic import NOBODY
 from idm_sumo.scenes.windows import LEADER_FROM_LANE, Scenes
 from idm_sumo.simulation.rollout import Trajectories
 from idm_sumo.sumo import network
-from idm_sumo.sumo.replay.one_vehicle import EGO, start_of
-from idm_sumo.sumo.replay.stage import Stage, cast, check_on_network, compass
+from idm_sumo.sumo.replay.motion import Motion, moved, start_of
+from idm_sumo.sumo.replay.one_vehicle import EGO
+from idm_sumo.sumo.replay.scene import SumoScene, compass
+from idm_sumo.sumo.replay.traffic_rows import check_on_network, traffic_rows
 from idm_sumo.sumo.session import simulation
 
 Floats = npt.NDArray[np.float64]
 
 
 def replay_controls(scenes: Scenes, acceleration: Floats, steering: Floats) -> Trajectories:
-    """Drive vehicles in SUMO by given controls, each in a replay of its own.
+    """Drive vehicles in SUMO by given controls, one by one.
+
+    Each has a replay of its own among all recorded vehicles but its own.
 
     Parameters
     ----------
     scenes : Scenes
     acceleration, steering : float64, shape (vehicles, horizon)
-        m/s² and rad.
+        Controls of each step (m/s², rad).
 
     Returns
     -------
@@ -38,20 +41,19 @@ def replay_controls(scenes: Scenes, acceleration: Floats, steering: Floats) -> T
     InputError
         If SUMO or the network cannot be loaded, or a recorded vehicle is off the network.
     """
-    out, actors = Trajectories.of(scenes), cast(scenes)
+    out, traffic = Trajectories.of(scenes), traffic_rows(scenes)
     out.acceleration[:], out.steering[:], out.gap[:], out.leader[:] = acceleration, steering, np.inf, NOBODY
     net = network.of(scenes.road)
     with simulation(net=net.file) as sumo:
-        check_on_network(sumo, actors)
-        stage = Stage(sumo, net, as_points=True)
+        check_on_network(sumo, traffic)
+        scene = SumoScene(sumo, net, as_points=True)
         for i in range(len(scenes)):
             x, y, heading, speed = start_of(scenes, i)
             length = float(scenes.length[i])
-            axles = bicycle.wheelbase(length)
             for k in range(out.x.shape[1]):
                 rows = _around(scenes, i, k)
-                names, fronts, laterals, angles, lengths, widths = actors.of(rows)
-                stage.place(
+                names, fronts, laterals, angles, lengths, widths = traffic.of(rows)
+                scene.place(
                     [*names, EGO], [*fronts, x], [*laterals, y], [*angles, float(compass(heading))],
                     [*lengths, length], [*widths, float(scenes.width[i])],
                 )  # fmt: skip
@@ -61,17 +63,18 @@ def replay_controls(scenes: Scenes, acceleration: Floats, steering: Floats) -> T
                 out.x[i, k], out.y[i, k], out.heading[i, k], out.speed[i, k] = x, y, heading, speed
                 if k == out.acceleration.shape[1]:
                     break
-                cx, cy = bicycle.center_of_front(x, y, heading, length)
-                cx, cy, heading, speed = bicycle.step(
-                    cx, cy, heading, speed, acceleration[i, k], steering[i, k], axles, FRAME_STEP
-                )
-                x, y = bicycle.front_of_center(cx, cy, heading, length)
-            stage.clear()
+                motion = Motion(*bicycle.center_of_front(x, y, heading, length), heading, speed)
+                motion, x, y = moved(motion, acceleration[i, k], steering[i, k], length)
+                heading, speed = motion.heading, motion.speed
+            scene.clear()
     return out
 
 
 def _around(scenes: Scenes, i: int, k: int) -> npt.NDArray[np.int64]:
-    """Return the rows of all recorded vehicles at step ``k`` of window ``i``, its twin excepted."""
+    """Return the rows of the other recorded vehicles.
+
+    They are those of step ``k`` of window ``i``.
+    """
     t = scenes.traffic
     cells = scenes.cell[i : i + 1] + scenes.start + k
     if scenes.leader_source == LEADER_FROM_LANE:

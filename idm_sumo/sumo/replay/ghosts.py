@@ -1,13 +1,13 @@
-"""The routine replay in SUMO: all recorded vehicles once, all modelled vehicles as ghosts.
+"""Modelled vehicles beside one pass of the recording in SUMO.
 
-Ghosts are not in SUMO and nobody sees them, so one pass over the recording serves all of
-them. Each step SUMO is told where the recorded vehicles are and makes a step; their positions
-are read back, and on these the ghosts perceive and are driven together, compiled.
+The modelled vehicles are not in SUMO and no vehicle sees them (ghosts), so one pass over the recording serves
+all of them. Each step SUMO places the recorded vehicles; their positions are read back, and on these the
+ghosts perceive and drive together, compiled.
 """
 
 from __future__ import annotations
 
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 import numpy.typing as npt
@@ -22,8 +22,9 @@ from idm_sumo.scenes.windows import Scenes
 from idm_sumo.simulation.driver_parameters import as_driven
 from idm_sumo.simulation.rollout import Trajectories, perceive
 from idm_sumo.sumo import network
-from idm_sumo.sumo.replay.one_vehicle import advance
-from idm_sumo.sumo.replay.stage import Cast, Stage, cast, check_on_network
+from idm_sumo.sumo.replay.motion import Driver, Motion, advance
+from idm_sumo.sumo.replay.scene import SumoScene
+from idm_sumo.sumo.replay.traffic_rows import TrafficRows, check_on_network, traffic_rows
 from idm_sumo.sumo.session import simulation
 
 Floats = npt.NDArray[np.float64]
@@ -40,7 +41,7 @@ def replay_ghosts(
     jobs: int = 1,
     progress: Progress = silent,
 ) -> Trajectories:
-    """Drive all vehicles by IDM and pure pursuit beside one single pass of the recording in SUMO.
+    """Drive all vehicles beside one pass of the recording.
 
     Parameters
     ----------
@@ -49,12 +50,12 @@ def replay_ghosts(
     jobs : int
         Processes; each plays its share of the recording. The results do not depend on it.
     progress : Progress
-        Told how many frames are done, by a single process.
+        Called with the frames done and their total, by a single process.
 
     Returns
     -------
     Trajectories
-        The same figures as :func:`idm_sumo.sumo.replay.one_vehicle.replay`; by Euler with the old speed.
+        The same figures as :func:`idm_sumo.sumo.replay.one_vehicle.replay`.
 
     Raises
     ------
@@ -74,76 +75,124 @@ def replay_ghosts(
     return Trajectories.joined(parts).rows(np.argsort(order, kind="stable"))
 
 
+class Ghosts(NamedTuple):
+    """Modelled vehicles beside the recorded ones, as arrays.
+
+    Attributes
+    ----------
+    theta : float64, shape (vehicles, 5)
+        ``a, b, T, d0, d1`` (SI units).
+    desired_speed, length, lane_y : float64, shape (vehicles,)
+        As of :class:`~idm_sumo.sumo.replay.motion.Driver`.
+    first_cell : int64, shape (vehicles,)
+        The traffic's cell that a vehicle looks into at its start.
+    own : int64, shape (vehicles,)
+        Number of the recorded vehicle, which the model does not see.
+    center : float64, shape (vehicles, 2)
+        Centre of mass (m) at present; changed as they drive.
+    """
+
+    theta: Floats
+    desired_speed: Floats
+    length: Floats
+    lane_y: Floats
+    first_cell: Integers
+    own: Integers
+    center: Floats
+
+
+class ShownTraffic(NamedTuple):
+    """The scenes' traffic where SUMO shows it.
+
+    Columns of :class:`idm_sumo.scenes.traffic.Traffic`, but for ``x`` (m), which is read back from SUMO.
+    """
+
+    offsets: Integers
+    x: Floats
+    speed: Floats
+    length: Floats
+    vehicle: Integers
+
+
+class Paths(NamedTuple):
+    """Arrays of :class:`~idm_sumo.simulation.rollout.Trajectories`, written by the kernel."""
+
+    x: Floats
+    y: Floats
+    heading: Floats
+    speed: Floats
+    acceleration: Floats
+    steering: Floats
+    gap: Floats
+    leader: Integers
+
+
 def _pass(scenes: Scenes, theta: Floats, limit: Floats, progress: Progress = silent) -> Trajectories:
     """Play the frames that the ghosts live in, once."""
-    steps = scenes.window.horizon
-    out, center = _at_start(scenes)
-    actors, t, lane_y = cast(scenes), scenes.traffic, scenes.road.lane_center(scenes.lane)
+    out, steps, t = Trajectories.of(scenes), scenes.window.horizon, scenes.traffic
+    ghosts, paths = _at_start(scenes, theta, limit, out)
+    shown = ShownTraffic(t.offsets, np.full(len(t.x), np.nan), t.speed, t.length, t.vehicle)
+    traffic = traffic_rows(scenes)
     begin = scenes.first_frame + scenes.start
     order = np.argsort(begin, kind="stable")
     frames = np.unique((begin[:, None] + np.arange(steps + 1)).ravel())
-    ghosts = np.searchsorted(begin[order], [frames - steps, frames + 1]).T  # those on the road at each frame
-    by_frame = np.argsort(actors.frame, kind="stable")
-    recorded = np.searchsorted(actors.frame[by_frame], [frames, frames + 1]).T
-    x = np.full(len(t.x), np.nan)
+    on_road = np.searchsorted(begin[order], [frames - steps, frames + 1]).T  # ghosts of each frame
+    by_frame = np.argsort(traffic.frame, kind="stable")
+    recorded = np.searchsorted(traffic.frame[by_frame], [frames, frames + 1]).T
     net = network.of(scenes.road)
     with simulation(net=net.file) as sumo:
-        check_on_network(sumo, actors)
-        stage = Stage(sumo, net, as_points=True, edge_by_edge=True)
+        check_on_network(sumo, traffic)
+        scene = SumoScene(sumo, net, as_points=True, edge_by_edge=True)
         for done, frame in enumerate(frames.tolist()):
             rows = by_frame[slice(*recorded[done])]
-            x[rows] = _play_frame(sumo, stage, actors, rows)
-            active = order[slice(*ghosts[done])]
-            _drive_frame(
-                active, frame - begin[active], theta, limit, scenes.length, lane_y, scenes.cell + scenes.start,
-                scenes.vehicle, t.offsets, x, t.speed, t.length, t.vehicle, center,
-                out.x, out.y, out.heading, out.speed, out.acceleration, out.steering, out.gap, out.leader,
-            )  # fmt: skip
+            shown.x[rows] = _play_frame(sumo, scene, traffic, rows)
+            active = order[slice(*on_road[done])]
+            _drive_frame(active, frame - begin[active], ghosts, shown, paths)
             progress("ghosts in SUMO", done + 1, len(frames))
     return out
 
 
-def _at_start(scenes: Scenes) -> tuple[Trajectories, Floats]:
-    """Return storage that holds the starts, and the centres of mass (m), shape (vehicles, 2)."""
-    out, k = Trajectories.of(scenes), scenes.start
-    center = np.empty((len(scenes), 2))
+def _at_start(scenes: Scenes, theta: Floats, limit: Floats, out: Trajectories) -> tuple[Ghosts, Paths]:
+    """Return the ghosts at their starts, and their storage."""
+    k, center = scenes.start, np.empty((len(scenes), 2))
     for name in ("x", "y", "heading", "speed"):
         getattr(out, name)[:, 0] = getattr(scenes, name)[:, k]
     for i in range(len(scenes)):
         center[i] = bicycle.center_of_front(out.x[i, 0], out.y[i, 0], out.heading[i, 0], scenes.length[i])
-    return out, center
+    lane_y = scenes.road.lane_center(scenes.lane)
+    ghosts = Ghosts(theta, limit, scenes.length, lane_y, scenes.cell + k, scenes.vehicle, center)
+    return ghosts, Paths(*(getattr(out, name) for name in Paths._fields))
 
 
-def _play_frame(sumo: Any, stage: Stage, actors: Cast, rows: Integers) -> Floats:
-    """Put the recorded vehicles of one frame on the road and return their ``x`` (m), read back."""
-    names, *where = actors.of(rows)
-    stage.place(names, *where)
+def _play_frame(sumo: Any, scene: SumoScene, traffic: TrafficRows, rows: Integers) -> Floats:
+    """Place one frame's vehicles and return their ``x`` (m)."""
+    names, *where = traffic.of(rows)
+    scene.place(names, *where)
     sumo.simulationStep()
     position = sumo.vehicle.getPosition
     back = np.array([position(name) for name in names]).reshape(-1, 2)
-    deviation = np.abs(back - np.column_stack([actors.x[rows], actors.y[rows]])).max(initial=0.0)
+    deviation = np.abs(back - np.column_stack([traffic.x[rows], traffic.y[rows]])).max(initial=0.0)
     if deviation > EXACT:
         raise RuntimeError(f"SUMO returns positions {deviation:g} m from where vehicles were put")
     return np.asarray(back[:, 0])
 
 
 @njit(cache=True)
-def _drive_frame(  # type: ignore[no-untyped-def]
-    active, step, theta, limit, length, lane_y, first_cell, own,
-    offsets, traffic_x, traffic_speed, traffic_length, traffic_vehicle, center,
-    x, y, heading, speed, acceleration, steering, gap, leader,
-):  # fmt: skip
-    """Let the ghosts ``active`` perceive at their ``step`` and drive them to the next."""
+def _drive_frame(active, step, ghosts, shown, paths):  # type: ignore[no-untyped-def]
+    """Let the ``active`` ghosts perceive and drive one frame."""
     for i, k in zip(active, step):  # noqa: B905 (numba has no strict)
-        row, d = perceive(first_cell[i] + k, x[i, k], own[i], offsets, traffic_x, traffic_length, traffic_vehicle)
-        leader[i, k], gap[i, k] = row, d
-        if k == acceleration.shape[1]:
+        row, gap = perceive(
+            ghosts.first_cell[i] + k, paths.x[i, k], ghosts.own[i], shown.offsets, shown.x, shown.length, shown.vehicle
+        )
+        paths.leader[i, k], paths.gap[i, k] = row, gap
+        if k == paths.acceleration.shape[1]:
             continue
-        v = speed[i, k]
-        leader_speed = traffic_speed[row] if row != NOBODY else v
-        (
-            acceleration[i, k], steering[i, k], center[i, 0], center[i, 1],
-            heading[i, k + 1], speed[i, k + 1], x[i, k + 1], y[i, k + 1],
-        ) = advance(
-            center[i, 0], center[i, 1], heading[i, k], v, d, leader_speed, theta[i], limit[i], length[i], lane_y[i]
-        )  # fmt: skip
+        speed, center = paths.speed[i, k], ghosts.center[i]
+        leader_speed = shown.speed[row] if row != NOBODY else speed
+        driver = Driver(ghosts.theta[i], ghosts.desired_speed[i], ghosts.length[i], ghosts.lane_y[i])
+        motion = Motion(center[0], center[1], paths.heading[i, k], speed)
+        acceleration, steering, after, front_x, front_y = advance(motion, gap, leader_speed, driver)
+        paths.acceleration[i, k], paths.steering[i, k] = acceleration, steering
+        paths.x[i, k + 1], paths.y[i, k + 1] = front_x, front_y
+        paths.heading[i, k + 1], paths.speed[i, k + 1] = after.heading, after.speed
+        center[0], center[1] = after.x, after.y

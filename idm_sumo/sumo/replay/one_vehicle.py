@@ -1,10 +1,7 @@
-"""The ``sumo`` back end of replay: one modelled vehicle at a time among recorded ones.
+"""Modelled vehicles in SUMO, each among recorded ones.
 
-Every step SUMO is told where all vehicles are, makes a step, and is asked for the modelled
-vehicle's leader (a move shows only after the step); then Python drives the modelled vehicle
-one step: IDM, pure pursuit and kinematic bicycle, integrated by Euler with the old speed, the
-very functions of the ``kernel`` back end. SUMO drives nobody, neither by its car-following
-nor by its lane-changing models.
+Every step SUMO is told where all vehicles are, makes a step, and is asked for the modelled vehicle's leader (a move
+shows only after the step). Then Python drives the modelled vehicle one frame.
 """
 
 from __future__ import annotations
@@ -19,7 +16,6 @@ from numba import njit
 
 from idm_sumo.models import bicycle
 from idm_sumo.models.effects import ExtendedModel
-from idm_sumo.recordings.columns import FRAME_STEP
 from idm_sumo.recordings.recording import Recording
 from idm_sumo.runtime.errors import InputError
 from idm_sumo.runtime.progress import Progress, silent
@@ -28,10 +24,12 @@ from idm_sumo.scenes.traffic import NOBODY
 from idm_sumo.scenes.windows import LEADER_FROM_LANE, Scenes
 from idm_sumo.simulation.driver_parameters import as_driven
 from idm_sumo.simulation.extended_rollout import decide, set_out
-from idm_sumo.simulation.rollout import Trajectories, control, steer
+from idm_sumo.simulation.rollout import Trajectories, steer
 from idm_sumo.sumo import network
+from idm_sumo.sumo.replay.motion import Driver, Motion, advance, moved, start_of
 from idm_sumo.sumo.replay.perception import leader_in_lane
-from idm_sumo.sumo.replay.stage import Cast, Stage, cast, check_on_network, compass, inside_lane
+from idm_sumo.sumo.replay.scene import SumoScene, compass
+from idm_sumo.sumo.replay.traffic_rows import TrafficRows, check_on_network, inside_lane, traffic_rows
 from idm_sumo.sumo.session import simulation
 
 Floats = npt.NDArray[np.float64]
@@ -53,7 +51,7 @@ def replay(
     jobs: int = 1,
     progress: Progress = silent,
 ) -> Trajectories:
-    """Drive vehicles by IDM and pure pursuit in SUMO, each in a replay of its own.
+    """Drive vehicles in SUMO, each in its own replay.
 
     Parameters
     ----------
@@ -62,17 +60,17 @@ def replay(
     which : array, optional
         Mask or numbers of the windows to replay; by default all.
     extension : tuple of Recording and ExtendedModel, optional
-        Causes beyond the IDM, and the period in which their drivers are looked up
-        (:mod:`idm_sumo.simulation.extended_rollout`). What they see beside the leader is where SUMO shows it.
+        Effects beyond the IDM, and the period in which their drivers are looked up
+        (:mod:`idm_sumo.simulation.extended_rollout`). Vehicles beside the leader are seen where SUMO shows them.
     jobs : int
         Processes; the results do not depend on it.
     progress : Progress
-        Told how many vehicles are done.
+        Called with the vehicles done and their total.
 
     Returns
     -------
     Trajectories
-        Of the chosen windows, in their order; by Euler with the old speed.
+        Of the chosen windows, in their order.
 
     Raises
     ------
@@ -81,21 +79,18 @@ def replay(
 
     Notes
     -----
-    *Traffic.* Recorded vehicles of the modelled vehicle's lane and of the lanes next to it are
-    injected while they are between ``BEHIND`` and ``AHEAD``, those of its own lane at any
-    distance ahead. Perception is along the own lane, so the choice never changes a result; the
-    recorded twin is not there.
+    *Traffic.* Recorded vehicles of the modelled vehicle's lane and of the lanes next to it are in SUMO while they are
+    between ``BEHIND`` and ``AHEAD``, those of its own lane at any distance ahead. Perception is along the own lane, so
+    the choice never changes a result. The recorded vehicle that the model replaces is left out.
 
-    *Perception.* SUMO names the leader (:func:`~idm_sumo.sumo.replay.perception.leader_in_lane`); the
-    gap is between the positions read back from SUMO, less the leader's recorded length, since
-    vehicles are points there (:class:`~idm_sumo.sumo.replay.stage.Stage`). The leader's speed is the
-    recorded one: SUMO derives the speed of a moved vehicle from its last displacement, which
-    lags half a frame.
+    *Perception.* SUMO names the leader (:func:`~idm_sumo.sumo.replay.perception.leader_in_lane`). The gap is between
+    the positions read back from SUMO, less the leader's recorded length, since vehicles are points there
+    (:class:`~idm_sumo.sumo.replay.scene.SumoScene`). The leader's speed is the recorded one: SUMO derives the speed of
+    a moved vehicle from its last displacement, which lags half a frame.
 
-    *The lane.* The modelled vehicle perceives along the lane it steers for. While its front is
-    beyond that lane's edge, it stands on this edge in SUMO; the result has its true place.
+    *The lane.* The modelled vehicle perceives along the lane it steers for. While its front is beyond that lane's edge,
+    it stands on this edge in SUMO; the result has its true place.
     """
-    len(scenes)
     theta, limit = as_driven(scenes, drivers, desired_speed)
     if which is not None:
         scenes, theta, limit = scenes.subset(which), theta[which], limit[which]
@@ -117,24 +112,42 @@ def _replay_serially(
     extension: tuple[Recording, ExtendedModel] | None = None,
     progress: Progress = silent,
 ) -> Trajectories:
-    """Replay one window after the other in one simulation, whose road is empty between them."""
-    out, actors = Trajectories.of(scenes), cast(scenes)
+    """Replay one window after the other in one simulation.
+
+    Its road is empty between them.
+    """
+    out, traffic = Trajectories.of(scenes), traffic_rows(scenes)
     net = network.of(scenes.road)
     with simulation(net=net.file) as sumo:
         drive = _plain(scenes, theta, limit) if extension is None else _extended(sumo, scenes, theta, limit, *extension)
-        check_on_network(sumo, actors)
-        stage = Stage(sumo, net, as_points=True)
+        check_on_network(sumo, traffic)
+        scene = SumoScene(sumo, net, as_points=True)
         strips = [net.strip(lane + 1) for lane in range(scenes.road.main_lanes)]
         for i in range(len(scenes)):
             strip = strips[int(scenes.lane[i]) - 1]
-            _replay_one(sumo, stage, strip, actors, scenes, i, drive, out)
-            stage.clear()
+            _replay_one(sumo, scene, strip, traffic, scenes, i, drive, out)
+            scene.clear()
             progress("replay in SUMO", i + 1, len(scenes))
     return out
 
 
 class Moment(NamedTuple):
-    """A driver, its step, what SUMO shows of it, and where it is."""
+    """A modelled vehicle at one step, with its surroundings.
+
+    Attributes
+    ----------
+    i, k : int
+        Number of the window; step of its simulation.
+    names, rows : list of str, int64
+        The recorded vehicles in SUMO: their names, and their rows of the traffic.
+    leader : int
+        Row of the leader, or ``NOBODY``.
+    gap : float
+        Bumper to bumper (m), infinite without a leader.
+    motion : Motion
+    x : float
+        Front bumper (m).
+    """
 
     i: int
     k: int
@@ -142,56 +155,56 @@ class Moment(NamedTuple):
     rows: Integers
     leader: int
     gap: float
-    cx: float
-    cy: float
-    heading: float
-    speed: float
+    motion: Motion
     x: float
 
 
-Advance = Callable[[Moment], tuple[float, float, float, float, float, float, float, float]]
+# From a moment to acceleration, steering, the motion one frame later, and the front bumper's x and y there.
+Drive = Callable[[Moment], tuple[float, float, Motion, float, float]]
 
 
-def _plain(scenes: Scenes, theta: Floats, limit: Floats) -> Advance:
+def _plain(scenes: Scenes, theta: Floats, limit: Floats) -> Drive:
     """Return what drives by the IDM."""
     theta, lane_y, t = np.ascontiguousarray(theta), scenes.road.lane_center(scenes.lane), scenes.traffic
 
     def drive(now: Moment) -> Any:
-        i, leader_speed = now.i, float(t.speed[now.leader]) if now.leader != NOBODY else now.speed
-        return advance(
-            now.cx, now.cy, now.heading, now.speed, now.gap, leader_speed, theta[i], float(limit[i]),
-            float(scenes.length[i]), float(lane_y[i]),
-        )  # fmt: skip
+        i, leader_speed = now.i, float(t.speed[now.leader]) if now.leader != NOBODY else now.motion.speed
+        driver = Driver(theta[i], float(limit[i]), float(scenes.length[i]), float(lane_y[i]))
+        return advance(now.motion, now.gap, leader_speed, driver)
 
     return drive
 
 
 def _extended(
     sumo: Any, scenes: Scenes, theta: Floats, limit: Floats, recording: Recording, model: ExtendedModel
-) -> Advance:
-    """Return what drives by an extended model, among the vehicles where SUMO shows them."""
-    minds, ground, body = set_out(scenes, recording, model, theta, limit)
-    shown = ground._replace(x=ground.x.copy())
+) -> Drive:
+    """Return what drives by an extended model.
+
+    It sees the other vehicles where SUMO shows them.
+    """
+    drivers, view, vehicles = set_out(scenes, recording, model, theta, limit)
+    shown = view._replace(x=view.x.copy())
 
     def drive(now: Moment) -> Any:
         if now.names:
             shown.x[now.rows] = [sumo.vehicle.getPosition(name)[0] for name in now.names]
-        acceleration = decide(now.i, now.k, now.x, now.speed, now.leader, now.gap, minds, shown, body)
-        length = float(body.length[now.i])
-        steering = steer(now.cy, now.heading, now.speed, length, float(body.lane_y[now.i]))
-        return moved(now.cx, now.cy, now.heading, now.speed, acceleration, steering, length)
+        i, motion = now.i, now.motion
+        acceleration = decide(i, now.k, now.x, motion.speed, now.leader, now.gap, drivers, shown, vehicles)
+        length = float(vehicles.length[i])
+        steering = steer(motion.y, motion.heading, motion.speed, length, float(vehicles.lane_y[i]))
+        return acceleration, steering, *moved(motion, acceleration, steering, length)
 
     return drive
 
 
 def _replay_one(
     sumo: Any,
-    stage: Stage,
+    scene: SumoScene,
     strip: tuple[str, ...],
-    actors: Cast,
+    traffic: TrafficRows,
     scenes: Scenes,
     i: int,
-    drive: Advance,
+    drive: Drive,
     out: Trajectories,
 ) -> None:
     """Drive window ``i`` and write it to ``out``."""
@@ -199,35 +212,28 @@ def _replay_one(
     end = sumo.simulation.getNetBoundary()[1][0]
     right, left = inside_lane(scenes.road, [-np.inf, np.inf], lane).tolist()
     x, y, heading, speed = start_of(scenes, i)
-    cx, cy = bicycle.center_of_front(x, y, heading, length)
+    motion = Motion(*bicycle.center_of_front(x, y, heading, length), heading, speed)
     for k in range(out.x.shape[1]):
-        out.x[i, k], out.y[i, k], out.heading[i, k], out.speed[i, k] = x, y, heading, speed
+        out.x[i, k], out.y[i, k], out.heading[i, k], out.speed[i, k] = x, y, motion.heading, motion.speed
         if x > end:
             raise InputError(f"vehicle {scenes.vehicle[i]} drives off the network, x = {x:.0f} m; shorten the horizon")
         rows = _rows_around(scenes, i, k, x)
-        names, fronts, laterals, angles, lengths, widths = actors.of(rows)
-        stage.place(
+        names, fronts, laterals, angles, lengths, widths = traffic.of(rows)
+        scene.place(
             [*names, EGO], [*fronts, x], [*laterals, min(max(y, right), left)],
-            [*angles, float(compass(heading))], [*lengths, length], [*widths, float(scenes.width[i])],
+            [*angles, float(compass(motion.heading))], [*lengths, length], [*widths, float(scenes.width[i])],
         )  # fmt: skip
         sumo.simulationStep()
         row, gap = _perceive(sumo, strip, names, rows, t.length)
         out.leader[i, k], out.gap[i, k] = row, gap
         if k == out.acceleration.shape[1]:
             break
-        out.acceleration[i, k], out.steering[i, k], cx, cy, heading, speed, x, y = drive(
-            Moment(i, k, names, rows, row, gap, cx, cy, heading, speed, x)
-        )
-
-
-def start_of(scenes: Scenes, i: int) -> tuple[float, float, float, float]:
-    """Return front bumper (m), heading (rad) and speed (m/s) with which the simulation starts."""
-    k = scenes.start
-    return float(scenes.x[i, k]), float(scenes.y[i, k]), float(scenes.heading[i, k]), float(scenes.speed[i, k])
+        now = Moment(i, k, names, rows, row, gap, motion, x)
+        out.acceleration[i, k], out.steering[i, k], motion, x, y = drive(now)
 
 
 def _perceive(sumo: Any, strip: tuple[str, ...], names: list[str], rows: Integers, length: Floats) -> tuple[int, float]:
-    """Return the row of the modelled vehicle's leader (or ``NOBODY``) and the gap to it (m)."""
+    """Return the leader's row (or ``NOBODY``) and gap (m)."""
     leader = leader_in_lane(sumo, EGO, strip)
     if leader is None:
         return NOBODY, np.inf
@@ -238,7 +244,7 @@ def _perceive(sumo: Any, strip: tuple[str, ...], names: list[str], rows: Integer
 
 
 def _rows_around(scenes: Scenes, i: int, k: int, front: float) -> Integers:
-    """Return the rows of the traffic around window ``i`` at step ``k``."""
+    """Return the rows of the traffic around a window's step."""
     t, lane, cell = scenes.traffic, int(scenes.lane[i]), int(scenes.cell[i]) + scenes.start + k
     beside = [cell + t.frames * side for side in (-1, 1) if 1 <= lane + side <= scenes.road.main_lanes]
     if scenes.leader_source != LEADER_FROM_LANE:
@@ -249,7 +255,10 @@ def _rows_around(scenes: Scenes, i: int, k: int, front: float) -> Integers:
 
 @njit(cache=True)
 def _rows_in_reach(offsets, x, vehicle, cells, front, own):  # type: ignore[no-untyped-def]
-    """Return the rows of ``cells`` in reach of ``front`` (m); of the first cell all that are ahead."""
+    """Return the rows of ``cells`` in reach of ``front`` (m).
+
+    Of the first cell these are all that are ahead.
+    """
     rows = [0 for _ in range(0)]
     for number, cell in enumerate(cells):
         for row in range(offsets[cell], offsets[cell + 1]):
@@ -257,19 +266,3 @@ def _rows_in_reach(offsets, x, vehicle, cells, front, own):  # type: ignore[no-u
             if near and x[row] > front - BEHIND and vehicle[row] != own:
                 rows.append(row)
     return np.array(rows, dtype=np.int64)
-
-
-@njit(cache=True)
-def advance(cx, cy, heading, speed, gap, leader_speed, theta, limit, length, lane_y):  # type: ignore[no-untyped-def]
-    """Return controls, centre of mass, heading, speed and front bumper one frame later."""
-    acceleration, steering = control(cx, cy, heading, speed, gap, leader_speed, theta, limit, length, lane_y)
-    return moved(cx, cy, heading, speed, acceleration, steering, length)
-
-
-@njit(cache=True)
-def moved(cx, cy, heading, speed, acceleration, steering, length):  # type: ignore[no-untyped-def]
-    """Return the same for given controls."""
-    axles = bicycle.wheelbase(length)
-    cx, cy, heading, speed = bicycle.step(cx, cy, heading, speed, acceleration, steering, axles, FRAME_STEP)
-    x, y = bicycle.front_of_center(cx, cy, heading, length)
-    return acceleration, steering, cx, cy, heading, speed, x, y

@@ -1,4 +1,4 @@
-"""Whom a vehicle in SUMO sees ahead of it, and where that differs from our own perception."""
+"""Leaders that SUMO names, and where ours differ."""
 
 from __future__ import annotations
 
@@ -14,7 +14,8 @@ from idm_sumo.scenes.traffic import NOBODY
 from idm_sumo.scenes.windows import LEADER_FROM_LANE, Scenes
 from idm_sumo.simulation.rollout import perceive
 from idm_sumo.sumo import network
-from idm_sumo.sumo.replay.stage import Cast, Stage, cast, check_on_network
+from idm_sumo.sumo.replay.scene import SumoScene
+from idm_sumo.sumo.replay.traffic_rows import TrafficRows, check_on_network, traffic_rows
 from idm_sumo.sumo.session import simulation
 
 Integers = npt.NDArray[np.int64]
@@ -31,7 +32,22 @@ UNSEEN = "is not seen by SUMO"
 
 
 def leader_by_getleader(sumo: Any, name: str) -> tuple[str | None, float]:
-    """Return whom ``vehicle.getLeader`` names, and the gap (m) that it states."""
+    """Return the leader and gap of ``vehicle.getLeader``.
+
+    Parameters
+    ----------
+    sumo : module
+        As of :func:`idm_sumo.sumo.session.simulation`.
+    name : str
+        Name of the follower.
+
+    Returns
+    -------
+    name : str or None
+        The leader within ``LOOK_AHEAD``.
+    gap : float
+        m, infinite without a leader.
+    """
     answer = sumo.vehicle.getLeader(name, LOOK_AHEAD)
     if not answer or not answer[0]:
         return None, np.inf
@@ -39,19 +55,26 @@ def leader_by_getleader(sumo: Any, name: str) -> tuple[str | None, float]:
 
 
 def leader_in_lane(sumo: Any, name: str, strip: tuple[str, ...]) -> str | None:
-    """Return the vehicle whose front is the next one ahead in the same lane, or None.
+    """Return the vehicle whose front is next ahead in lane.
 
-    For vehicles staged as points. ``vehicle.getLeader`` decides where the leader is on the
-    same edge. For one on an edge further downstream SUMO first asks a list of vehicles that
+    For vehicles placed as points. ``vehicle.getLeader`` decides where the leader is on the
+    same edge. For a leader on an edge further downstream SUMO first asks a list of vehicles that
     overlap the edge's end, which is kept in the order of arrival and lags a step behind lane
-    changes; there the lanes ahead are asked themselves.
+    changes. There the lanes ahead are asked instead.
 
     Parameters
     ----------
     sumo : module
+        As of :func:`idm_sumo.sumo.session.simulation`.
     name : str
+        Name of the follower.
     strip : tuple of str
-        What :meth:`idm_sumo.sumo.network.RoadNetwork.strip` returns of the vehicle's lane.
+        The follower's lane, as of :meth:`idm_sumo.sumo.network.RoadNetwork.strip`.
+
+    Returns
+    -------
+    str or None
+        Name of the leader.
     """
     here = sumo.vehicle.getLaneID(name)
     ahead, _ = leader_by_getleader(sumo, name)
@@ -64,7 +87,7 @@ def leader_in_lane(sumo: Any, name: str, strip: tuple[str, ...]) -> str | None:
 
 
 class PerceptionCheck(NamedTuple):
-    """What :func:`compare_perception` found.
+    """Result of :func:`compare_perception`.
 
     Attributes
     ----------
@@ -72,10 +95,10 @@ class PerceptionCheck(NamedTuple):
         How often a vehicle was asked for its leader.
     differences : pandas.DataFrame
         One row where SUMO and our perception disagree: ``frame, vehicle, lane, x``, ``ours``
-        and ``sumo`` (numbers of the leaders, 0 for none) and ``cause``, which is said of
-        SUMO's leader, or of ours where SUMO names none.
+        and ``sumo`` (numbers of the leaders, 0 for none) and ``cause``, which describes
+        SUMO's leader, or ours where SUMO names none.
     largest_gap_difference : float
-        m, over all cases in which both name the same leader.
+        Over all cases in which both name the same leader (m).
     """
 
     compared: int
@@ -86,18 +109,24 @@ class PerceptionCheck(NamedTuple):
 def compare_perception(
     scenes: Scenes, *, as_points: bool = False, every: int = 1, progress: Progress = silent
 ) -> PerceptionCheck:
-    """Ask SUMO and our own perception for the leader of every recorded vehicle.
+    """Compare the leaders that SUMO and our perception name.
 
     Parameters
     ----------
     scenes : Scenes
-        Its whole traffic is played, whoever is modelled.
+        Its whole traffic is played, whichever vehicles are modelled.
     as_points : bool
-        Stage the vehicles and find the leader as the replay does; there is no difference to
-        be expected. By default vehicles have their sizes, and ``vehicle.getLeader`` alone is
-        asked, as a user of SUMO would do.
+        Place the vehicles and find the leader as the replay does; no difference is expected.
+        By default vehicles have their sizes, and ``vehicle.getLeader`` alone is asked, as a user
+        of SUMO would do.
     every : int
         Play and compare every so many frames.
+    progress : Progress
+        Called with the frames done and their total.
+
+    Returns
+    -------
+    PerceptionCheck
 
     Raises
     ------
@@ -108,20 +137,20 @@ def compare_perception(
         raise InputError(
             f"period {scenes.one_period}: the recording does not hold the leaders, so SUMO cannot see them"
         )
-    actors, found, compared, largest = cast(scenes), [], 0, 0.0
+    traffic, found, compared, largest = traffic_rows(scenes), [], 0, 0.0
     frames = np.arange(scenes.traffic.first_frame, scenes.traffic.first_frame + scenes.traffic.frames, every)
-    by_frame = np.argsort(actors.frame, kind="stable")
-    bounds = np.searchsorted(actors.frame[by_frame], [frames, frames + 1])
+    by_frame = np.argsort(traffic.frame, kind="stable")
+    bounds = np.searchsorted(traffic.frame[by_frame], [frames, frames + 1])
     net = network.of(scenes.road)
     with simulation(net=net.file) as sumo:
-        check_on_network(sumo, actors)
-        stage = Stage(sumo, net, as_points=as_points)
+        check_on_network(sumo, traffic)
+        scene = SumoScene(sumo, net, as_points=as_points)
         strips = [net.strip(lane + 1) for lane in range(scenes.road.main_lanes)] if as_points else None
         for done, (begin, end) in enumerate(bounds.T.tolist()):
             rows = by_frame[begin:end]
-            stage.place(*actors.of(rows))
+            scene.place(*traffic.of(rows))
             sumo.simulationStep()
-            differing, gap_difference = _compare_frame(sumo, scenes, actors, rows, strips)
+            differing, gap_difference = _compare_frame(sumo, scenes, traffic, rows, strips)
             found += differing
             compared, largest = compared + len(rows), max(largest, gap_difference)
             progress("perception", done + 1, len(frames))
@@ -130,13 +159,13 @@ def compare_perception(
 
 
 def _compare_frame(
-    sumo: Any, scenes: Scenes, actors: Cast, rows: Integers, strips: list[tuple[str, ...]] | None
+    sumo: Any, scenes: Scenes, traffic: TrafficRows, rows: Integers, strips: list[tuple[str, ...]] | None
 ) -> tuple[list[tuple[Any, ...]], float]:
-    """Return the differences of one frame, and the largest difference of gaps (m)."""
+    """Return one frame's differences and largest gap difference (m)."""
     t, found, largest = scenes.traffic, [], 0.0
     row_of = dict(zip(map(str, t.vehicle[rows].tolist()), rows.tolist(), strict=True))
     for name, row in row_of.items():
-        lane, frame = int(actors.lane[row]), int(actors.frame[row])
+        lane, frame = int(traffic.lane[row]), int(traffic.frame[row])
         ours, gap = perceive(int(t.cell(lane, frame)), t.x[row], t.vehicle[row], t.offsets, t.x, t.length, t.vehicle)
         leader, stated_gap = leader_by_getleader(sumo, name)
         if strips is not None:
@@ -144,22 +173,22 @@ def _compare_frame(
         theirs = NOBODY if leader is None else row_of[leader]
         if ours != theirs:
             numbers = (0 if who == NOBODY else int(t.vehicle[who]) for who in (ours, theirs))
-            cause = _cause(scenes, actors, row, ours, theirs)
+            cause = _cause(scenes, traffic, row, ours, theirs)
             found.append((frame, int(name), lane, float(t.x[row]), *numbers, cause))
         elif ours != NOBODY and strips is None:
             largest = max(largest, abs(gap - stated_gap))
     return found, largest
 
 
-def _cause(scenes: Scenes, actors: Cast, row: int, ours: int, theirs: int) -> str:
-    """Say why SUMO names ``theirs`` as the leader of ``row`` and not ``ours``."""
+def _cause(scenes: Scenes, traffic: TrafficRows, row: int, ours: int, theirs: int) -> str:
+    """Say why SUMO's leader ``theirs`` is not ``ours``."""
     t = scenes.traffic
     if theirs == NOBODY:
         return TOO_FAR if t.x[ours] - t.x[row] > LOOK_AHEAD else UNSEEN
-    if actors.lane[theirs] != actors.lane[row]:
-        lane = actors.lane[row]
+    if traffic.lane[theirs] != traffic.lane[row]:
+        lane = traffic.lane[row]
         reach = 0.5 * (float(scenes.road.lane_width(lane)) + t.width[theirs])
-        straddles = abs(actors.y[theirs] - scenes.road.lane_center(lane)) < reach
+        straddles = abs(traffic.y[theirs] - scenes.road.lane_center(lane)) < reach
         return STRADDLES if straddles else HAS_LEFT
     if t.x[theirs] in (t.x[row], t.x[ours]):
         return EQUAL

@@ -1,4 +1,4 @@
-"""A whole recording in SUMO, as it was: every lane, every vehicle in its size, nobody modelled."""
+"""A whole recording in SUMO; no vehicle is modelled."""
 
 from __future__ import annotations
 
@@ -14,19 +14,19 @@ from idm_sumo.runtime.errors import InputError
 from idm_sumo.runtime.progress import Progress, silent
 from idm_sumo.sumo import network
 from idm_sumo.sumo.network import RoadNetwork
-from idm_sumo.sumo.replay.stage import Stage, compass
+from idm_sumo.sumo.replay.scene import SumoScene, compass
 from idm_sumo.sumo.session import simulation
 
 
 class Played(NamedTuple):
-    """What SUMO made of a recording.
+    """What SUMO returned of a recording.
 
     Attributes
     ----------
     vehicles, frames, rows : int
         How many were played; a row is a vehicle at a frame.
     largest_deviation : float
-        m, between the recorded positions and those read back from SUMO.
+        Between the recorded positions and those read back from SUMO (m).
     off_lane : int
         Rows at which SUMO found the vehicle on no lane.
     other_lane : int
@@ -42,14 +42,18 @@ class Played(NamedTuple):
 
 
 def play(recording: Recording, *, progress: Progress = silent) -> Played:
-    """Play one period of a recording in SUMO, auxiliary lane and ramps included.
+    """Play one period of a recording in SUMO, ramps included.
 
     Parameters
     ----------
     recording : Recording
-        One period; it needs not be cleaned.
+        One period; it need not be cleaned.
     progress : Progress
-        Told how many frames are done.
+        Called with the frames done and their total.
+
+    Returns
+    -------
+    Played
 
     Raises
     ------
@@ -74,10 +78,10 @@ def play(recording: Recording, *, progress: Progress = silent) -> Played:
     net = network.of(road)
     lane_of = cache(net.recorded_lane)
     with simulation(net=net.file) as sumo:
-        stage = Stage(sumo, net, as_points=False, routes=_routes(net, table))
+        scene = SumoScene(sumo, net, as_points=False, routes=_routes(net, table))
         for done, (begin, end) in enumerate(zip(starts, [*starts[1:], len(table)], strict=True)):
             present = names[begin:end]
-            stage.place(present, *(values[begin:end] for values in columns))
+            scene.place(present, *(values[begin:end] for values in columns))
             sumo.simulationStep()
             returned[begin:end] = [sumo.vehicle.getPosition(name) for name in present]
             lane[begin:end] = [_lane_of(sumo, name, lane_of) for name in present]
@@ -90,11 +94,9 @@ def play(recording: Recording, *, progress: Progress = silent) -> Played:
 
 
 def _routes(net: RoadNetwork, table: Any) -> dict[str, tuple[str, ...]]:
-    """Return the routes of the vehicles that were seen on a ramp."""
-    routes, on_ramp, off_ramp = (
-        {},
-        *([ramp.number for ramp in ramps] for ramps in (net.road.on_ramps, net.road.off_ramps)),
-    )
+    """Return the routes of the vehicles seen on a ramp."""
+    routes = {}
+    on_ramp, off_ramp = ([ramp.number for ramp in ramps] for ramps in (net.road.on_ramps, net.road.off_ramps))
     for vehicle, lanes in table.groupby(c.VEHICLE)[c.LANE]:
         came, went = lanes.isin(on_ramp).any(), lanes.isin(off_ramp).any()
         if came or went:
@@ -103,6 +105,9 @@ def _routes(net: RoadNetwork, table: Any) -> dict[str, tuple[str, ...]]:
 
 
 def _lane_of(sumo: Any, name: str, lane_of: Callable[[str, int], int]) -> int:
-    """Return the number of the lane, as the recording counts, that SUMO has a vehicle on; 0 for none."""
+    """Return the recording's number of a vehicle's lane in SUMO.
+
+    It is 0 for a vehicle that is on no lane.
+    """
     edge, _, index = sumo.vehicle.getLaneID(name).rpartition("_")
     return lane_of(edge, int(index)) if edge else 0

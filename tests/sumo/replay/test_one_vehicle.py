@@ -1,4 +1,4 @@
-"""The replays in SUMO agree with the compiled one, on traffic made to be awkward."""
+"""Replays in SUMO agree with the compiled one in awkward traffic."""
 
 import os
 from dataclasses import replace as changed
@@ -53,8 +53,8 @@ def test_a_leader_farther_than_the_surroundings_is_perceived() -> None:
     assert kernel.gap[0, 0] == pytest.approx(590 - 4.7)
 
 
-def test_the_twin_is_not_there() -> None:
-    fast = vehicle(1, 50.0, -2.0, 20.0)  # the model, slower than its twin, would see it ahead
+def test_the_recorded_vehicle_is_not_there() -> None:
+    fast = vehicle(1, 50.0, -2.0, 20.0)  # the model is slower than the recorded vehicle and would see it ahead
     kernel = assert_back_ends_agree(scenes_of(fast, vehicle(2, 100.0, -2.0, 5.0), vehicle(3, 130.0, -2.0, 5.0)))
     assert np.isinf(kernel.gap[2]).all()
     assert kernel.x[0, -1] < 50 + 20 * 3.0
