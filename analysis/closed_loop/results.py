@@ -9,7 +9,7 @@ import pandas as pd
 
 from idm_sumo.evaluation.comparison import RECORDING, Comparison
 from idm_sumo.recordings.recording import Recording
-from idm_sumo.sumo.closed_loop.run import Measured, glimpse_of
+from idm_sumo.sumo.closed_loop.measurement import Measured, glimpse_of
 
 from ..comparison.figures import overview, time_space
 from ..comparison.run import shown

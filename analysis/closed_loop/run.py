@@ -30,6 +30,7 @@ from idm_sumo.runtime.workers import in_processes
 from idm_sumo.sumo.closed_loop.demand import boundary_speeds, demand_of
 from idm_sumo.sumo.closed_loop.ego import Ego
 from idm_sumo.sumo.closed_loop.extended_loop import ModelDrivers
+from idm_sumo.sumo.closed_loop.measurement import Measured, run_and_measure
 from idm_sumo.sumo.closed_loop.populations import (
     DEFAULTS,
     SUBLANE,
@@ -37,7 +38,7 @@ from idm_sumo.sumo.closed_loop.populations import (
     default_types,
     lane_change_attributes,
 )
-from idm_sumo.sumo.closed_loop.run import Measured, run_and_measure, write_run
+from idm_sumo.sumo.closed_loop.run import write_run
 from idm_sumo.sumo.gui import gui_binary
 
 from ..comparison.run import read_all

@@ -1,1 +1,4 @@
-"""The only room that imports libsumo or sumolib: session, replay, export, closed loop."""
+"""SUMO: sessions, networks, replay, export, closed loop, surrogate.
+
+No other room imports libsumo or sumolib.
+"""

@@ -1,4 +1,7 @@
-"""A run that can be watched: sumo-gui through traci, which speaks as libsumo does."""
+"""A run in sumo-gui, controlled through traci.
+
+A traci connection has the functions of libsumo.
+"""
 
 from __future__ import annotations
 
@@ -19,7 +22,13 @@ DELAY = "20"  # ms a step, so that one can follow it
 
 
 def gui_binary() -> str:
-    """Return the path of sumo-gui, from the eclipse-sumo wheel or the search path.
+    """Return the path of sumo-gui.
+
+    It is the one of the eclipse-sumo wheel, else the one on the search path.
+
+    Returns
+    -------
+    str
 
     Raises
     ------
@@ -38,7 +47,18 @@ def gui_binary() -> str:
 
 @contextmanager
 def gui_simulation(options: Sequence[str], *, net: Path) -> Iterator[Any]:
-    """Run sumo-gui as :func:`idm_sumo.sumo.session.simulation` runs SUMO; yields a traci connection.
+    """Run sumo-gui on a network; yields a traci connection.
+
+    Parameters
+    ----------
+    options : sequence of str
+        As of :func:`idm_sumo.sumo.session.simulation`.
+    net : Path
+        The network.
+
+    Yields
+    ------
+    traci.connection.Connection
 
     Raises
     ------

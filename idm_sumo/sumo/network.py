@@ -1,4 +1,4 @@
-"""SUMO's network of a road: its file, its routes, and recorded places as SUMO places.
+"""SUMO networks of roads, their routes and places.
 
 SUMO's coordinates are the recording's, so ``x`` and ``y`` need no conversion. What this module adds is
 which edge, lane and position along it they belong to.
@@ -50,7 +50,7 @@ LAYOUTS = {
 
 
 class Place(NamedTuple):
-    """Where vehicles are in SUMO's terms, arrays of one shape.
+    """Places of vehicles in SUMO's terms, arrays of one shape.
 
     Attributes
     ----------
@@ -68,6 +68,14 @@ class Place(NamedTuple):
 
 def of(road: Road) -> RoadNetwork:
     """Return SUMO's network of a road.
+
+    Parameters
+    ----------
+    road : Road
+
+    Returns
+    -------
+    RoadNetwork
 
     Raises
     ------
@@ -99,17 +107,19 @@ class RoadNetwork:
 
     @property
     def origins(self) -> tuple[str, str]:
-        """Edges that vehicles come from: the main road's first and the on-ramp."""
+        """Edges that vehicles come from: main road and on-ramp."""
         return self.mainline[0], self.layout.on_ramp
 
     @property
     def destinations(self) -> tuple[str, str]:
-        """Edges that vehicles go to: the main road's last and the off-ramp."""
+        """Edges that vehicles go to: main road and off-ramp."""
         return self.mainline[-1], self.layout.off_ramp
 
     @property
     def file(self) -> Path:
-        """Path of the built network: below the package in a wheel, beside it in a clone.
+        """Path of the built network.
+
+        It lies below the package in a wheel, beside it in a clone.
 
         Raises
         ------
@@ -123,15 +133,36 @@ class RoadNetwork:
         raise InputError(f"network/{self.road.network} is missing: build it with `python network/build.py`")
 
     def load(self) -> Any:
-        """Return the network as a :class:`sumolib.net.Net`, read once."""
+        """Return the network, read once.
+
+        Returns
+        -------
+        sumolib.net.Net
+        """
         return _load(self.file)
 
     def mainline_ends(self) -> tuple[float, ...]:
-        """Return the ``x`` (m) at which each edge of the main road ends."""
+        """Return where each edge of the main road ends.
+
+        Returns
+        -------
+        tuple of float
+            ``x`` (m), in the order of ``mainline``.
+        """
         return tuple(float(self.load().getEdge(name).getShape()[-1][0]) for name in self.mainline)
 
     def route(self, origin: str, destination: str) -> tuple[str, ...]:
-        """Return the edges from an origin to a destination, both included.
+        """Return the edges from an origin to a destination.
+
+        Parameters
+        ----------
+        origin, destination : str
+            Edges, of :attr:`origins` and :attr:`destinations`.
+
+        Returns
+        -------
+        tuple of str
+            Both included.
 
         Raises
         ------
@@ -149,6 +180,10 @@ class RoadNetwork:
             Distance (m) downstream of the section's start.
         lane : array_like of int
             Recorded lane. The side lanes are one strip: on-ramp, auxiliary lane or off-ramp according to ``x``.
+
+        Returns
+        -------
+        Place
 
         Raises
         ------
@@ -179,7 +214,19 @@ class RoadNetwork:
     def coordinates(
         self, where: Place
     ) -> tuple[npt.NDArray[np.float64], npt.NDArray[np.float64], npt.NDArray[np.int64]]:
-        """Return ``x``, ``y`` (m, lane centre) and recorded lane of places; the inverse of :meth:`place`."""
+        """Return recorded coordinates of places; inverts :meth:`place`.
+
+        Parameters
+        ----------
+        where : Place
+
+        Returns
+        -------
+        x, y : float64
+            Lane centre (m).
+        lane : int64
+            Recorded lane.
+        """
         edge, index, position = np.broadcast_arrays(*where)
         x, y, lane = np.empty(edge.shape), np.empty(edge.shape), np.empty(edge.shape, dtype=np.int64)
         for name in np.unique(edge):
@@ -192,7 +239,18 @@ class RoadNetwork:
         return x, y, lane
 
     def recorded_lane(self, edge: str, lane_index: int) -> int:
-        """Return the number that a recording of this road gives to a SUMO lane."""
+        """Return the recorded number of a SUMO lane.
+
+        Parameters
+        ----------
+        edge : str
+        lane_index : int
+            Counted from the right, 0 first.
+
+        Returns
+        -------
+        int
+        """
         if edge == self.layout.on_ramp:
             return self.road.on_ramps[0].number
         if edge == self.layout.off_ramp:
@@ -200,11 +258,34 @@ class RoadNetwork:
         return _lane_count(self, edge) - lane_index
 
     def main_lane(self, edge: str, lane: int) -> str:
-        """Return SUMO's name of a main lane (1 leftmost) on an edge of the main road."""
+        """Return SUMO's name of a main lane on an edge.
+
+        Parameters
+        ----------
+        edge : str
+            Edge of the main road.
+        lane : int
+            Main lane, 1 leftmost.
+
+        Returns
+        -------
+        str
+        """
         return f"{edge}_{_lane_count(self, edge) - lane}"
 
     def strip(self, lane: int) -> tuple[str, ...]:
-        """Return SUMO's lanes that make up a main lane (1 leftmost), upstream to downstream."""
+        """Return SUMO's lanes that make up a main lane.
+
+        Parameters
+        ----------
+        lane : int
+            Main lane, 1 leftmost.
+
+        Returns
+        -------
+        tuple of str
+            Upstream to downstream.
+        """
         return tuple(self.main_lane(edge, lane) for edge in self.mainline)
 
 
@@ -229,7 +310,10 @@ def _route(network: RoadNetwork, origin: str, destination: str) -> tuple[str, ..
 
 @cache
 def _lane_count(network: RoadNetwork, edge: str) -> int:
-    """Return how many lanes count from the left; on a ramp one more than the main lanes, in whose line it lies."""
+    """Return how many lanes count from the left.
+
+    On a ramp this is one more than the main lanes, since it lies in line with the auxiliary lane.
+    """
     if edge in (network.layout.on_ramp, network.layout.off_ramp):
         return network.road.main_lanes + 1
     return int(network.load().getEdge(edge).getLaneNumber())
@@ -237,7 +321,10 @@ def _lane_count(network: RoadNetwork, edge: str) -> int:
 
 @cache
 def _line(network: RoadNetwork, edge: str, lane_index: int) -> npt.NDArray[np.float64]:
-    """Return the middle of a lane: x (increasing), y and distance from its start, one point a row (m)."""
+    """Return the middle of a lane as points.
+
+    One point a row: x (increasing), y and distance from the lane's start (m).
+    """
     points = np.array(network.load().getEdge(edge).getLane(lane_index).getShape(), dtype=np.float64)[:, :2]
     along = np.concatenate([[0.0], np.cumsum(np.hypot(*np.diff(points, axis=0).T))])
     return np.column_stack([points, along])

@@ -1,4 +1,4 @@
-"""Starting and stopping SUMO inside this process, through libsumo."""
+"""Running SUMO inside this process, through libsumo."""
 
 from __future__ import annotations
 
@@ -35,6 +35,10 @@ REPLAY = (
 def load_libsumo() -> Any:
     """Return the module libsumo.
 
+    Returns
+    -------
+    module
+
     Raises
     ------
     InputError
@@ -53,7 +57,7 @@ def load_libsumo() -> Any:
 
 @contextmanager
 def simulation(options: Sequence[str] = REPLAY, *, net: Path, step_length: float = FRAME_STEP) -> Iterator[Any]:
-    """Run SUMO on a network, in steps of a recorded frame by default; yields the module libsumo.
+    """Run SUMO on a network; yields the module libsumo.
 
     Parameters
     ----------
@@ -62,7 +66,12 @@ def simulation(options: Sequence[str] = REPLAY, *, net: Path, step_length: float
     net : Path
         The network, for example ``network.of(road).file``.
     step_length : float
-        Length of a simulation step, s.
+        Length of a simulation step (s); by default a recorded frame.
+
+    Yields
+    ------
+    module
+        libsumo, with the simulation loaded.
 
     Raises
     ------
@@ -88,7 +97,7 @@ def simulation(options: Sequence[str] = REPLAY, *, net: Path, step_length: float
 
 
 def _check_net(path: Path) -> None:
-    """Refuse what would crash the process: libsumo does not survive a broken network file."""
+    """Refuse a broken network file, which would crash libsumo."""
     if not path.is_file():
         raise InputError(f"{path}: no such network; build it with `python network/build.py`")
     try:

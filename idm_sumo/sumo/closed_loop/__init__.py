@@ -1,1 +1,1 @@
-"""Recorded demand as vehicles that react."""
+"""Recorded demand driven by SUMO, with every vehicle reacting."""

@@ -1,4 +1,4 @@
-"""Recorded demand for a closed loop: who enters when, where, how fast, as what, and where to.
+"""Recorded demand of a closed loop: departures, destinations, boundary speeds.
 
 Files are plain SUMO inputs, so that a run can be repeated with ``sumo`` or watched in ``sumo-gui``.
 """
@@ -38,14 +38,19 @@ EDGE, LANE_INDEX, POSITION = "edge", "lane_index", "position"
 
 
 def demand_of(recording: Recording) -> pd.DataFrame:
-    """Return the demand of one period, in the order of departure.
+    """Return the demand of one period, by departure.
+
+    Parameters
+    ----------
+    recording : Recording
+        One period with all its vehicles.
 
     Returns
     -------
     pandas.DataFrame
-        Columns of :func:`idm_sumo.calibration.departures.departures`, with ``depart_s`` counted from the recording's first
-        frame, and SUMO's ``edge, lane_index, position`` (m). Vehicles that are on the road in the first frame depart
-        where they are.
+        Columns of :func:`idm_sumo.calibration.departures.departures`, with ``depart_s`` counted from the recording's
+        first frame, and SUMO's ``edge, lane_index, position`` (m). Vehicles that are on the road in the first frame
+        depart where they are.
 
     Raises
     ------
@@ -54,12 +59,13 @@ def demand_of(recording: Recording) -> pd.DataFrame:
     """
     if len(recording.periods) != 1:
         raise InputError(
-            f"{recording.source}: a closed loop runs one period; choose one of {', '.join(recording.periods)} with --period"
+            f"{recording.source}: a closed loop runs one period; "
+            f"choose one of {', '.join(recording.periods)} with --period"
         )
     if not recording.has_leader_rows:
         raise InputError(
-            f"{recording.source}: holds a few of the vehicles only, which is no demand; a closed loop needs all of them "
-            "(give an official period, or `surrogate`)"
+            f"{recording.source}: holds a few of the vehicles only, which is no demand; "
+            "a closed loop needs all of them (give an official period, or `surrogate`)"
         )
     table = departures(recording).sort_values([d.DEPART, c.VEHICLE], kind="stable", ignore_index=True)
     table[d.DEPART] = np.round(table[d.DEPART] - table[d.DEPART].min(), 1)
@@ -73,7 +79,10 @@ def demand_of(recording: Recording) -> pd.DataFrame:
 
 
 def _places(net: RoadNetwork, table: pd.DataFrame, source: str) -> Place:
-    """Return where the vehicles depart; the message of a failure names the first one."""
+    """Return where the vehicles depart.
+
+    The message of a failure names the first such vehicle.
+    """
     try:
         return net.place(table[d.X].to_numpy(), table[d.LANE].to_numpy())
     except InputError:
@@ -86,10 +95,20 @@ def _places(net: RoadNetwork, table: pd.DataFrame, source: str) -> Place:
 
 
 def write_routes(road: Road, demand: pd.DataFrame, types: Sequence[Element], path: Path) -> None:
-    """Write types, routes and vehicles, ``types`` in the order of the demand and named as its vehicles.
+    """Write vehicle types, routes and vehicles.
 
-    Who is on the road in the first frame is put there, whatever its model thinks of the gap. Later a vehicle
-    is inserted at its recorded place and speed as soon as its model finds the gap safe.
+    A vehicle that is on the road in the first frame is put there without a check of its gap. Later vehicles are
+    inserted at their recorded place and speed as soon as their model finds the gap safe.
+
+    Parameters
+    ----------
+    road : Road
+    demand : pandas.DataFrame
+        As of :func:`demand_of`.
+    types : sequence of Element
+        The ``<vType>`` of each vehicle, in the order of the demand.
+    path : Path
+        File to write.
     """
     root, net = Element("routes"), network.of(road)
     ways = list(zip(demand[EDGE], demand[DESTINATION], strict=True))
@@ -109,9 +128,20 @@ def write_routes(road: Road, demand: pd.DataFrame, types: Sequence[Element], pat
 
 
 def boundary_speeds(recording: Recording) -> Floats:
-    """Return the speeds at the section's end, shape ``(seconds, main lanes)``: lane by lane, smoothed over 7 s.
+    """Return recorded speeds at the section's end.
 
-    Of the vehicles on the last 40 m; where a lane is empty, interpolated in time.
+    Means of the vehicles on the last 40 m in each lane and second, interpolated in time where a lane is empty, smoothed
+    over 7 s, at least ``SLOWEST_SIGN`` and at most the speed limit.
+
+    Parameters
+    ----------
+    recording : Recording
+        One period.
+
+    Returns
+    -------
+    float64, shape (seconds, main lanes)
+        m/s.
     """
     table, road = recording.table, recording.road
     end = table[c.X].between(road.length - LAST_STRETCH, road.length) & (table[c.LANE] <= road.main_lanes)
@@ -127,7 +157,16 @@ def boundary_speeds(recording: Recording) -> Floats:
 
 
 def write_boundary(road: Road, speeds: Floats, path: Path) -> None:
-    """Write variable speed signs that impose ``speeds``, shape ``(seconds, main lanes)``, on the edge behind the section."""
+    """Write speed signs for the edge behind the section.
+
+    Parameters
+    ----------
+    road : Road
+    speeds : float64, shape (seconds, main lanes)
+        Imposed speeds (m/s), as of :func:`boundary_speeds`.
+    path : Path
+        Additional file to write.
+    """
     root, net = Element("additional"), network.of(road)
     for lane in range(road.main_lanes):
         sumo_lane = net.main_lane(net.layout.downstream, lane + 1)

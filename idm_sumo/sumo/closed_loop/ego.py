@@ -1,4 +1,4 @@
-"""A vehicle that we drive by our own model among vehicles that SUMO drives."""
+"""A vehicle driven by our own model among SUMO's."""
 
 from __future__ import annotations
 
@@ -20,9 +20,10 @@ KEEP_LANE = 0  # SUMO's lane change mode: none of its own
 
 
 class Ego:
-    """The driver: our IDM, pure pursuit of the middle of the lane it enters in, and the bicycle.
+    """A vehicle that drives by IDM, pure pursuit and bicycle.
 
-    It is inserted by SUMO, then moved by us as long as it is in the section; behind it SUMO drives it on.
+    SUMO inserts it. Python moves it as long as it is in the section; behind the section SUMO drives it on. It keeps
+    to the middle of the lane it enters in.
 
     Parameters
     ----------
@@ -30,9 +31,9 @@ class Ego:
         Number of a vehicle of the demand that enters on a main lane.
     road : Road
     lane : int
-        Main lane that it keeps.
-    parameters : array, shape (5,)
-        ``a, b, T, d0, d1``.
+        Main lane that it keeps, 1 leftmost.
+    parameters : array_like, shape (5,)
+        ``a, b, T, d0, d1`` (SI units).
     length : float
         m.
     desired_speed : float, optional
@@ -58,7 +59,15 @@ class Ego:
         self._done = False
 
     def drive(self, sumo: Any, step: int) -> None:
-        """Look around after a step of SUMO, and say where to be after the next."""
+        """Perceive after a step of SUMO and move on.
+
+        Parameters
+        ----------
+        sumo : module
+            As of :func:`idm_sumo.sumo.session.simulation`.
+        step : int
+            Number of the step.
+        """
         if self._done:
             return
         if self._state is None:
@@ -98,5 +107,12 @@ class Ego:
         sumo.vehicle.moveToXY(self.name, "", -1, front_x, front_y, float(compass(heading)), ON_ROUTE_AT_EXACT_PLACE)
 
     def table(self) -> pd.DataFrame:
-        """Return what it did: ``time_s, x, y, heading, speed, acceleration, steering, gap_m, leader``, SI units."""
+        """Return the path that it drove.
+
+        Returns
+        -------
+        pandas.DataFrame
+            ``time_s, x, y`` (front bumper, m), ``heading`` (rad), ``speed`` (m/s), ``acceleration`` (m/s²),
+            ``steering`` (rad), ``gap_m``, ``leader`` (NaN without one), one row a step.
+        """
         return pd.DataFrame(self._rows, columns=list(COLUMNS))

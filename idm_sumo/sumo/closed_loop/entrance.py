@@ -1,4 +1,4 @@
-"""Who waits at the entrance of a closed loop, and how it gets in."""
+"""Insertion of vehicles that wait at a closed loop's entrance."""
 
 from __future__ import annotations
 
@@ -15,10 +15,15 @@ PATIENCE = 1.0  # s a vehicle waits for a gap that is safe at its recorded speed
 
 
 class Entrance:
-    """Lets those in who could not enter at their recorded speed: as slow as the vehicle ahead of them.
+    """Inserts waiting vehicles at their leader's speed.
 
     Where simulated traffic is slower at the entrance than the recorded one was, no gap is safe at the recorded
-    speed, and waiting for one would starve the road.
+    speed, and waiting for one would leave the road empty.
+
+    Parameters
+    ----------
+    demand : pandas.DataFrame
+        As of :func:`idm_sumo.sumo.closed_loop.demand.demand_of`.
     """
 
     def __init__(self, demand: pd.DataFrame) -> None:
@@ -27,7 +32,15 @@ class Entrance:
         self._readmitted: set[str] = set()
 
     def admit(self, sumo: Any, now: float) -> None:
-        """Look at who waits after a step."""
+        """Insert vehicles that have waited for ``PATIENCE``.
+
+        Parameters
+        ----------
+        sumo : module
+            As of :func:`idm_sumo.sumo.session.simulation`.
+        now : float
+            Time of the simulation (s).
+        """
         for name in sumo.simulation.getPendingVehicles():
             if name in self._readmitted:
                 continue

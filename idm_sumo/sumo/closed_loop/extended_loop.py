@@ -1,4 +1,7 @@
-"""A closed loop in which we drive: every vehicle on the main lanes by an extended model, its lane changes by SUMO."""
+"""A closed loop whose main lanes an extended model drives.
+
+SUMO changes the lanes.
+"""
 
 from __future__ import annotations
 
@@ -31,7 +34,7 @@ OURS, SUMOS = 0, 31  # SUMO's speed modes: no check of its own; all of them
 
 
 class Memory(NamedTuple):
-    """What the vehicles of the demand remember; arrays over them, changed as they drive.
+    """What vehicles remember; changed as they drive.
 
     Attributes
     ----------
@@ -40,8 +43,9 @@ class Memory(NamedTuple):
     moments : int64, shape (vehicles,)
         How many of them have been.
     leader : int64, shape (vehicles,)
+        Number of the leader.
     changed : float64, shape (vehicles, 3)
-        By how much the last leader change shortened the gap (m), when, and the time headway right after it (s).
+        By how much the last leader change shortened the gap (m), when (s), and the time headway right after it (s).
     driven : float64, shape (vehicles,)
         Sum of speeds (m/s).
     speed : float64, shape (vehicles, LATELY + 1)
@@ -56,31 +60,84 @@ class Memory(NamedTuple):
     speed: Floats
 
 
-class ModelDrivers:
-    """Drives all vehicles that pass through on the main lanes of the section.
+class Present(NamedTuple):
+    """Vehicles on the main lanes, by lane and position.
 
-    Vehicles on ramps, on the auxiliary lane, behind the section, and those that leave by the off-ramp are SUMO's: they
-    must mind ends of lanes, which a car-following model does not know.
+    Attributes
+    ----------
+    place : int64, shape (n,)
+        Row of the demand.
+    x, speed, length : float64, shape (n,)
+        Front bumper (m), m/s, m.
+    lane : int64, shape (n,)
+        Main lane, 1 leftmost.
+    offsets : int64, shape (main lanes + 1,)
+        Where the vehicles of each lane begin.
+    others : Others
+        What is seen of them, arrays of shape (n,).
+    """
+
+    place: Integers
+    x: Floats
+    speed: Floats
+    length: Floats
+    lane: Integers
+    offsets: Integers
+    others: Others
+
+
+class Models(NamedTuple):
+    """Models of the vehicles of the demand.
+
+    Attributes
+    ----------
+    magnitudes : float64, shape (2, main lanes + 1, slots)
+        Magnitudes of the effects in each lane: with and without those that only a share of the drivers has.
+    without : int64, shape (vehicles,)
+        Which of the two a driver has.
+    theta : float64, shape (vehicles, 5)
+        ``a, b, T, d0, d1`` (SI units).
+    desired_speed : float64, shape (vehicles,)
+        m/s.
+    """
+
+    magnitudes: Floats
+    without: Integers
+    theta: Floats
+    desired_speed: Floats
+
+
+class ModelDrivers:
+    """Drives all vehicles that stay on the main lanes.
+
+    Vehicles on ramps, on the auxiliary lane, behind the section, and those that leave by the off-ramp are driven by
+    SUMO: they must respect ends of lanes, which a car-following model does not know.
 
     Parameters
     ----------
     model : ExtendedModel
     demand : pandas.DataFrame
-        Of :func:`idm_sumo.sumo.closed_loop.demand.demand_of`.
-    theta : array, shape (vehicles, 5)
-        ``a, b, T, d0, d1`` of each vehicle of the demand.
+        As of :func:`idm_sumo.sumo.closed_loop.demand.demand_of`.
+    theta : float64, shape (vehicles, 5)
+        ``a, b, T, d0, d1`` of each vehicle of the demand (SI units).
     road : Road
-    desired_speed : float or array, shape (vehicles,), optional
+    desired_speed : float or float64, shape (vehicles,), optional
         m/s; by default the model's.
-    has : bool array, shape (vehicles,), optional
-        Which drivers have what only some have; by default so many as in the model, by their numbers.
+    has : bool, shape (vehicles,), optional
+        Which drivers have the effects that only a share has; by default the model's share of them, by their numbers.
+
+    Attributes
+    ----------
+    driven_steps : int
+        Vehicle-steps that the model drove.
 
     Notes
     -----
-    Each step all are looked at, then decide together, then SUMO is told their speeds: Euler with the new speed, as
-    SUMO's own models; without causes the same to the last digit, except that SUMO overlooks leaders some hundreds of
-    metres ahead (centimetres), and that its lane changing adjusts the speeds of its own drivers, not of ours: in dense
-    traffic hold a model against the same loop without its causes. What lies in the future (a cut-in, the own lane change) nobody knows here.
+    At each step all vehicles are looked at, then all decide together, then SUMO is told their speeds: Euler with the
+    new speed, as in SUMO's own models. Without effects the result is that of SUMO's IDM to the last digit, with two
+    exceptions: SUMO overlooks leaders some hundreds of metres ahead (centimetres of difference), and its lane changing
+    adjusts the speeds of the drivers that SUMO drives only. In dense traffic compare a model with the same loop without
+    its effects. Moments in the future (a cut-in, the own lane change) are unknown here.
     """
 
     def __init__(
@@ -95,12 +152,12 @@ class ModelDrivers:
         n, self._road = len(demand), road
         self._place = {str(vehicle): i for i, vehicle in enumerate(demand[c.VEHICLE])}
         has = model.has_partial_causes(demand[c.VEHICLE]) if has is None else has
-        self._without = (~has).astype(np.int64)
-        self._magnitudes = np.stack(
-            [each.magnitudes_by_lane(road.main_lanes) for each in (model, model.without_partial_causes())]
+        self._models = Models(
+            np.stack([each.magnitudes_by_lane(road.main_lanes) for each in (model, model.without_partial_causes())]),
+            (~has).astype(np.int64),
+            np.ascontiguousarray(theta, dtype=np.float64),
+            np.full(n, model.desired_speed if desired_speed is None else desired_speed, dtype=np.float64),
         )
-        self._theta = np.ascontiguousarray(theta, dtype=np.float64)
-        self._limit = np.full(n, model.desired_speed if desired_speed is None else desired_speed, dtype=np.float64)
         self._length = demand[d.LENGTH].fillna(road.car_length).to_numpy(dtype=np.float64)
         kind = demand[d.CLASS].to_numpy(dtype=np.float64)
         self._class = np.where(kind > 0, kind, np.nan)
@@ -113,7 +170,15 @@ class ModelDrivers:
         self.driven_steps = 0  # vehicle-steps that we drove
 
     def drive(self, sumo: Any, step: int) -> None:
-        """Look around after a step of SUMO, and say how fast to be after the next."""
+        """Look around after a step of SUMO and set speeds.
+
+        Parameters
+        ----------
+        sumo : module
+            As of :func:`idm_sumo.sumo.session.simulation`.
+        step : int
+            Number of the step.
+        """
         names = [name for name in sumo.vehicle.getIDList() if name in self._place]
         if not names:
             return
@@ -130,20 +195,22 @@ class ModelDrivers:
         self._tell(sumo, names, ours, fastest)
 
     def _decide(self, place: Integers, x: Floats, speed: Floats, lane: Integers, step: int) -> Floats:
-        """Return everybody's acceleration (m/s²), vehicles sorted by lane and position."""
+        """Return all accelerations (m/s²).
+
+        The vehicles are sorted by lane and position.
+        """
         lanes = self._road.main_lanes
         offsets = np.zeros(lanes + 1, dtype=np.int64)
         np.cumsum(np.bincount(lane - 1, minlength=lanes), out=offsets[1:])
         others = Others(*self._accelerations(place, speed), self._class[place], place + 1)
-        return np.asarray(
-            _decide_all(
-                place, x, speed, self._length[place], lane, offsets, others, self._memory, self._magnitudes, self._without, self._theta,
-                self._limit, step * FRAME_STEP,
-            )
-        )  # fmt: skip
+        present = Present(place, x, speed, self._length[place], lane, offsets, others)
+        return np.asarray(_decide_all(present, self._models, self._memory, step * FRAME_STEP))
 
     def _accelerations(self, place: Integers, speed: Floats) -> tuple[Floats, Floats]:
-        """Return everybody's acceleration (m/s²) since the step before, and its mean of the last seconds; note the speeds."""
+        """Return accelerations (m/s²) of the last step and seconds.
+
+        The speeds are remembered.
+        """
         before = self._memory.speed[place, 1:]
         self._memory.speed[place] = np.column_stack([before, speed])
         known = np.isfinite(before)
@@ -152,7 +219,7 @@ class ModelDrivers:
         return change, np.nan_to_num((speed - first) / (np.maximum(known.sum(axis=1), 1) * FRAME_STEP))
 
     def _tell(self, sumo: Any, names: list[str], ours: npt.NDArray[np.bool_], speed: Floats) -> None:
-        """Set the speeds of ours; give back who is ours no more."""
+        """Set the model's speeds and release vehicles that left it."""
         chosen = {name: value for name, mine, value in zip(names, ours.tolist(), speed.tolist(), strict=True) if mine}
         for name, value in chosen.items():
             if name not in self._ours:
@@ -166,28 +233,35 @@ class ModelDrivers:
 
 
 @njit(cache=True)
-def _decide_all(place, x, speed, length, lane, offsets, others, memory, magnitudes, without, theta, limit, now):  # type: ignore[no-untyped-def]
-    acceleration = np.empty(len(place))
-    for i in range(len(place)):
-        row, gap = perceive(lane[i] - 1, x[i], others.who[i], offsets, x, length, others.who)
+def _decide_all(present, models, memory, now):  # type: ignore[no-untyped-def]
+    """Return the accelerations (m/s²) at ``now`` (s); ``memory`` is updated."""
+    offsets, x, speed, length, others = present.offsets, present.x, present.speed, present.length, present.others
+    acceleration = np.empty(len(x))
+    for i in range(len(x)):
+        lane, vehicle = present.lane[i], present.place[i]
+        row, gap = perceive(lane - 1, x[i], others.who[i], offsets, x, length, others.who)
         leader_speed = speed[row] if row != NOBODY else speed[i]
-        vehicle = place[i]
-        m, own, past = magnitudes[without[vehicle], lane[i]], theta[vehicle], memory.past[vehicle]
+        m, past = models.magnitudes[models.without[vehicle], lane], memory.past[vehicle]
         who = others.who[row] if row != NOBODY else 0
         _remember(vehicle, gap, speed[i], speed[i] - leader_speed, who, now, memory, m)
         see = look(
-            offsets, x, speed, length, others.who, others, lane[i] - 1, 1, lane[i], False, others.who[i], length[i], x[i],
+            offsets, x, speed, length, others.who, others, lane - 1, 1, lane, False, others.who[i], length[i], x[i],
             row, gap, now, others.vehicle_class[i], memory.changed[vehicle, 0], now - memory.changed[vehicle, 1],
             memory.changed[vehicle, 2], np.nan, np.nan, memory.driven[vehicle] / memory.moments[vehicle],
         )  # fmt: skip
         then_gap, then_speed, then_rate = acted_on(past, PAST - 1, m, FRAME_STEP)
-        acceleration[i] = extended_acceleration(then_speed, then_rate, then_gap, see, own, limit[vehicle], m)
+        acceleration[i] = extended_acceleration(
+            then_speed, then_rate, then_gap, see, models.theta[vehicle], models.desired_speed[vehicle], m
+        )
     return acceleration
 
 
 @njit(cache=True)
 def _remember(vehicle, gap, speed, approach_rate, who, now, memory, m):  # type: ignore[no-untyped-def]
-    """Push the present into the past of a vehicle, and note a change of its leader."""
+    """Push the present into a vehicle's past.
+
+    A change of its leader is noted.
+    """
     past = memory.past[vehicle]
     gap_before = past[PAST - 1, 0]
     if memory.moments[vehicle] == 0:

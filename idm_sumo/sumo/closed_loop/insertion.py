@@ -1,4 +1,7 @@
-"""Did SUMO insert everybody in time? A departure that finds no gap waits, and that is said, never silent."""
+"""Delays with which SUMO inserts exported vehicles.
+
+A departure that finds no gap waits; the delay is reported.
+"""
 
 from __future__ import annotations
 
@@ -12,11 +15,11 @@ from idm_sumo.calibration import driver_table as d
 from idm_sumo.recordings.columns import FRAME_STEP
 from idm_sumo.sumo import session
 
-PATIENCE = 600.0  # s after the last departure, before a vehicle that is still not in counts as never inserted
+PATIENCE = 600.0  # s after the last departure; a vehicle that is not in by then counts as never inserted
 
 
 def departure_delays(config: Path | str) -> pd.DataFrame:
-    """Run an exported configuration and say how late every vehicle was inserted.
+    """Run an exported configuration and return its insertion delays.
 
     Parameters
     ----------
@@ -28,10 +31,16 @@ def departure_delays(config: Path | str) -> pd.DataFrame:
     pandas.DataFrame
         ``id, depart_s`` (as asked for), ``delay_s`` (0 in time, infinite if never inserted), in
         the order of the file.
+
+    Raises
+    ------
+    InputError
+        If SUMO refuses the configuration.
     """
     path = Path(config)
     inputs = parse(path).getroot()
-    net, routes = (path.parent / inputs.find(f"input/{name}").attrib["value"] for name in ("net-file", "route-files"))  # type: ignore[union-attr]
+    named = {one.tag: one.attrib["value"] for one in inputs.iterfind("input/*")}
+    net, routes = (path.parent / named[name] for name in ("net-file", "route-files"))
     asked = {
         vehicle.attrib["id"]: float(vehicle.attrib["depart"]) for vehicle in parse(routes).getroot().iter("vehicle")
     }

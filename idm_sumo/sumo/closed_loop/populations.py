@@ -1,4 +1,4 @@
-"""The vehicle types of a closed loop: as calibrated, as predicted, one for all, or SUMO's defaults."""
+"""Vehicle types of a closed loop: calibrated or SUMO's defaults."""
 
 from __future__ import annotations
 
@@ -18,7 +18,8 @@ Floats = npt.NDArray[np.float64]
 DEFAULTS = {"default-idm": "IDM", "krauss": "Krauss"}  # SUMO's models with SUMO's parameters
 
 _LC2013 = (
-    "lcStrategic", "lcCooperative", "lcSpeedGain", "lcKeepRight", "lcOvertakeRight", "lcLookaheadLeft", "lcSpeedGainRight",
+    "lcStrategic", "lcCooperative", "lcSpeedGain", "lcKeepRight", "lcOvertakeRight", "lcLookaheadLeft",
+    "lcSpeedGainRight",
     "lcSpeedGainLookahead", "lcSpeedGainRemainTime", "lcSpeedGainUrgency", "lcOvertakeDeltaSpeedFactor",
     "lcKeepRightAcceptanceTime", "lcCooperativeRoundabout", "lcCooperativeSpeed", "lcAssertive", "lcSigma",
 )  # fmt: skip
@@ -31,10 +32,22 @@ SUBLANE = {"SL2015": ("--lateral-resolution", "0.8")}  # m; the model needs subl
 
 
 def lane_change_attributes(model: str, parameters: Mapping[str, str]) -> dict[str, str]:
-    """Return the attributes of a type that choose and tune SUMO's lane changing.
+    """Return the attributes that set SUMO's lane changing.
 
-    The same for all populations, so that they differ in how they follow. Keeping right is off and overtaking on the
-    right allowed, as in California; ``parameters`` come on top.
+    They are the same for all populations, so that these differ in car-following only. Keeping right is off and
+    overtaking on the right allowed, as in California.
+
+    Parameters
+    ----------
+    model : {"LC2013", "SL2015"}
+        SUMO's lane-change model.
+    parameters : mapping of str to str
+        Its parameters by name; they take precedence.
+
+    Returns
+    -------
+    dict of str to str
+        Attributes of a ``<vType>``.
 
     Raises
     ------
@@ -104,9 +117,24 @@ def calibrated_types(
 
 
 def default_types(demand: pd.DataFrame, name: str, lane_change: Mapping[str, str]) -> list[Element]:
-    """Return SUMO's own type for every vehicle, ``default-idm`` or ``krauss``, with its recorded size and class.
+    """Return SUMO's own type for every vehicle.
 
-    Everything else is SUMO's default, the scatter of desired speeds around the limit (speedDev 0.1) included.
+    Size and class are the recorded ones. Everything else is SUMO's default, the scatter of desired speeds around the
+    limit (speedDev 0.1) included.
+
+    Parameters
+    ----------
+    demand : pandas.DataFrame
+        As of :func:`idm_sumo.sumo.closed_loop.demand.demand_of`.
+    name : {"default-idm", "krauss"}
+        Key of ``DEFAULTS``.
+    lane_change : mapping of str to str
+        As of :func:`lane_change_attributes`.
+
+    Returns
+    -------
+    list of Element
+        A ``<vType>`` each, in the order of the demand.
     """
     rows = zip(*(demand[key].tolist() for key in (d.KEYS[1], d.LENGTH, d.WIDTH, d.CLASS)), strict=True)
     shared = {"carFollowModel": DEFAULTS[name], "collisionMinGapFactor": "0", **lane_change}

@@ -1,4 +1,4 @@
-"""The recorded demand on our network, as vehicles that react: SUMO drives them all, save perhaps one."""
+"""Closed-loop runs: the recorded demand as vehicles that react."""
 
 from __future__ import annotations
 
@@ -13,12 +13,9 @@ import numpy as np
 import pandas as pd
 
 from idm_sumo.calibration import driver_table as d
-from idm_sumo.evaluation.comparison import TrafficMeasures, measure_traffic
 from idm_sumo.recordings import columns as c
 from idm_sumo.recordings.columns import FRAME_STEP
-from idm_sumo.recordings.reading import read_recording
 from idm_sumo.recordings.recording import Recording
-from idm_sumo.runtime.errors import InputError
 from idm_sumo.runtime.progress import Progress, silent
 from idm_sumo.sumo import network
 from idm_sumo.sumo.closed_loop.demand import SAFE, write_boundary, write_routes
@@ -31,8 +28,6 @@ from idm_sumo.sumo.gui import gui_simulation
 from idm_sumo.sumo.session import ALWAYS, simulation
 
 ON_TIME = 0.05  # s, half a step
-LANES_BY_PLACE = "lane is taken from the lateral position"
-SHOWN_EVERY = 5  # frames, of what is kept for pictures
 # A vehicle that finds no room must not keep those waiting that enter by another lane of the edge.
 INSERTION = ("--eager-insert", "true", "--insertion-checks", SAFE)
 FCD = (
@@ -44,7 +39,7 @@ FCD = (
 
 @dataclass(frozen=True)
 class RunFiles:
-    """A population's inputs for SUMO, named relative to each other.
+    """SUMO's inputs of a population, named relative to each other.
 
     Attributes
     ----------
@@ -52,8 +47,9 @@ class RunFiles:
     additional : Path or None
         The speeds imposed behind the section.
     duration : float
-        s, as long as was recorded.
+        Recorded time (s).
     demand : pandas.DataFrame
+        As of :func:`idm_sumo.sumo.closed_loop.demand.demand_of`.
     options : tuple of str
         Further options of ``sumo``.
     """
@@ -69,11 +65,12 @@ class RunFiles:
 
 @dataclass(frozen=True)
 class Outcome:
-    """What became of a run.
+    """Result of a run.
 
     Attributes
     ----------
     fcd : Path
+        Parquet file of every vehicle every 0.1 s.
     departures : pandas.DataFrame
         ``vehicle, planned_s, departed_s, delay_s``, one row a vehicle of the demand: ``departed_s`` is NaN for one
         that found no room until the end, and its delay is what it had waited by then.
@@ -106,17 +103,22 @@ def write_run(
     Parameters
     ----------
     folder : Path
+        Created if it is missing.
     name : str
         ``NAME.rou.xml`` and ``NAME.sumocfg`` are written; network and speed signs are shared.
     recording : Recording
         One period; it says how long to run.
     demand, types
         Of :mod:`idm_sumo.sumo.closed_loop.demand` and :mod:`idm_sumo.sumo.closed_loop.populations`.
-    downstream : array, shape (seconds, main lanes), or None
+    downstream : float64, shape (seconds, main lanes), or None
         Speeds (m/s) to impose behind the section. Recorded traffic is held up by what lies downstream of it;
-        without that a closed loop runs free.
+        without these speeds a closed loop runs free.
     options : sequence of str
         Further options of ``sumo``, ``--name value`` in turn.
+
+    Returns
+    -------
+    RunFiles
     """
     folder.mkdir(parents=True, exist_ok=True)
     own = network.of(recording.road)
@@ -137,7 +139,7 @@ def write_run(
 
 
 def _complete(root: Element, additional: Path | None, duration: float, options: Sequence[str]) -> None:
-    """Add to a configuration what a closed loop has beside the recipe of exported types."""
+    """Add the closed loop's own options to a configuration."""
     if additional is not None and (inputs := root.find("input")) is not None:
         SubElement(inputs, "additional-files", value=additional.name)
     if (time := root.find("time")) is not None:
@@ -161,11 +163,17 @@ def run(
     seed : int
         SUMO's.
     ego : Ego, optional
-        A vehicle of the demand that we drive.
+        A vehicle of the demand that Python drives.
     ours : ModelDrivers, optional
-        Drives everybody on the main lanes in place of SUMO's types.
+        Drives the vehicles on the main lanes in place of SUMO's types.
     gui : bool
         Show it in sumo-gui.
+    progress : Progress
+        Called with the steps done and their total.
+
+    Returns
+    -------
+    Outcome
 
     Raises
     ------
@@ -199,7 +207,10 @@ def run(
 def _loop(
     sumo: Any, files: RunFiles, ego: Ego | None, ours: ModelDrivers | None, progress: Progress
 ) -> tuple[dict[str, float], set[tuple[str, str]], int]:
-    """Step through the run; return departures (s), colliding pairs, and how many arrived."""
+    """Step through the run.
+
+    Return departures (s), colliding pairs, and how many vehicles arrived.
+    """
     departed: dict[str, float] = {}
     collisions: set[tuple[str, str]] = set()
     entrance = Entrance(files.demand)
@@ -223,7 +234,7 @@ def _loop(
 
 
 def _departures(files: RunFiles, departed: dict[str, float]) -> pd.DataFrame:
-    """Return who departed when, and how late."""
+    """Return planned and actual departures with their delays."""
     vehicle, planned = files.demand[c.VEHICLE].to_numpy(), files.demand[d.DEPART].to_numpy()
     actual = np.array([departed.get(str(name), np.nan) for name in vehicle])
     waited = np.where(np.isnan(actual), files.duration, actual) - planned
@@ -235,62 +246,3 @@ def _departures(files: RunFiles, departed: dict[str, float]) -> pd.DataFrame:
             "delay_s": np.round(np.maximum(waited, 0.0), 1),
         }
     )
-
-
-def as_recording(outcome: Outcome, recorded: Recording, demand: pd.DataFrame, name: str) -> Recording:
-    """Return a run as a recording: inside the section, on the recorded clock, with the demand's sizes and classes.
-
-    Raises
-    ------
-    InputError
-        If no vehicle was inside the section.
-    """
-    read = read_recording(outcome.fcd, road=recorded.road)
-    table = read.table
-    table = table[table[c.X].between(0.0, recorded.road.length)]
-    if table.empty:
-        raise InputError(f"{outcome.fcd.name}: no vehicle entered the section; see the delays of departures")
-    of = demand.set_index(c.VEHICLE)
-    vehicle = table[c.VEHICLE].to_numpy()
-    first = int(recorded.table[c.FRAME].min())
-    columns: dict[str, Any] = {
-        c.PERIOD: pd.Categorical.from_codes(np.zeros(len(table), dtype=np.int64), categories=pd.Index(recorded.periods)),
-        c.FRAME: table[c.FRAME] + first, c.TIME: table[c.TIME] + float(recorded.table[c.TIME].min()),
-        c.LENGTH: of[d.LENGTH].reindex(vehicle).to_numpy(), c.WIDTH: of[d.WIDTH].reindex(vehicle).to_numpy(),
-        c.CLASS: of[d.CLASS].reindex(vehicle).fillna(0).to_numpy().astype("int8"),
-    }  # fmt: skip
-    table = table.assign(**columns)
-    return Recording(table.reset_index(drop=True), recorded.road, name, (LANES_BY_PLACE,))
-
-
-@dataclass(frozen=True)
-class Measured:
-    """A run and what was measured of it.
-
-    Attributes
-    ----------
-    outcome : Outcome
-    measured : TrafficMeasures
-    glimpse : Recording
-        Every fifth frame, for pictures.
-    """
-
-    outcome: Outcome
-    measured: TrafficMeasures
-    glimpse: Recording
-
-
-def run_and_measure(
-    files: RunFiles, fcd: Path, recorded: Recording, *, name: str, seed: int, ego: Ego | None = None,
-    ours: ModelDrivers | None = None, gui: bool = False, progress: Progress = silent,
-) -> Measured:  # fmt: skip
-    """Run a population and measure it; for a process of its own, since libsumo holds one simulation."""
-    outcome = run(files, fcd, seed=seed, ego=ego, ours=ours, gui=gui, progress=progress)
-    recording = as_recording(outcome, recorded, files.demand, name)
-    return Measured(outcome, measure_traffic(recording), glimpse_of(recording))
-
-
-def glimpse_of(recording: Recording) -> Recording:
-    """Return every fifth frame of a recording."""
-    table = recording.table
-    return recording.with_table(table[table[c.FRAME] % SHOWN_EVERY == 0].reset_index(drop=True))

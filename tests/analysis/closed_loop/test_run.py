@@ -19,6 +19,7 @@ from idm_sumo.sumo.closed_loop import populations
 from idm_sumo.sumo.closed_loop import run as closed_loop
 from idm_sumo.sumo.closed_loop.demand import SLOWEST_SIGN, boundary_speeds, demand_of
 from idm_sumo.sumo.closed_loop.ego import Ego
+from idm_sumo.sumo.closed_loop.measurement import as_recording
 from idm_sumo.sumo.gui import gui_binary
 from idm_sumo.sumo.session import simulation
 from tests.helpers.builders import Car, recording
@@ -74,7 +75,7 @@ def test_everybody_departs_in_time_or_is_reported(tmp_path: Path, recorded: Reco
     assert outcome.departures["departed_s"].notna().all()
     assert outcome.late.empty
     assert outcome.collisions == 0
-    driven = closed_loop.as_recording(outcome, recorded, demand, "drivers")
+    driven = as_recording(outcome, recorded, demand, "drivers")
     assert set(driven.table[c.VEHICLE]) == set(recorded.table[c.VEHICLE])
     first = driven.table.groupby(c.VEHICLE)[[c.FRAME, c.X, c.SPEED]].first()
     twin = recorded.table.groupby(c.VEHICLE)[[c.FRAME, c.X, c.SPEED]].first()
@@ -136,7 +137,7 @@ def test_recorded_speeds_are_imposed_behind_the_section(tmp_path: Path) -> None:
     assert speeds.min() >= SLOWEST_SIGN
     demand = demand_of(slow)
     held, free = (
-        closed_loop.as_recording(run(tmp_path / str(downstream), slow, demand, downstream=downstream), slow, demand, "")
+        as_recording(run(tmp_path / str(downstream), slow, demand, downstream=downstream), slow, demand, "")
         for downstream in (True, False)
     )
     at_the_end = [r.table[(r.table[c.X] > 600) & (r.table[c.LANE] == 2)][c.SPEED].mean() for r in (held, free)]
@@ -153,7 +154,7 @@ def test_our_ego_is_where_we_put_it_and_others_react_to_it(
     outcome = run(tmp_path, recorded, demand, ego=ego)
     path = outcome.ego
     assert path is not None
-    driven = closed_loop.as_recording(outcome, recorded, demand, "ego").table
+    driven = as_recording(outcome, recorded, demand, "ego").table
     seen = driven[driven[c.VEHICLE] == entering[c.VEHICLE]]
     steps = min(len(path), len(seen))
     assert steps > 200
@@ -161,7 +162,7 @@ def test_our_ego_is_where_we_put_it_and_others_react_to_it(
     assert np.allclose(path["y"], US101.lane_center(3), atol=0.05)
     assert outcome.collisions == 0
     behind = demand[(demand["lane"] == 3) & (demand["depart_s"] > entering["depart_s"])].iloc[0]
-    without = closed_loop.as_recording(run(tmp_path / "b", recorded, demand), recorded, demand, "").table
+    without = as_recording(run(tmp_path / "b", recorded, demand), recorded, demand, "").table
     gone = [t[t[c.VEHICLE] == behind[c.VEHICLE]][c.SPEED].mean() for t in (driven, without)]
     assert gone[0] < gone[1] - 1.0
 

@@ -1,4 +1,4 @@
-"""The closed loop that we drive: without causes it is SUMO's own IDM, with them it does what they say."""
+"""The closed loop of an extended model, compared with SUMO's IDM."""
 
 import numpy as np
 import pandas as pd
@@ -17,6 +17,7 @@ from idm_sumo.sumo.closed_loop import populations
 from idm_sumo.sumo.closed_loop import run as closed_loop
 from idm_sumo.sumo.closed_loop.demand import demand_of
 from idm_sumo.sumo.closed_loop.extended_loop import ModelDrivers
+from idm_sumo.sumo.closed_loop.measurement import as_recording
 from tests.helpers.builders import Car, recording
 
 
@@ -28,7 +29,7 @@ def recorded():
 
 
 def drive(folder, recorded, *causes, ours=True, has=None) -> tuple[pd.DataFrame, closed_loop.Outcome, int]:
-    """Return the frames of a run, its outcome, and how many vehicle-steps were ours."""
+    """Return frames, outcome and driven vehicle-steps of a run."""
     demand = demand_of(recorded)
     rng = np.random.default_rng(1)
     theta = rng.uniform([0.8, 1.0, 0.8, 1.5, 0.0], [1.6, 2.5, 1.4, 2.5, 0.0], (len(demand), 5))
@@ -42,17 +43,17 @@ def drive(folder, recorded, *causes, ours=True, has=None) -> tuple[pd.DataFrame,
         else None
     )
     outcome = closed_loop.run(files, folder / "run.parquet", ours=drivers)
-    frames = closed_loop.as_recording(outcome, recorded, demand, "run").table
+    frames = as_recording(outcome, recorded, demand, "run").table
     return frames, outcome, 0 if drivers is None else drivers.driven_steps
 
 
 @pytest.fixture(scope="module")
 def plain(tmp_path_factory, recorded):
-    """A run that we drive without any cause."""
+    """A run without any effect."""
     return drive(tmp_path_factory.mktemp("plain"), recorded)
 
 
-def test_without_causes_everybody_drives_as_sumos_own_types(tmp_path, recorded, plain) -> None:
+def test_without_effects_all_drive_as_sumos_own_types(tmp_path, recorded, plain) -> None:
     theirs, _, none = drive(tmp_path, recorded, ours=False)
     ours, outcome, driven = plain
     assert none == 0
@@ -64,7 +65,7 @@ def test_without_causes_everybody_drives_as_sumos_own_types(tmp_path, recorded, 
     assert outcome.collisions == 0
 
 
-def test_a_place_that_brakes_slows_everybody_there(tmp_path, recorded, plain) -> None:
+def test_a_slow_place_slows_all_vehicles_there(tmp_path, recorded, plain) -> None:
     slow, outcome, _ = drive(tmp_path, recorded, Cause("location", {"alpha": -0.4, "x_1": 300.0, "x_2": 450.0}))
 
     def speed(table: pd.DataFrame, begin: float, end: float) -> float:
@@ -75,7 +76,7 @@ def test_a_place_that_brakes_slows_everybody_there(tmp_path, recorded, plain) ->
     assert outcome.collisions == 0
 
 
-def test_who_has_not_what_some_have_drives_without(tmp_path, recorded, plain) -> None:
+def test_drivers_outside_the_share_drive_without_the_effect(tmp_path, recorded, plain) -> None:
     place = Cause("location", {"alpha": -0.4, "x_1": 300.0, "x_2": 450.0}, share=0.5)
     nobody, _, _ = drive(tmp_path / "nobody", recorded, place, has=False)
     pd.testing.assert_frame_equal(nobody, plain[0])
@@ -84,14 +85,14 @@ def test_who_has_not_what_some_have_drives_without(tmp_path, recorded, plain) ->
         slow[slow[c.X] > 450.0].groupby(c.VEHICLE)[c.FRAME].min()
         - plain[0][plain[0][c.X] > 450.0].groupby(c.VEHICLE)[c.FRAME].min()
     )
-    first = last[last.index % 5 == 4].to_numpy()  # of each lane, who has nobody ahead
+    first = last[last.index % 5 == 4].to_numpy()  # of each lane, the vehicle without a leader
     assert (first > 0).tolist() == ExtendedModel(TEXTBOOK, US101.speed_limit, causes=(place,)).has_partial_causes(
         [14, 19]
     ).tolist()
 
 
 @pytest.mark.parametrize("known", [True, False])
-def test_who_has_what_some_have_is_as_the_drivers_table_says(known, tmp_path) -> None:
+def test_the_share_is_as_the_drivers_table_says(known, tmp_path) -> None:
     model = ExtendedModel(
         TEXTBOOK, US101.speed_limit, causes=(Cause("reaction_delay", {"tau": 0.4}, share=0.5),), drivers="drivers.csv"
     )
@@ -115,7 +116,7 @@ def test_who_has_what_some_have_is_as_the_drivers_table_says(known, tmp_path) ->
         refitted_for(model, tmp_path / "model.json", demand, "p", np.ones((8, 5)))
 
 
-def test_accelerations_are_of_the_step_before_and_of_late(recorded) -> None:
+def test_accelerations_are_of_the_last_step_and_seconds(recorded) -> None:
     demand = demand_of(recorded)
     drivers = ModelDrivers(
         ExtendedModel(TEXTBOOK, US101.speed_limit), demand, np.tile([1.0, 1.5, 1.2, 2.0, 0.0], (len(demand), 1)), US101
@@ -123,7 +124,7 @@ def test_accelerations_are_of_the_step_before_and_of_late(recorded) -> None:
     time = np.arange(60) * FRAME_STEP
     speed = np.stack([5.0 + 0.5 * time, np.where(time < 4.0, 8.0, 9.0)])
     found = np.array([drivers._accelerations(np.array([3, 0]), now) for now in speed.T])
-    np.testing.assert_array_equal(found[0], 0.0)  # nobody knows yet
+    np.testing.assert_array_equal(found[0], 0.0)  # unknown yet
     np.testing.assert_allclose(found[1:, :, 0], 0.5, atol=1e-9)
     np.testing.assert_allclose(found[[39, 40, 41, 55], 0, 1], [0.0, 10.0, 0.0, 0.0], atol=1e-9)
     np.testing.assert_allclose(found[[39, 40, 55, 59], 1, 1], [0.0, 1.0 / 3.0, 1.0 / 3.0, 1.0 / 3.0], atol=1e-9)
@@ -143,14 +144,14 @@ def test_a_delay_shows_and_the_same_run_twice_is_the_same(tmp_path, recorded, pl
 
 
 def four_cars(folder) -> list[str]:
-    """Write four cars in a row, and return how to let them drive."""
+    """Write four cars in a row; return the drive command."""
     cars = [Car(n, x, 3, 9.0, frames=300) for n, x in enumerate((280.0, 250.0, 222.0, 190.0), 1)]
     write_parquet(recording(*cars, period="0750-0752"), folder / "cars.parquet")
     return ["interactive", str(folder / "cars.parquet"), "--types", "drivers", "--model", str(folder / "model.json")]
 
 
 def speeds(command, out) -> pd.Series:
-    """Return the mean speed (m/s) of each population of a run."""
+    """Return each population's mean speed (m/s)."""
     main([*command, "--replay-bias", "0", "--jobs", "1", "-o", str(out)])
     table = pd.read_csv(next((out / "tables").glob("closed_loop*.csv")))
     return table.set_index("population")["mean_speed_m_s"]
