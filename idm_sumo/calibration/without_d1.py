@@ -5,7 +5,7 @@ r"""SUMO's IDM has no :math:`d_1\sqrt{v/v_0}`: three ways to do without it, and 
 ``linearised``
     :math:`\sqrt v` replaced by its tangent at the driver's mean speed; see :func:`linearise`.
 ``exact``
-    The jam distance set anew every step from outside (:func:`idm_sumo.sumo.export.parity.drive_natively`
+    The jam distance set anew every step from outside (:func:`idm_sumo.sumo.export.native.drive_natively`
     with ``d1``): no vehicle type can hold it.
 """
 

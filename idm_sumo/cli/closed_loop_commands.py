@@ -139,6 +139,7 @@ def _add_interactive(commands: Any) -> None:
         help=f"who drives: {', '.join(TYPES)}; may be repeated (default: all of them, compared)",
     )
     parser.add_argument(
+        "--without-d1",
         "--jam-distance",
         choices=("linearised", "refit"),
         default="linearised",
@@ -217,7 +218,7 @@ def interactive(options: argparse.Namespace) -> None:
         period=options.period,
         drivers=options.drivers,
         types=types,
-        refit=options.jam_distance == "refit",
+        refit=options.without_d1 == "refit",
         lane_change_model=options.lane_change_model,
         lane_change=dict(options.lane_change),
         ego=options.ego,

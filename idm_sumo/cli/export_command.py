@@ -34,6 +34,7 @@ def add(commands: Any) -> None:
     shared.output_argument(parser, "FILE.rou.xml", "FILE.sumocfg and FILE.net.xml are written beside it")
     outputs.declare(parser, "drivers", "net_file", "model", endings=(".xml",))
     parser.add_argument(
+        "--without-d1",
         "--jam-distance",
         choices=("refit", "linearised", "none"),
         default="refit",
@@ -78,10 +79,7 @@ def export(options: argparse.Namespace) -> None:
     from idm_sumo.sumo.export.distribution import export_distribution
     from idm_sumo.sumo.export.routes import export_routes
 
-    drivers, shared_options = (
-        read_drivers(options.drivers),
-        {"jam_distance": options.jam_distance, "integration": options.integration},
-    )
+    drivers = read_drivers(options.drivers)
     model = None if options.model is None else ExtendedModel.read(options.model)
     if options.distribution:
         if model is not None:
@@ -91,13 +89,19 @@ def export(options: argparse.Namespace) -> None:
             options.output,
             representatives=options.representatives,
             seed=options.seed,
+            without_d1=options.without_d1,
             source=str(options.drivers),
-            **shared_options,
         )
         say(f"wrote {written}")
         return
     exported = export_routes(
-        drivers, options.output, net_file=options.net_file, model=model, source=str(options.drivers), **shared_options
+        drivers,
+        options.output,
+        net_file=options.net_file,
+        model=model,
+        without_d1=options.without_d1,
+        integration=options.integration,
+        source=str(options.drivers),
     )
     for line in exported.notes:
         note(line)

@@ -1,4 +1,4 @@
-"""The network against the recorded section: lanes, gaps, and that the built file is its sources."""
+"""The network against the recorded section and its sources."""
 
 import itertools
 import subprocess
@@ -38,7 +38,7 @@ NETWORK = network.of(US101)
 
 @pytest.fixture(params=[[], ["--lateral-resolution", "3.66"]], ids=["lanes", "sublanes"])
 def sumo(request):
-    """Run a simulation on the network in which vehicles stand where they are put."""
+    """Run a simulation in which vehicles stand still."""
     options = ["--step-length", "0.1", "--no-step-log", "--no-warnings", "--xml-validation", "never"]
     collisions = ["--collision.action", "warn", "--collision.mingap-factor", "0"]
     libsumo.start(["sumo", "-n", str(NETWORK.file), *options, *collisions, *request.param])
@@ -79,7 +79,7 @@ def test_sumo_coordinates_are_the_recorded_ones(sumo):
 
 
 def gap_cases():
-    """Pairs of cars: in the middle of each edge, and with each junction between the two."""
+    """Return pairs of cars on each edge and across each junction."""
     main = [("upstream", "outflow", lane) for lane in range(1, 6)]
     pairs = [
         (60.0, 95.3),
@@ -98,7 +98,7 @@ def gap_cases():
 
 
 def test_gaps_along_sumo_lanes_are_recorded_gaps(sumo):
-    """``getLeader`` gives the gap to the leader's back less the own ``minGap``."""
+    """``getLeader`` subtracts the own ``minGap`` from the gap."""
     for origin, destination, lane, behind, ahead in gap_cases():
         y = float(US101.lane_center(lane))
         for name, x in (("follower", behind), ("leader", ahead)):
@@ -115,7 +115,10 @@ def test_gaps_along_sumo_lanes_are_recorded_gaps(sumo):
 
 
 def test_distances_stay_exact_while_cars_cross_every_junction(sumo):
-    """A platoon in every lane, moved through the whole section with lateral wander."""
+    """A platoon in every lane moves through the section.
+
+    It varies its lateral position.
+    """
     rng = np.random.default_rng(1)
     lanes = [(lane, "upstream", "outflow") for lane in range(1, 6)] + [(6, "on_ramp", "off_ramp")]
     for lane, origin, destination in lanes:

@@ -1,4 +1,4 @@
-"""SUMO in this process: it starts, stops, and says in one line why it does not."""
+"""SUMO in this process: start, stop and messages."""
 
 import sys
 

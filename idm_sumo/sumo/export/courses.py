@@ -1,4 +1,4 @@
-"""Where drivers are compared: our network, or many straight roads side by side, one lane a driver."""
+"""Courses on which SUMO's and our drivers are compared."""
 
 from __future__ import annotations
 
@@ -19,20 +19,21 @@ AMID_WEAVE = 120.0  # m
 
 
 class StraightRoads:
-    """Straight roads of one or several lanes, each with a driver, and a garage lane at the right.
+    """Straight roads side by side, each with a garage lane.
 
-    One simulation holds all drivers of a run: SUMO's step costs microseconds a vehicle, its
-    start milliseconds.
+    The garage lane is the rightmost. One simulation holds all drivers of a run: SUMO's step costs microseconds a
+    vehicle, its start milliseconds.
 
     Parameters
     ----------
     drivers : int
+        How many drivers.
     span : (float, float)
         The smallest and largest position (m) that a vehicle can have.
     limit : float
         Speed limit (m/s).
     lanes : int
-        Driving lanes a road.
+        Driving lanes a road, each with a driver.
     """
 
     def __init__(self, drivers: int, span: tuple[float, float], limit: float, *, lanes: int = 1) -> None:
@@ -41,7 +42,20 @@ class StraightRoads:
         self.length = span[1] - span[0] + 4.0 * GARAGE_POSITION
 
     def write_net(self, folder: Path) -> Path:
-        """Write the network and return its path; SUMO needs no netconvert for roads without junctions."""
+        """Write the network.
+
+        SUMO needs no netconvert for roads without junctions.
+
+        Parameters
+        ----------
+        folder : Path
+            Where the file is written.
+
+        Returns
+        -------
+        Path
+            The file.
+        """
         net = Element("net", version="1.20")
         roads = -(-self.drivers // self.lanes)
         spacing = (self.lanes + 1) * LANE_WIDTH + ROADS_APART
@@ -66,30 +80,77 @@ class StraightRoads:
         return path
 
     def route(self, driver: int) -> str:
-        """Return the edges that a driver and its leader may be on."""
+        """Return the edge of a driver and its leader.
+
+        Parameters
+        ----------
+        driver : int
+            Number of the driver.
+
+        Returns
+        -------
+        str
+        """
         return f"road{driver // self.lanes}"
 
     def lane_at(self, driver: int, x: float) -> tuple[str, float]:
-        """Return lane and position on it of a front bumper at ``x`` (m)."""
+        """Return lane and position on it of a place.
+
+        Parameters
+        ----------
+        driver : int
+            Number of the driver.
+        x : float
+            Front bumper (m).
+
+        Returns
+        -------
+        lane : str
+        position : float
+            m from the lane's start.
+        """
         return f"road{driver // self.lanes}_{driver % self.lanes + 1}", x - self.first_x
 
     def garage(self, driver: int) -> tuple[str, float]:
-        """Return where a leader waits that is not there."""
+        """Return where an absent leader waits.
+
+        Parameters
+        ----------
+        driver : int
+            Number of the driver.
+
+        Returns
+        -------
+        lane : str
+        position : float
+            m from the lane's start.
+        """
         return f"road{driver // self.lanes}_0", GARAGE_POSITION
 
     def x_of(self, lane: str, position: float) -> float:
-        """Return ``x`` (m) of a position on a lane."""
+        """Return ``x`` (m) of a position on a lane.
+
+        Parameters
+        ----------
+        lane : str
+        position : float
+            m from the lane's start.
+
+        Returns
+        -------
+        float
+        """
         return position + self.first_x
 
 
 @dataclass(frozen=True)
 class StudySection:
-    """Our network, for at most as many drivers at a time as main lanes, each in a main lane of its own.
+    """A road's network with one driver in each main lane.
 
     Attributes
     ----------
     main_lanes : sequence of int
-        Recorded lane of each driver.
+        Recorded lane of each driver; all different.
     network : RoadNetwork
     net : Path, optional
         Another build of the network.
@@ -102,7 +163,7 @@ class StudySection:
     _lanes: dict[int, list[str]] = field(init=False, repr=False)
 
     def __post_init__(self) -> None:
-        """Note where the edges begin and how SUMO calls their lanes."""
+        """Note the edges' starts and SUMO's names of their lanes."""
         network = self.network
         lanes = range(1, network.road.main_lanes + 1)
         edges = np.array(network.mainline)
@@ -115,22 +176,87 @@ class StudySection:
         object.__setattr__(self, "_lanes", pairs)
 
     def write_net(self, folder: Path) -> Path:
-        """Return the network."""
+        """Return the network's file; nothing is written.
+
+        Parameters
+        ----------
+        folder : Path
+            Not used.
+
+        Returns
+        -------
+        Path
+        """
         return self.net or self.network.file
 
     def route(self, driver: int) -> str:
-        """Return the edges of the freeway."""
+        """Return the edges of the main road.
+
+        Parameters
+        ----------
+        driver : int
+            Not used: all drivers have the same.
+
+        Returns
+        -------
+        str
+            Separated by spaces.
+        """
         return " ".join(self.network.mainline)
 
     def lane_at(self, driver: int, x: float) -> tuple[str, float]:
-        """Return lane and position on it of a front bumper at ``x`` (m); the main lanes are straight."""
+        """Return lane and position on it of a place.
+
+        The main lanes are straight.
+
+        Parameters
+        ----------
+        driver : int
+            Number of the driver.
+        x : float
+            Front bumper (m).
+
+        Returns
+        -------
+        lane : str
+        position : float
+            m from the lane's start.
+        """
         segment = max(bisect_right(self._starts, x) - 1, 0)
         return self._lanes[self.main_lanes[driver]][segment], x - self._starts[segment]
 
     def garage(self, driver: int) -> tuple[str, float]:
-        """Return where a leader waits that is not there: the auxiliary lane, where nobody is compared."""
+        """Return where an absent leader waits.
+
+        It is the auxiliary lane, where no driver is compared.
+
+        Parameters
+        ----------
+        driver : int
+            Not used: all share it.
+
+        Returns
+        -------
+        lane : str
+        position : float
+            m from the lane's start.
+        """
         return f"{self.network.layout.weave}_0", AMID_WEAVE
 
     def x_of(self, lane: str, position: float) -> float:
-        """Return ``x`` (m) of a position on a lane."""
+        """Return ``x`` (m) of a position on a lane.
+
+        Parameters
+        ----------
+        lane : str
+        position : float
+            m from the lane's start.
+
+        Returns
+        -------
+        float
+        """
         return position + self._starts[self.network.mainline.index(lane.rpartition("_")[0])]
+
+
+Course = StraightRoads | StudySection

@@ -1,4 +1,4 @@
-"""Calibrated drivers as one ``vTypeDistribution``: the population, for use in any network."""
+"""Calibrated drivers as one ``vTypeDistribution`` for any network."""
 
 from __future__ import annotations
 
@@ -14,6 +14,7 @@ from idm_sumo.calibration import driver_table as d
 from idm_sumo.roads import DEFAULT, Road
 from idm_sumo.runtime.errors import InputError
 from idm_sumo.runtime.files import new_file
+from idm_sumo.sumo.export.run_recipe import EULER
 from idm_sumo.sumo.export.translation import (
     desired_speeds,
     driver_type,
@@ -34,19 +35,18 @@ def export_distribution(
     drivers: pd.DataFrame,
     path: Path | str,
     *,
-    jam_distance: str = "refit",
+    without_d1: str = "refit",
     representatives: int | None = None,
     name: str = NAME,
     maximum_speed: float = FASTEST,
-    integration: str = "euler",
     seed: int = 0,
     road: Road = DEFAULT,
     source: str = "drivers",
 ) -> Path:
-    """Write a ``vTypeDistribution`` that stands for the population, for any network.
+    """Write a ``vTypeDistribution`` that represents the population.
 
-    The types are real drivers, never averages: parameters of a driver belong together, and
-    the mean of badly determined ones drives like nobody. Drivers whose fit ended on a bound
+    The types are individual drivers, never averages: parameters of a driver belong together, and
+    the mean of badly determined ones describes no driver. Drivers whose fit ended on a bound
     or without success are left out where the table says so.
 
     Parameters
@@ -55,6 +55,8 @@ def export_distribution(
         With ``length_m, width_m, vehicle_class`` where known.
     path : Path or str
         An additional file, ``FILE.add.xml``.
+    without_d1 : {"refit", "linearised", "none"}
+        As of :func:`idm_sumo.sumo.export.routes.export_routes`.
     representatives : int, optional
         So many drivers, the ones nearest to the centres of k-means over the standardised
         logarithms of ``a, b, T, d0``, with their clusters' shares as probabilities; by
@@ -64,9 +66,16 @@ def export_distribution(
     maximum_speed : float
         m/s. By default so high that the desired speed is the lane's limit, as in the calibration.
     seed : int
-        Of k-means.
+        Seed of k-means.
     road : Road, optional
         Where the drivers were recorded; its limit and assumed sizes stand in for missing columns.
+    source : str
+        How messages name the drivers.
+
+    Returns
+    -------
+    Path
+        The file.
 
     Raises
     ------
@@ -74,7 +83,7 @@ def export_distribution(
         If the drivers are impossible, or fewer than ``representatives``.
     """
     table, _ = with_parameters(drivers, source)
-    theta, _ = sumo_parameters(table, jam_distance, desired_speeds(table, None, road, source), integration, source)
+    theta, _ = sumo_parameters(table, without_d1, desired_speeds(table, None, road, source), EULER, source)
     good = well_determined(table)
     table, theta = table[good].reset_index(drop=True), theta[good]
     if table.empty or (representatives is not None and not 1 <= representatives <= len(table)):
@@ -93,7 +102,17 @@ def export_distribution(
 
 
 def well_determined(table: pd.DataFrame) -> npt.NDArray[np.bool_]:
-    """Return which drivers' fits succeeded and ended inside the bounds, as far as the table says."""
+    """Return which fits succeeded inside the bounds.
+
+    Parameters
+    ----------
+    table : pandas.DataFrame
+        Drivers; ``status`` and ``at_bound`` are looked at where the table has them.
+
+    Returns
+    -------
+    bool, shape (drivers,)
+    """
     good = np.ones(len(table), dtype=bool)
     if d.STATUS in table:
         good &= (table[d.STATUS] == d.OK).to_numpy()
@@ -103,7 +122,7 @@ def well_determined(table: pd.DataFrame) -> npt.NDArray[np.bool_]:
 
 
 def _is_empty(value: Any) -> bool:
-    """Whether ``at_bound`` says that no parameter is on a bound."""
+    """Whether ``at_bound`` names no parameter."""
     return value is None or value != value or str(value).strip() in ("", "False", "0", "[]")
 
 

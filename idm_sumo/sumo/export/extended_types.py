@@ -1,7 +1,8 @@
-"""An extended model as SUMO vehicle types: what SUMO can express, and what only the Python-driven loop can.
+"""Effects that SUMO vehicle types can express.
 
-SUMO's EIDM is not used, though it has a reaction time and looks several vehicles ahead. Behind a leader that sways for
-30 s, a type stays this near (mean distance, m) to a driver with the effect:
+What they cannot express, only the Python-driven loop can. SUMO's EIDM is not used, though it has a reaction time and
+looks several vehicles ahead. Behind a leader that oscillates for 30 s, a type stays this near (mean distance, m) to a
+driver with the effect:
 
 =====================================  =====  =====  =====
 type                                   0.2 s  0.4 s  0.8 s
@@ -38,17 +39,18 @@ LOOP = "only our own loop: `idm-sumo replay --model`, `idm-sumo interactive --mo
 
 
 class Expressed(NamedTuple):
-    """Drivers with what SUMO can express of a model.
+    """Drivers with the effects that SUMO can express.
 
     Attributes
     ----------
     theta : float64, shape (drivers, 5)
+        ``a, b, T, d0, 0`` (SI units).
     maximum_speed : float64, shape (drivers,)
         m/s.
     extra : sequence of dict of str to str, shape (drivers,)
         Further attributes of each type.
     notes : tuple of str
-        One line a cause: how it is expressed, or that it is not.
+        One line an effect: how it is expressed, or that it is not.
     """
 
     theta: Floats
@@ -57,23 +59,37 @@ class Expressed(NamedTuple):
     notes: tuple[str, ...]
 
     def of(self, order: npt.NDArray[np.int64]) -> Expressed:
-        """Return the drivers in another order."""
+        """Return the drivers in another order.
+
+        Parameters
+        ----------
+        order : int64, shape (drivers,)
+            Numbers of the drivers.
+
+        Returns
+        -------
+        Expressed
+        """
         extra = [self.extra[n] for n in order]
         return self._replace(theta=self.theta[order], maximum_speed=self.maximum_speed[order], extra=extra)
 
 
 def express(model: ExtendedModel, table: pd.DataFrame, theta: Floats, maximum_speed: Floats) -> Expressed:
-    """Return the types' parameters with the causes that SUMO's vehicle types can hold.
+    """Return types' parameters with the effects that SUMO has.
 
     Parameters
     ----------
     model : ExtendedModel
     table : pandas.DataFrame
         Drivers: ``period``, ``vehicle``, ``vehicle_class``, ``depart_s``, and, if known, ``has_what_some_have``.
-    theta : array, shape (drivers, 5)
-        ``a, b, T, d0, 0``.
-    maximum_speed : array, shape (drivers,)
+    theta : float64, shape (drivers, 5)
+        ``a, b, T, d0, 0`` (SI units).
+    maximum_speed : float64, shape (drivers,)
         m/s.
+
+    Returns
+    -------
+    Expressed
     """
     no_idm = (
         f"law {model.law}: the types are IDM ones of the drivers as given, its causes on top; the law itself is {LOOP}"
@@ -96,13 +112,17 @@ def express(model: ExtendedModel, table: pd.DataFrame, theta: Floats, maximum_sp
 
 
 def _size(cause: Cause, symbol: str) -> float:
+    """Return the value of an effect's parameter."""
     m = np.zeros(slots.COUNT)
     cause.fill(m)
     return float(m[next(p.slot for p in BY_NAME[cause.name].parameters if p.symbol == symbol)])
 
 
 def _delay(held: Expressed, cause: Cause, _: pd.DataFrame, which: Booleans) -> Expressed:
-    r"""Let drivers look every :math:`2\tau`: what they act on is then :math:`\tau` old on average."""
+    r"""Let drivers act at intervals of :math:`2\tau`.
+
+    What they act on is then :math:`\tau` old on average.
+    """
     tau = _size(cause, "tau")
     steps = max(round(2.0 * tau / FRAME_STEP), 1)
     every = number(round(steps * FRAME_STEP, 1))
@@ -115,12 +135,13 @@ def _delay(held: Expressed, cause: Cause, _: pd.DataFrame, which: Booleans) -> E
 
 
 def _with_attribute(held: Expressed, which: Booleans, name: str, value: str, note: str) -> Expressed:
-    """Return the drivers, some of whose types have one more attribute."""
+    """Return the drivers with one more attribute for some."""
     extra = [{**one, name: value} if has else one for one, has in zip(held.extra, which, strict=True)]
     return held._replace(extra=extra, notes=(*held.notes, note))
 
 
 def _own_class(held: Expressed, cause: Cause, table: pd.DataFrame, which: Booleans) -> Expressed:
+    """Change the time headway of trucks."""
     truck = which & (table[d.CLASS].to_numpy() == TRUCK) if d.CLASS in table else np.zeros(len(table), dtype=bool)
     share = _size(cause, "theta")
     note = f"vehicle_class: tau of {truck.sum()} trucks times {1 + share:.3g}"
@@ -128,23 +149,25 @@ def _own_class(held: Expressed, cause: Cause, table: pd.DataFrame, which: Boolea
 
 
 def _period(held: Expressed, cause: Cause, table: pd.DataFrame, which: Booleans) -> Expressed:
+    """Change the time headway of drivers by departure."""
     since = table[d.DEPART] - table.groupby(c.PERIOD)[d.DEPART].transform("min")
     begin, end, share = (_size(cause, symbol) for symbol in ("t_1", "t_2", "theta"))
     if "delta" in cause.values:
         return _drift(held, since.to_numpy(np.float64), cause.values["delta"], begin, end, which)
     inside = ((since >= begin) & (since < end)).to_numpy() & which
     note = (
-        f"time_of_day: tau of {inside.sum()} drivers who depart between {begin:g} and {end:g} s times {1 + share:.3g}; who is on "
-        f"the road then keeps its headway; exactly it is {LOOP}"
+        f"time_of_day: tau of {inside.sum()} drivers who depart between {begin:g} and {end:g} s times {1 + share:.3g}; "
+        f"who is on the road then keeps its headway; exactly it is {LOOP}"
     )
     return _longer(held, inside, share, note)
 
 
 def _drift(held: Expressed, since: Floats, drift: float, begin: float, end: float, which: Booleans) -> Expressed:
+    """Change the time headway linearly over departures."""
     share = np.array([drifted(t, drift, begin, end) for t in since]) - 1.0
     note = (
-        f"time_of_day: tau of drivers by departure times {1.0 - drift:.3g} at {begin:g} s to {1.0 + drift:.3g} at {end:g} s; "
-        f"each then keeps its headway; exactly it is {LOOP}"
+        f"time_of_day: tau of drivers by departure times {1.0 - drift:.3g} at {begin:g} s to {1.0 + drift:.3g} "
+        f"at {end:g} s; each then keeps its headway; exactly it is {LOOP}"
     )
     return _longer(held, which, share[which], note)
 
@@ -152,13 +175,14 @@ def _drift(held: Expressed, since: Floats, drift: float, begin: float, end: floa
 def _longer(
     held: Expressed, which: npt.NDArray[np.bool_], share: float | npt.NDArray[np.float64], note: str
 ) -> Expressed:
-    """Return the drivers with the time headway of some of them changed."""
+    """Return the drivers with some time headways changed."""
     theta = held.theta.copy()
     theta[which, 2] *= 1.0 + share
     return held._replace(theta=theta, notes=(*held.notes, note))
 
 
 def _desired(held: Expressed, cause: Cause, _: pd.DataFrame, which: Booleans) -> Expressed:
+    """Change the desired speed."""
     if _size(cause, "lane") != 0.0 or _size(cause, "n") != 0.0:
         return held._replace(notes=(*held.notes, f"desired_speed by lane: no SUMO vehicle type has it; {LOOP}"))
     factor = 1.0 + _size(cause, "delta")

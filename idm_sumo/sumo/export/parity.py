@@ -1,58 +1,27 @@
-"""Does SUMO drive an exported type as our kernel does? Both behind the recorded leader, frame by frame."""
+"""Comparison of SUMO with our kernel, frame by frame.
+
+Both drive an exported type behind the recorded leader.
+"""
 
 from __future__ import annotations
 
-from collections.abc import Sequence
-from pathlib import Path
-from typing import Any, Protocol
-from xml.etree.ElementTree import Element, ElementTree, SubElement
+from xml.etree.ElementTree import Element
 
 import numpy as np
 import numpy.typing as npt
 import pandas as pd
-from numba import njit
 
 from idm_sumo.calibration import driver_table as d
 from idm_sumo.calibration import integrators
-from idm_sumo.calibration.kernel import look_ahead
 from idm_sumo.calibration.problem import Problem, prepare
 from idm_sumo.recordings import columns as c
-from idm_sumo.recordings.columns import FRAME_STEP
-from idm_sumo.roads import Road
-from idm_sumo.runtime.errors import InputError
-from idm_sumo.runtime.siblings import scratch
 from idm_sumo.scenes.windows import Scenes
-from idm_sumo.sumo import network, session
 from idm_sumo.sumo.export import run_recipe
-from idm_sumo.sumo.export.courses import StraightRoads, StudySection
+from idm_sumo.sumo.export.native import drive_natively, drive_on_our_network
 from idm_sumo.sumo.export.translation import sumo_parameters
 from idm_sumo.sumo.export.vtypes import DriverType, type_element
 
 Floats = npt.NDArray[np.float64]
-
-# The stand-in for the leader is longer than any vehicle: its front is always ahead of a follower
-# that has only just run into the recorded one, so SUMO and our kernel keep seeing it equally long.
-LEADER_LENGTH = 40.0  # m
-ROOM = 200.0  # m, beyond the farthest vehicle
-
-
-class Course(Protocol):
-    """Where the drivers are compared; see :mod:`idm_sumo.sumo.export.courses`."""
-
-    def write_net(self, folder: Path) -> Path:
-        """Return the network."""
-
-    def route(self, driver: int) -> str:
-        """Return the edges that a driver and its leader may be on."""
-
-    def lane_at(self, driver: int, x: float) -> tuple[str, float]:
-        """Return lane and position on it of a front bumper at ``x`` (m)."""
-
-    def garage(self, driver: int) -> tuple[str, float]:
-        """Return where a leader waits that is not there."""
-
-    def x_of(self, lane: str, position: float) -> float:
-        """Return ``x`` (m) of a position on a lane."""
 
 
 def parity(
@@ -60,11 +29,11 @@ def parity(
     scenes: Scenes,
     *,
     integration: str = "euler",
-    jam_distance: str = "refit",
+    without_d1: str = "refit",
     desired_speed: float | None = None,
     on_our_network: bool = False,
 ) -> pd.DataFrame:
-    """Compare SUMO with our kernel, driver by driver, over their windows.
+    """Compare SUMO with our kernel over drivers' windows.
 
     Parameters
     ----------
@@ -72,8 +41,9 @@ def parity(
         One row a window of ``scenes``, as given to :func:`~idm_sumo.sumo.export.routes.export_routes`.
     scenes : Scenes
     integration : {"euler", "ballistic"}
-    jam_distance : {"refit", "linearised", "none", "exact"}
-        ``"exact"``: five parameters, the jam distance set through libsumo every step.
+    without_d1 : {"refit", "linearised", "none", "exact"}
+        As of :func:`~idm_sumo.sumo.export.routes.export_routes`. ``"exact"``: five parameters, the jam distance is
+        set through libsumo every step.
     desired_speed : float, optional
         m/s; by default the road's speed limit.
     on_our_network : bool
@@ -84,6 +54,11 @@ def parity(
     pandas.DataFrame
         ``period, vehicle, first_frame, largest_mm`` (the largest distance over the window),
         ``frame`` (of the window, where it is largest).
+
+    Raises
+    ------
+    InputError
+        If the drivers are impossible or SUMO does not insert one.
     """
     on = d.key_columns(drivers)
     named = drivers.assign(**{c.PERIOD: drivers[c.PERIOD].astype(str)})
@@ -91,11 +66,11 @@ def parity(
     fitted = d.has_parameters(table)
     scenes, table = scenes.subset(fitted), table[fitted].reset_index(drop=True)
     problem = prepare(scenes, desired_speed=desired_speed)
-    if jam_distance == "exact":
+    if without_d1 == "exact":
         run_recipe.check_integration(integration)
         theta = table[list(d.PARAMETERS)].to_numpy(dtype=np.float64)
     else:
-        theta, _ = sumo_parameters(table, jam_distance, problem.desired_speed, integration, "drivers")
+        theta, _ = sumo_parameters(table, without_d1, problem.desired_speed, integration, "drivers")
     types = types_of(theta, problem, scenes.length, scenes.width)
     if on_our_network:
         native, _ = drive_on_our_network(
@@ -109,187 +84,27 @@ def parity(
     return scenes.keys().assign(largest_mm=1e3 * apart.max(axis=1), frame=worst + scenes.start)
 
 
-def drive_natively(
-    problem: Problem,
-    types: Sequence[Element],
-    *,
-    integration: str,
-    d1: npt.ArrayLike = 0.0,
-    lane_limit: float | None = None,
-    lanes: int = 1,
-) -> tuple[Floats, Floats]:
-    """Let SUMO drive all drivers at once, each on a straight lane of its own behind its recorded leader.
-
-    Parameters
-    ----------
-    problem : Problem
-        Of ``n`` drivers over ``h`` frames (:func:`idm_sumo.calibration.problem.prepare`).
-    types : sequence of Element
-        The ``<vType>`` of each driver.
-    integration : {"euler", "ballistic"}
-    d1 : array_like, shape (n,) or ()
-        m; where positive, ``minGap`` is set to ``minGap + d1 sqrt(v/v0)`` before every step.
-    lane_limit : float, optional
-        Speed limit (m/s); by default the largest desired speed.
-    lanes : int
-        Driving lanes a road: drivers share a road, side by side.
-
-    Returns
-    -------
-    x, speed : float64, shape (n, h + 1)
-        Front bumper (m), m/s, as SUMO reports them.
-
-    Raises
-    ------
-    InputError
-        If SUMO does not take a type in.
-    """
-    n, h = problem.target.shape
-    reach = float(problem.start_x.max() + problem.desired_speed.max() * h * FRAME_STEP)
-    last = max(reach, float(problem.x.max(initial=reach))) + LEADER_LENGTH + ROOM
-    first = min(float(problem.start_x.min()), float(problem.x.min(initial=np.inf)) - LEADER_LENGTH)
-    course = StraightRoads(n, (first, last), lane_limit or float(problem.desired_speed.max()), lanes=lanes)
-    return drive_on(course, problem, types, integration=integration, d1=d1)
-
-
-def drive_on_our_network(
-    problem: Problem, types: Sequence[Element], road: Road, lane: npt.ArrayLike, *, integration: str,
-    d1: npt.ArrayLike = 0.0, net: Path | None = None,
-) -> tuple[Floats, Floats]:  # fmt: skip
-    """Let SUMO drive the drivers on the road's network: one in each main lane at a time, without lane changes.
-
-    Parameters
-    ----------
-    road : Road
-    lane : array_like of int, shape (n,)
-        The recorded lane. Of several drivers of one lane one moves to a lane that is free,
-        which makes no difference to a driver: the lanes are parallel and straight.
-
-    Returns
-    -------
-    x, speed : float64, shape (n, h + 1)
-    """
-    lane, extra = np.asarray(lane, dtype=np.int64), np.broadcast_to(np.asarray(d1, dtype=np.float64), len(types))
-    n, h = problem.target.shape
-    x, speed = np.empty((n, h + 1)), np.empty((n, h + 1))
-    for begin in range(0, n, road.main_lanes):
-        rows = np.arange(begin, min(begin + road.main_lanes, n))
-        section = StudySection(_distinct(lane[rows], road.main_lanes), network.of(road), net)
-        some = take(problem, rows)
-        x[rows], speed[rows] = drive_on(
-            section, some, [types[i] for i in rows], integration=integration, d1=extra[rows]
-        )
-    return x, speed
-
-
-def drive_on(
-    course: Course, problem: Problem, types: Sequence[Element], *, integration: str, d1: npt.ArrayLike = 0.0
-) -> tuple[Floats, Floats]:
-    """Let SUMO drive the drivers on a course; see :func:`drive_natively`."""
-    n, h = problem.target.shape
-    extra = np.ascontiguousarray(np.broadcast_to(np.asarray(d1, dtype=np.float64), (n,)))
-    x, speed = np.empty((n, h + 1)), np.empty((n, h + 1))
-    x[:, 0], speed[:, 0] = problem.start_x, problem.start_speed
-    with scratch() as folder:
-        net, routes = course.write_net(folder), folder / "drivers.rou.xml"
-        _write_vehicles(course, types, problem, routes)
-        with session.simulation(_options(integration, routes), net=net) as sumo:
-            _take_places(sumo, course, problem, n)
-            with_d1 = np.flatnonzero(extra > 0.0).tolist()
-            jam = np.array([float(element.get("minGap", "nan")) for element in types])
-            for k in range(h):
-                _place_leaders(sumo.vehicle, course, *leaders(problem, k, x[:, k]))
-                for i in with_d1:
-                    wanted = jam[i] + extra[i] * np.sqrt(speed[i, k] / problem.desired_speed[i])
-                    sumo.vehicle.setMinGap(f"ego{i}", wanted)
-                sumo.simulationStep()
-                for i in range(n):
-                    ego = f"ego{i}"
-                    x[i, k + 1] = course.x_of(sumo.vehicle.getLaneID(ego), sumo.vehicle.getLanePosition(ego))
-                    speed[i, k + 1] = sumo.vehicle.getSpeed(ego)
-    return x, speed
-
-
 def types_of(parameters: Floats, problem: Problem, length: Floats, width: Floats, **extra: str) -> list[Element]:
-    """Return the exported ``<vType>`` of every driver, with ``extra`` attributes instead of the usual ones."""
+    """Return the exported ``<vType>`` of every driver.
+
+    Parameters
+    ----------
+    parameters : float64, shape (n, 4) or (n, 5)
+        ``a, b, T, d0`` first (SI units).
+    problem : Problem
+        It holds the desired speeds.
+    length, width : float64, shape (n,)
+        m.
+    **extra : str
+        Attributes that take precedence over the usual ones.
+
+    Returns
+    -------
+    list of Element
+    """
     types = []
     for i, (a, b, T, d0) in enumerate(np.asarray(parameters)[:, :4].tolist()):
         limit = float(problem.desired_speed[i])
         driver = DriverType(f"type{i}", a, b, T, d0, limit, float(length[i]), float(width[i]), 0)
         types.append(type_element(driver, None, **extra))
     return types
-
-
-def take(problem: Problem, rows: npt.NDArray[np.int64]) -> Problem:
-    """Return some drivers of a problem; the traffic stays whole."""
-    per_driver = ("start_x", "start_speed", "desired_speed", "own", "first_cell", "forward", "target", "lateral",
-                  "counted", "behind", "ahead", "rear", "leader_speed")  # fmt: skip
-    fields = problem._asdict()
-    return Problem(**fields | {name: np.ascontiguousarray(fields[name][rows]) for name in per_driver})
-
-
-@njit(cache=True)
-def leaders(p, k, x):  # type: ignore[no-untyped-def]
-    """Return rear bumper (m, infinite without a leader) and speed (m/s) of everybody's leader at frame ``k``."""
-    rear, speed = np.empty(x.shape[0]), np.empty(x.shape[0])
-    for i in range(x.shape[0]):
-        rear[i], speed[i] = look_ahead(p, i, k, x[i])
-    return rear, speed
-
-
-def _distinct(lanes: npt.NDArray[np.int64], main_lanes: int) -> list[int]:
-    """Return one main lane a driver, its own where that is still free."""
-    free = list(range(1, main_lanes + 1))
-    given = []
-    for lane in lanes.tolist():
-        given.append(lane if lane in free else 0)
-        if lane in free:
-            free.remove(lane)
-    return [lane or free.pop() for lane in given]
-
-
-def _options(integration: str, routes: Path) -> list[str]:
-    """Return SUMO's options: the exported recipe, but for what every session sets itself and the moved leaders need."""
-    recipe = run_recipe.options(integration)
-    recipe |= {"collision.action": "none", "no-warnings": "true", "route-files": str(routes)}
-    skipped = ("step-length", "time-to-teleport")
-    return [word for name, value in recipe.items() if name not in skipped for word in (f"--{name}", value)]
-
-
-def _write_vehicles(course: Course, types: Sequence[Element], problem: Problem, path: Path) -> None:
-    """Write types, drivers and the leaders' stand-ins; their places are given later."""
-    root = Element("routes")
-    SubElement(root, "vType", id="leader", length=f"{LEADER_LENGTH:g}", lcOvertakeRight="1")
-    root.extend({element.attrib["id"]: element for element in types}.values())
-    for i, element in enumerate(types):
-        for name, kind, place in (("ego", element.attrib["id"], course.lane_at(i, float(problem.start_x[i]))),
-                                  ("leader", "leader", course.garage(i))):  # fmt: skip
-            edge, _, lane = place[0].rpartition("_")
-            way = course.route(i).split()
-            vehicle = SubElement(root, "vehicle", id=f"{name}{i}", type=kind, depart="0", departEdge=str(way.index(edge)),
-                                 departLane=lane, departPos=repr(place[1]), departSpeed="0", insertionChecks="none")  # fmt: skip
-            SubElement(vehicle, "route", edges=" ".join(way))
-    ElementTree(root).write(path, encoding="utf-8", xml_declaration=True)
-
-
-def _take_places(sumo: Any, course: Course, problem: Problem, n: int) -> None:
-    """Insert everybody and put the drivers exactly where and as fast as they start."""
-    sumo.simulationStep()
-    vehicle = sumo.vehicle
-    if missing := {f"{name}{i}" for name in ("ego", "leader") for i in range(n)} - set(vehicle.getIDList()):
-        raise InputError(f"SUMO did not insert {min(missing)}; is its start on the network?")
-    for i in range(n):
-        for name in (f"ego{i}", f"leader{i}"):
-            vehicle.setLaneChangeMode(name, 0)
-        vehicle.setSpeedMode(f"leader{i}", 0)
-        vehicle.moveTo(f"ego{i}", *course.lane_at(i, float(problem.start_x[i])))
-        vehicle.setPreviousSpeed(f"ego{i}", float(problem.start_speed[i]))
-
-
-def _place_leaders(vehicle: Any, course: Course, rear: Floats, speed: Floats) -> None:
-    """Put every stand-in where the recorded leader's rear bumper is, or out of the way."""
-    for i, (bumper, leader_speed) in enumerate(zip(rear.tolist(), speed.tolist(), strict=True)):
-        there = np.isfinite(bumper)
-        lane, position = course.lane_at(i, bumper + LEADER_LENGTH) if there else course.garage(i)
-        vehicle.moveTo(f"leader{i}", lane, position)
-        vehicle.setPreviousSpeed(f"leader{i}", leader_speed if there else 0.0)

@@ -1,4 +1,4 @@
-"""Calibrated drivers as SUMO vehicle types, with the run recipe that makes them drive as calibrated."""
+"""Calibrated drivers as SUMO vehicle types, routes and configuration."""
 
 from __future__ import annotations
 
@@ -48,7 +48,7 @@ BETWEEN_PERIODS = 60.0  # s, where labels do not tell when the next period begin
 
 @dataclass(frozen=True)
 class Exported:
-    """What was written, and what its reader should know.
+    """What was written.
 
     Attributes
     ----------
@@ -56,6 +56,7 @@ class Exported:
     vehicles : pandas.DataFrame
         ``period, vehicle, id, depart_s`` (s of the simulation), in the order of the file.
     notes : tuple of str
+        What a reader should know of it.
     """
 
     route_file: Path
@@ -70,7 +71,7 @@ def export_routes(
     path: Path | str,
     *,
     departures: pd.DataFrame | Recording | Scenes | Sequence[Scenes] | None = None,
-    jam_distance: str = "refit",
+    without_d1: str = "refit",
     integration: str = "euler",
     desired_speed: float | None = None,
     net_file: Path | str | None = None,
@@ -78,7 +79,9 @@ def export_routes(
     road: Road = DEFAULT,
     source: str = "drivers",
 ) -> Exported:
-    """Write one vehicle type a driver with its vehicle, the ``.sumocfg`` that runs them, and the network.
+    """Write vehicle types, vehicles, configuration and network.
+
+    One vehicle type a driver with its vehicle, the ``.sumocfg`` that runs them, and a copy of the network.
 
     Parameters
     ----------
@@ -89,7 +92,7 @@ def export_routes(
     departures : pandas.DataFrame, Recording, Scenes or sequence of Scenes, optional
         When, where and as what the drivers enter (:mod:`idm_sumo.calibration.departures`); by default
         the drivers' own columns.
-    jam_distance : {"refit", "linearised", "none"}
+    without_d1 : {"refit", "linearised", "none"}
         What stands for ``d1``, which SUMO's IDM lacks: the columns of
         :func:`idm_sumo.calibration.without_d1.refit_table`; the tangent at ``mean_speed_m_s``; nothing.
     integration : {"euler", "ballistic"}
@@ -98,12 +101,12 @@ def export_routes(
         m/s, the one of the calibration; by default the drivers' column
         ``desired_speed_m_s``, or without one the speed limit.
     net_file : Path or str, optional
-        A build of our network, say with another speed limit; by default the one that comes along.
+        Another build of the road's network, say with another speed limit; by default the one in the package.
     model : ExtendedModel, optional
-        Causes beyond the IDM; those that SUMO's types can hold go into them (:mod:`idm_sumo.sumo.export.extended_types`), of the
-        others notes and a comment in the file say that they do not.
+        Effects beyond the IDM. Those that SUMO's types can hold go into them
+        (:mod:`idm_sumo.sumo.export.extended_types`); notes and a comment in the file name the others.
     road : Road, optional
-        What the drivers enter; its network takes them.
+        Road that the drivers enter; its network takes them.
     source : str
         How messages name the drivers.
 
@@ -123,7 +126,7 @@ def export_routes(
     net = network.of(road)
     net_path = _checked_net(net, net_file, float(table[d.DESIRED_SPEED].max()))
     table = _with_departures(table, departures, source)
-    theta, notes = sumo_parameters(table, jam_distance, table[d.DESIRED_SPEED].to_numpy(), integration, source)
+    theta, notes = sumo_parameters(table, without_d1, table[d.DESIRED_SPEED].to_numpy(), integration, source)
     table, speed_notes = _not_above(table)
     table = table.assign(depart=_simulation_times(table), id=identifiers(table), **_places(net, table, source))
     order = np.lexsort((table["id"], table["depart"]))
@@ -137,7 +140,10 @@ def export_routes(
 
 
 def _checked_net(own: RoadNetwork, net_file: Path | str | None, desired_speed: float) -> Path:
-    """Return the network's path if it is ours and lets drivers drive at their desired speed."""
+    """Return the path of a suitable network.
+
+    It is a build of the road's network and lets drivers drive at their desired speed.
+    """
     path = own.file if net_file is None else Path(net_file)
     if not path.is_file():
         raise InputError(f"{path}: no such network; build it with `python network/build.py`")
@@ -175,13 +181,17 @@ def _with_departures(table: pd.DataFrame, departures: Any, source: str) -> pd.Da
     if (absent := merged[d.DEPART].isna()).any():
         row = merged[absent].iloc[0]
         raise InputError(
-            f"{source}: vehicle {row[c.VEHICLE]} of period {row[c.PERIOD]} has no departure; leave it out, or give the recording it is in"
+            f"{source}: vehicle {row[c.VEHICLE]} of period {row[c.PERIOD]} has no departure; "
+            "leave it out, or give the recording it is in"
         )
     return d.check_departures(merged, source=source)
 
 
 def _not_above(table: pd.DataFrame) -> tuple[pd.DataFrame, tuple[str, ...]]:
-    """Return the table with no departure faster than SUMO lets a type drive; it would refuse the whole file."""
+    """Return the table with departures below the types' maximum speed.
+
+    SUMO would refuse the whole file for a faster departure.
+    """
     slower = table[d.SPEED].clip(upper=table[d.DESIRED_SPEED] - BELOW_MAXIMUM)
     count = int((table[d.SPEED] > slower).sum())
     note = (f"{count} vehicles depart just below their maxSpeed, not as fast as recorded",) if count else ()
@@ -189,7 +199,10 @@ def _not_above(table: pd.DataFrame) -> tuple[pd.DataFrame, tuple[str, ...]]:
 
 
 def _simulation_times(table: pd.DataFrame) -> Floats:
-    """Return departures (s) in one simulation: the periods in their order, the first vehicle at 0."""
+    """Return departures (s) in one simulation.
+
+    The periods follow in their order; the first vehicle departs at 0.
+    """
     times, shift, end = table[d.DEPART].to_numpy(dtype=np.float64).copy(), None, 0.0
     opening: float | None = None
     for period in sorted(table[c.PERIOD].unique()):
@@ -207,7 +220,10 @@ def _simulation_times(table: pd.DataFrame) -> Floats:
 
 
 def _opening(period: str) -> float | None:
-    """Return when a period such as ``0750-0805`` begins (s after midnight), if its label tells."""
+    """Return when a period begins (s after midnight), if known.
+
+    Labels such as ``0750-0805`` tell it.
+    """
     start = period.split("-")[0]
     return 3600.0 * int(start[:2]) + 60.0 * int(start[2:]) if len(start) == 4 and start.isdigit() else None
 
@@ -230,7 +246,7 @@ def _places(net: RoadNetwork, table: pd.DataFrame, source: str) -> dict[str, Any
 
 
 def _routes(net: RoadNetwork, table: pd.DataFrame, held: Expressed) -> Element:
-    """Return ``<routes>``: routes, then types, then vehicles in the order of departure."""
+    """Return ``<routes>``: routes, types, vehicles by departure."""
     root = Element("routes")
     for note in held.notes:
         root.append(Comment(f" {note.replace('--', '- -')} "))  # no double hyphen within a comment
@@ -252,7 +268,7 @@ def _routes(net: RoadNetwork, table: pd.DataFrame, held: Expressed) -> Element:
 
 
 def _write(target: Path, root: Element, net: Path, integration: str) -> tuple[Path, Path, Path]:
-    """Write routes, configuration and network beside each other: all or none."""
+    """Write routes, configuration and network: all or none."""
     beside = Companions.of(target, net)
     beside.refuse_others()
     copied = [] if beside.net_is_there else [beside.net]

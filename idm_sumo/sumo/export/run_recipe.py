@@ -1,4 +1,4 @@
-"""The ``.sumocfg`` beside exported types: how they have to be run to behave as calibrated."""
+"""SUMO options under which exported types drive as calibrated."""
 
 from __future__ import annotations
 
@@ -13,16 +13,30 @@ EULER, BALLISTIC = "euler", "ballistic"
 def check_integration(integration: str) -> None:
     """Refuse an integration that SUMO does not have.
 
+    Parameters
+    ----------
+    integration : str
+
     Raises
     ------
     InputError
+        Names those it has.
     """
     if integration not in (EULER, BALLISTIC):
         raise InputError(f"integration: SUMO has no {integration!r}; use {EULER} (its default) or {BALLISTIC}")
 
 
 def options(integration: str) -> dict[str, str]:
-    """Return the options that decide how a type drives, by their long names.
+    """Return the options that decide how a type drives.
+
+    Parameters
+    ----------
+    integration : {"euler", "ballistic"}
+
+    Returns
+    -------
+    dict of str to str
+        Values by SUMO's long names.
 
     Raises
     ------
@@ -45,7 +59,23 @@ SECTION = {"step-length": "time"}  # of sumo's configuration; all others are "pr
 
 
 def configuration(net: str, routes: str, integration: str) -> Element:
-    """Return the ``<sumoConfiguration>`` that runs a route file on a network, both named relative to it."""
+    """Return the ``<sumoConfiguration>`` of routes on a network.
+
+    Parameters
+    ----------
+    net, routes : str
+        File names, relative to the configuration.
+    integration : {"euler", "ballistic"}
+
+    Returns
+    -------
+    Element
+
+    Raises
+    ------
+    InputError
+        For an integration that SUMO does not have.
+    """
     root = Element("sumoConfiguration")
     inputs = SubElement(root, "input")
     SubElement(inputs, "net-file", value=net)

@@ -1,4 +1,4 @@
-"""From a row of a driver table to what a SUMO vehicle type can hold."""
+"""From driver table rows to what SUMO vehicle types hold."""
 
 from __future__ import annotations
 
@@ -11,7 +11,7 @@ import numpy.typing as npt
 import pandas as pd
 
 from idm_sumo.calibration import driver_table as d
-from idm_sumo.calibration import without_d1 as j
+from idm_sumo.calibration import without_d1 as w
 from idm_sumo.recordings import columns as c
 from idm_sumo.roads import Road
 from idm_sumo.runtime.errors import InputError
@@ -19,11 +19,30 @@ from idm_sumo.sumo.export.vtypes import DriverType, identifier
 
 Floats = npt.NDArray[np.float64]
 
-JAM_DISTANCE = ("refit", "linearised", "none")
+WITHOUT_D1 = ("refit", "linearised", "none")
 
 
 def with_parameters(drivers: pd.DataFrame, source: str) -> tuple[pd.DataFrame, tuple[str, ...]]:
-    """Return the checked drivers that have parameters, and how many have none."""
+    """Return the checked drivers that have parameters.
+
+    Parameters
+    ----------
+    drivers : pandas.DataFrame
+        See :func:`idm_sumo.calibration.driver_table.check_drivers`.
+    source : str
+        How messages name the drivers.
+
+    Returns
+    -------
+    table : pandas.DataFrame
+    notes : tuple of str
+        How many drivers were left out.
+
+    Raises
+    ------
+    InputError
+        If the drivers are impossible or none has parameters.
+    """
     table = d.check_drivers(drivers, source=source)
     has = d.has_parameters(table)
     if not has.any():
@@ -33,13 +52,49 @@ def with_parameters(drivers: pd.DataFrame, source: str) -> tuple[pd.DataFrame, t
 
 
 def desired_speeds(table: pd.DataFrame, desired_speed: float | None, road: Road, source: str) -> Floats:
-    """Return the desired speed (m/s) of every driver: as given, of the table, or the road's limit."""
+    """Return every driver's desired speed.
+
+    Parameters
+    ----------
+    table : pandas.DataFrame
+        Drivers; the column ``desired_speed_m_s`` comes second.
+    desired_speed : float or None
+        m/s; comes first where given.
+    road : Road
+        Its speed limit comes last.
+    source : str
+        How messages name the drivers.
+
+    Returns
+    -------
+    float64, shape (drivers,)
+        m/s.
+
+    Raises
+    ------
+    InputError
+        If one is not positive; names the row.
+    """
     given = table.get(d.DESIRED_SPEED, road.speed_limit) if desired_speed is None else desired_speed
     return checked_speeds(table, given, source)
 
 
 def checked_speeds(table: pd.DataFrame, given: npt.ArrayLike, source: str) -> Floats:
-    """Return given desired speeds (m/s), one a driver.
+    """Return given desired speeds, one a driver.
+
+    Parameters
+    ----------
+    table : pandas.DataFrame
+        Drivers.
+    given : array_like, shape (drivers,) or ()
+        m/s.
+    source : str
+        How messages name the drivers.
+
+    Returns
+    -------
+    float64, shape (drivers,)
+        m/s.
 
     Raises
     ------
@@ -54,9 +109,29 @@ def checked_speeds(table: pd.DataFrame, given: npt.ArrayLike, source: str) -> Fl
 
 
 def sumo_parameters(
-    table: pd.DataFrame, jam_distance: str, desired_speed: npt.ArrayLike, integration: str, source: str
+    table: pd.DataFrame, without_d1: str, desired_speed: npt.ArrayLike, integration: str, source: str
 ) -> tuple[Floats, tuple[str, ...]]:
-    """Return ``a, b, T, d0, 0`` of every driver, shape ``(n, 5)``, and what to know of them.
+    """Return every driver's IDM parameters without ``d1``.
+
+    Parameters
+    ----------
+    table : pandas.DataFrame
+        Drivers.
+    without_d1 : {"refit", "linearised", "none"}
+        What stands for ``d1``, as of :func:`idm_sumo.sumo.export.routes.export_routes`.
+    desired_speed : array_like, shape (drivers,) or ()
+        m/s.
+    integration : {"euler", "ballistic"}
+        What the types are exported for; a note says if they were refitted for another one.
+    source : str
+        How messages name the drivers.
+
+    Returns
+    -------
+    theta : float64, shape (drivers, 5)
+        ``a, b, T, d0, 0`` (SI units).
+    notes : tuple of str
+        What a reader should know of them.
 
     Raises
     ------
@@ -64,32 +139,42 @@ def sumo_parameters(
         If a driver's ``d1`` cannot be replaced in the way asked for, or the choice is unknown.
     """
     theta = table[list(d.PARAMETERS)].to_numpy(dtype=np.float64)
-    if jam_distance == "exact":
-        raise InputError(
-            "jam_distance: 'exact' is no vehicle type, it is set every step; use " + ", ".join(JAM_DISTANCE)
-        )
-    if jam_distance not in JAM_DISTANCE:
-        raise InputError(f"jam_distance: {jam_distance!r} is unknown; use one of {', '.join(JAM_DISTANCE)}")
+    if without_d1 == "exact":
+        raise InputError("without_d1: 'exact' is no vehicle type, it is set every step; use " + ", ".join(WITHOUT_D1))
+    if without_d1 not in WITHOUT_D1:
+        raise InputError(f"without_d1: {without_d1!r} is unknown; use one of {', '.join(WITHOUT_D1)}")
     has_d1 = theta[:, 4] > 0.0
-    if jam_distance == "none" or not has_d1.any():
+    if without_d1 == "none" or not has_d1.any():
         dropped = (f"d1 of {has_d1.sum()} drivers was dropped without a replacement",) if has_d1.any() else ()
         return theta * [1.0, 1.0, 1.0, 1.0, 0.0], dropped
-    remedy = f"{source}: needs the column {{}}: add it with `idm-sumo calibrate`, or choose another --jam-distance"
-    if jam_distance == "linearised":
-        if j.MEAN_SPEED not in table:
-            raise InputError(remedy.format(j.MEAN_SPEED))
-        return j.linearise(theta, table[j.MEAN_SPEED], desired_speed), ()
-    if missing := [name for name in j.REFIT if name not in table]:
+    remedy = f"{source}: needs the column {{}}: add it with `idm-sumo calibrate`, or choose another --without-d1"
+    if without_d1 == "linearised":
+        if w.MEAN_SPEED not in table:
+            raise InputError(remedy.format(w.MEAN_SPEED))
+        return w.linearise(theta, table[w.MEAN_SPEED], desired_speed), ()
+    if missing := [name for name in w.REFIT if name not in table]:
         raise InputError(remedy.format(missing[0]))
-    as_drivers = table.drop(columns=list(d.PARAMETERS)).rename(columns=dict(zip(j.REFIT, d.PARAMETERS, strict=False)))
+    as_drivers = table.drop(columns=list(d.PARAMETERS)).rename(columns=dict(zip(w.REFIT, d.PARAMETERS, strict=False)))
     fitted = d.check_drivers(as_drivers.assign(d1=0.0), source=f"{source} (refit)")
-    other = set(table.get(j.REFIT_INTEGRATION, pd.Series([integration]))) - {integration}
+    other = set(table.get(w.REFIT_INTEGRATION, pd.Series([integration]))) - {integration}
     notes = (f"refitted under {', '.join(sorted(other))}, exported for {integration}",) if other else ()
     return fitted[list(d.PARAMETERS)].to_numpy(dtype=np.float64), notes
 
 
 def identifiers(table: pd.DataFrame) -> list[str]:
-    """Return one name a row: period and vehicle, and the first frame where a vehicle has several windows."""
+    """Return one name a row: period and vehicle.
+
+    The first frame is added where a vehicle has several windows.
+
+    Parameters
+    ----------
+    table : pandas.DataFrame
+        Drivers.
+
+    Returns
+    -------
+    list of str
+    """
     several = table.duplicated([c.PERIOD, c.VEHICLE], keep=False)
     frames = table[d.FIRST_FRAME] if d.FIRST_FRAME in table else pd.Series("", index=table.index)
     return [
@@ -99,7 +184,25 @@ def identifiers(table: pd.DataFrame) -> list[str]:
 
 
 def driver_type(row: Any, name: str, theta: Floats, maximum_speed: float, road: Road) -> DriverType:
-    """Return the type of one driver; sizes are those the road assumes where the table has none."""
+    """Return the type of one driver.
+
+    Parameters
+    ----------
+    row : pandas.Series
+        Of the driver table; its sizes are used where it has them.
+    name : str
+        Name of the type.
+    theta : float64, shape (5,)
+        ``a, b, T, d0, 0`` (SI units).
+    maximum_speed : float
+        m/s.
+    road : Road
+        Its assumed sizes are used otherwise.
+
+    Returns
+    -------
+    DriverType
+    """
     length, width = row.get(d.LENGTH, road.car_length), row.get(d.WIDTH, road.car_width)
     kind = int(row.get(d.CLASS, 0))
     a, b, T, d0 = map(float, theta[:4])
@@ -107,6 +210,13 @@ def driver_type(row: Any, name: str, theta: Floats, maximum_speed: float, road: 
 
 
 def save(root: Element, path: Path) -> None:
-    """Write XML to be read by people too."""
+    """Write XML with indentation.
+
+    Parameters
+    ----------
+    root : Element
+    path : Path
+        File to write.
+    """
     indent(root, space="    ")
     ElementTree(root).write(path, encoding="utf-8", xml_declaration=True)

@@ -1,4 +1,7 @@
-"""One driver as a SUMO vehicle type, with nothing left to a default that changes how it drives."""
+"""One driver as a SUMO vehicle type.
+
+Every attribute that changes how a type drives is written, so that no default of SUMO's decides it.
+"""
 
 from __future__ import annotations
 
@@ -35,7 +38,20 @@ AS_CALIBRATED = {
 
 
 class DriverType(NamedTuple):
-    """What a vehicle type holds, in SI units; ``maximum_speed`` is :math:`v_0` on a road that allows it."""
+    """Contents of a vehicle type, in SI units.
+
+    Attributes
+    ----------
+    identifier : str
+    a, b, T, d0 : float
+        IDM parameters (m/s², m/s², s, m).
+    maximum_speed : float
+        Desired speed :math:`v_0` on a road that allows it (m/s).
+    length, width : float
+        m.
+    vehicle_class : int
+        Recorded class, key of ``CLASSES``.
+    """
 
     identifier: str
     a: float
@@ -49,14 +65,36 @@ class DriverType(NamedTuple):
 
 
 def identifier(*parts: object) -> str:
-    """Return the parts joined by dots, as a name SUMO accepts: ``0750-0805.123``."""
+    """Return parts joined by dots, as SUMO accepts names.
+
+    Parameters
+    ----------
+    *parts : object
+        For example period and vehicle: ``0750-0805.123``.
+
+    Returns
+    -------
+    str
+    """
     return re.sub(r"[^A-Za-z0-9_.\-+]", "_", ".".join(str(part) for part in parts))
 
 
 def type_element(driver: DriverType, parent: Element | None = None, **extra: str) -> Element:
-    """Return the ``<vType>`` of a driver, below ``parent`` if one is given.
+    """Return the ``<vType>`` of a driver.
 
-    Numbers are written in full, so that the type is the calibrated driver and not one near it.
+    Numbers are written in full, so that the type is exactly the calibrated driver.
+
+    Parameters
+    ----------
+    driver : DriverType
+    parent : Element, optional
+        Element that it is added to.
+    **extra : str
+        Further attributes, which take precedence.
+
+    Returns
+    -------
+    Element
     """
     shape = CLASSES[driver.vehicle_class]
     attributes = {
@@ -70,5 +108,14 @@ def type_element(driver: DriverType, parent: Element | None = None, **extra: str
 
 
 def number(value: float) -> str:
-    """Return the shortest text that is read back as the same number."""
+    """Return the shortest text that reads back equal.
+
+    Parameters
+    ----------
+    value : float
+
+    Returns
+    -------
+    str
+    """
     return repr(float(value)).removesuffix(".0")

@@ -1,4 +1,4 @@
-"""The closed loop of an extended model, compared with SUMO's IDM."""
+"""The closed loop of an extended model against SUMO's IDM."""
 
 import numpy as np
 import pandas as pd

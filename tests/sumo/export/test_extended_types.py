@@ -1,4 +1,4 @@
-"""What SUMO's vehicle types hold of an extended model: said for every cause, checked against SUMO itself."""
+"""Effects in SUMO's vehicle types: notes and behaviour in SUMO."""
 
 from pathlib import Path
 from xml.etree.ElementTree import TreeBuilder, XMLParser, parse
@@ -122,7 +122,7 @@ def test_a_delay_that_spares_the_own_speed_is_said_to_become_one_of_everything(t
 
 
 def test_a_type_with_a_delay_drives_nearer_to_the_delayed_driver_than_one_without(tmp_path) -> None:
-    """The independent reference is the exact delay, behind the very leader that SUMO drove."""
+    """The reference is the exact delay behind SUMO's leader."""
     tau, frames = 0.4, 300
     time = np.arange(frames + 2) * FRAME_STEP
     leads = 11 + 2.5 * np.sin(2 * np.pi * time / 14) + np.sin(2 * np.pi * time / 5.3 + 1)
@@ -138,7 +138,10 @@ def test_a_type_with_a_delay_drives_nearer_to_the_delayed_driver_than_one_withou
 
 
 def drive(result: Exported, speeds: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """Return position (m) and speed (m/s) of leader and follower, shape (frames, 2) each."""
+    """Return positions (m) and speeds (m/s), shape (frames, 2).
+
+    Leader and follower are the columns.
+    """
     seen = []
     with simulation(["--route-files", str(result.route_file), "--no-warnings", "true"], net=result.net_file) as running:
         running.simulationStep()
@@ -154,7 +157,10 @@ def drive(result: Exported, speeds: np.ndarray) -> tuple[np.ndarray, np.ndarray]
 
 
 def delayed(tau: float, leader: np.ndarray, start: np.ndarray) -> np.ndarray:
-    """Return where (m) an IDM driver is that acts on what was ``tau`` (s) ago: ballistic steps, written out."""
+    """Return positions (m) of an IDM driver delayed by ``tau`` (s).
+
+    Ballistic steps, written out.
+    """
     late, (x, v), past, out = round(tau / FRAME_STEP), start, [], []
     for front, speed in leader:
         out.append(x)

@@ -1,4 +1,4 @@
-"""The proof of the export: SUMO drives the exported types as our kernel does, and what breaks that."""
+"""SUMO drives exported types as our kernel does; what breaks that."""
 
 from __future__ import annotations
 
@@ -21,7 +21,8 @@ from idm_sumo.recordings.smoothing import smooth
 from idm_sumo.roads import US101
 from idm_sumo.roads.us101 import OFF_RAMP, ON_RAMP
 from idm_sumo.scenes.windows import Scenes, Window, build_scenes
-from idm_sumo.sumo.export import parity as p
+from idm_sumo.sumo.export.native import drive_natively, drive_on_our_network
+from idm_sumo.sumo.export.parity import parity, types_of
 from idm_sumo.sumo.export.routes import export_routes
 from tests.helpers.exports import read_types
 
@@ -33,7 +34,10 @@ STEPS = 10 * SECONDS
 
 
 def scenes_of(paths: list[tuple[int, np.ndarray]], *, steps: int = STEPS) -> Scenes:
-    """Scenes of vehicles given as (lane, x at every frame), front bumpers in metres; all of them modelled."""
+    """Return scenes of modelled vehicles.
+
+    They are given as (lane, x at every frame), front bumpers in metres.
+    """
     tables = []
     for number, (lane, x) in enumerate(paths, start=1):
         tables.append(
@@ -67,7 +71,10 @@ def distance(speed: np.ndarray, start: float) -> np.ndarray:
 
 
 def platoons(seed: int, *, cars: int = 8, steps: int = STEPS, start: float = 0.0) -> Scenes:
-    """Five lanes of cars: the first by a random wave, each further one as the one ahead was, later and farther back."""
+    """Return five lanes of cars in random waves.
+
+    The first car follows a random wave; each further one does as the one ahead did, later and farther back.
+    """
     rng, t = np.random.default_rng(seed), 0.1 * np.arange(steps + 1)
     paths = []
     for lane in range(1, 6):
@@ -86,12 +93,15 @@ def random_drivers(n: int, seed: int, *, d1: bool = False) -> np.ndarray:
 
 
 def apart(scenes: Scenes, theta: np.ndarray, native: str, kernel: str, **options: object) -> np.ndarray:
-    """Largest distance (m) of every driver over its window, SUMO by one integration and our kernel by another."""
+    """Return every driver's largest distance (m) over its window.
+
+    SUMO drives by one integration and our kernel by another.
+    """
     extra = {name: str(value) for name, value in options.items() if name not in ("lanes", "lane_limit")}
     known = {name: value for name, value in options.items() if name not in extra}
     problem = prepare(scenes)
-    types = p.types_of(theta, problem, scenes.length, scenes.width, **extra)
-    x, _ = p.drive_natively(problem, types, integration=native, d1=theta[:, 4], **known)  # type: ignore[arg-type]
+    types = types_of(theta, problem, scenes.length, scenes.width, **extra)
+    x, _ = drive_natively(problem, types, integration=native, d1=theta[:, 4], **known)  # type: ignore[arg-type]
     return np.abs(x - integrators.drive(problem, theta, kernel)[0]).max(axis=1)
 
 
@@ -110,19 +120,22 @@ def test_sumo_drives_random_drivers_as_our_kernel(integration: str, seed: int) -
 
 @pytest.mark.parametrize("integration", SCHEMES)
 def test_parity_with_neighbours_beside(traffic: Scenes, integration: str) -> None:
-    """Five drivers a road, side by side, at all speeds: without lane changes neighbours make no difference."""
+    """Without lane changes neighbours make no difference.
+
+    Five drivers a road, side by side, at all speeds.
+    """
     theta = random_drivers(len(traffic), 5)
     assert apart(traffic, theta, integration, integration, lanes=5).max() < MILLIMETRE
 
 
 @pytest.mark.parametrize("integration", SCHEMES)
 def test_parity_on_our_network(integration: str) -> None:
-    """Across the edges of the study section, where leader and follower are on different ones, near and far."""
+    """Leader and follower are on different edges of the section."""
     scenes = platoons(seed=4, cars=4, steps=200, start=-60.0)
     theta = random_drivers(len(scenes), 6)
     problem = prepare(scenes)
-    types = p.types_of(theta, problem, scenes.length, scenes.width)
-    x, _ = p.drive_on_our_network(problem, types, US101, scenes.lane, integration=integration)
+    types = types_of(theta, problem, scenes.length, scenes.width)
+    x, _ = drive_on_our_network(problem, types, US101, scenes.lane, integration=integration)
     ours, _ = integrators.drive(problem, theta, integration)
     assert np.abs(x - ours).max() < MILLIMETRE
     for boundary in (ON_RAMP, OFF_RAMP):
@@ -149,7 +162,7 @@ def test_the_types_as_they_stand_in_the_exported_file(traffic: Scenes, integrati
     written = read_types(result.route_file)
     problem = prepare(traffic)
     types = [written[f"{traffic.one_period}.{number}"] for number in traffic.vehicle]
-    x, _ = p.drive_natively(problem, types, integration=integration)
+    x, _ = drive_natively(problem, types, integration=integration)
     assert np.abs(x - integrators.drive(problem, theta, integration)[0]).max() < MILLIMETRE
 
 
@@ -164,14 +177,14 @@ def test_what_could_not_be_calibrated_costs_nan_and_is_not_driven(traffic: Scene
     assert costs.drop(index=3).notna().all(axis=None)
     assert costs.loc[3].drop(["period", "vehicle", "first_frame"]).isna().all()
     both = drivers.merge(refitted, on=["period", "vehicle", "first_frame"])
-    result = p.parity(both, traffic)
+    result = parity(both, traffic)
     assert len(result) == len(drivers) - 1
     assert result["largest_mm"].max() < 1.0
     assert (costs["ade_refit_m"] <= costs["ade_dropped_m"] + 1e-9).drop(index=3).all()
 
 
 def hard_cases() -> tuple[Scenes, np.ndarray, list[str]]:
-    """Follower and leader in each lane; the names say what the follower goes through."""
+    """Return follower and leader in each lane, by case."""
     t = 0.1 * np.arange(STEPS + 1)
     stop = distance(np.where(t < 5.0, 22.0, np.maximum(0.0, 22.0 - 12.0 * (t - 5.0))), 30.0)
     stand, start = np.full_like(t, 12.0), distance(np.clip(2.0 * (t - 6.0), 0.0, 15.0), 9.0)
@@ -198,7 +211,7 @@ def hard_cases() -> tuple[Scenes, np.ndarray, list[str]]:
 def test_parity_in_hard_cases(integration: str) -> None:
     scenes, theta, names = hard_cases()
     problem = prepare(scenes)
-    x, v = p.drive_natively(problem, p.types_of(theta, problem, scenes.length, scenes.width), integration=integration)
+    x, v = drive_natively(problem, types_of(theta, problem, scenes.length, scenes.width), integration=integration)
     ours, _ = integrators.drive(problem, theta, integration)
     far = dict(zip(names, np.abs(x - ours).max(axis=1), strict=True))
     assert max(far.values()) < MILLIMETRE, far
@@ -215,7 +228,10 @@ def test_parity_in_hard_cases(integration: str) -> None:
 
 @pytest.mark.parametrize("integration", SCHEMES)
 def test_above_its_desired_speed_sumo_brakes_hard_and_so_does_our_kernel(integration: str) -> None:
-    """SUMO brakes by emergencyDecel down to maxSpeed; the IDM itself, and the paper, slow down gently."""
+    """SUMO brakes by emergencyDecel down to maxSpeed.
+
+    The IDM itself, as in the paper, slows down gently.
+    """
     scenes = scenes_of([(1, distance(np.full(STEPS + 1, V0 + 4.0), 0.0))])
     theta = np.array([[1.0, 1.5, 1.2, 2.0, 0.0]])
     assert apart(scenes, theta, integration, integration).max() < MILLIMETRE
@@ -247,7 +263,10 @@ def test_a_random_speed_factor_breaks_parity(traffic: Scenes) -> None:
 
 
 def test_not_overtaking_on_the_right_breaks_parity() -> None:
-    """SUMO's default: a follower with a free lane brakes for a slow car in the lane to its left."""
+    """By SUMO's default a follower brakes for the left lane.
+
+    It has a free lane; the slow car is in the lane to its left.
+    """
     t = 0.1 * np.arange(STEPS + 1)
     slow, fast = distance(np.full_like(t, 3.0), 60.0), distance(np.full_like(t, 15.0), 0.0)
     scenes = scenes_of([(2, fast), (1, slow)])
@@ -279,8 +298,8 @@ def test_parity_of_every_real_driver(calibrated: tuple[list[Scenes], pd.DataFram
     )
     for choice in ("refit", "exact"):
         result = pd.concat([
-            p.parity(table[table[c.PERIOD] == part.one_period], part, integration=integration,
-                jam_distance=choice) for part in scenes
+            parity(table[table[c.PERIOD] == part.one_period], part, integration=integration,
+                without_d1=choice) for part in scenes
         ])  # fmt: skip
         assert len(result) == len(drivers)
         assert result["largest_mm"].max() < 1.0

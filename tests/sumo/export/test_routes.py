@@ -121,7 +121,7 @@ def test_too_fast_a_departure_is_slowed_and_said(tmp_path: Path) -> None:
 
 
 def test_a_late_departure_is_reported_with_its_delay(tmp_path: Path) -> None:
-    """Two vehicles at one place at one time: the second waits, and is not silently late."""
+    """The second of two vehicles at one place waits."""
     table = drivers(n=4, period="p", vehicle=[1, 2, 3, 4], depart_s=[0.0, 0.0, 0.0, 50.0], lane=[1, 1, 2, 1], x_m=3.0)
     delays = departure_delays(export_routes(table, tmp_path / "late.rou.xml").config_file).set_index("id")["delay_s"]
     assert sorted(delays[["p.1", "p.2"]] > 0) == [False, True]
@@ -130,7 +130,10 @@ def test_a_late_departure_is_reported_with_its_delay(tmp_path: Path) -> None:
 
 
 def test_a_vehicle_that_sumo_never_inserts_is_reported(tmp_path: Path) -> None:
-    """So fast on the on-ramp, and so weak a brake, that it could not stop where the auxiliary lane ends."""
+    """It could not stop where the auxiliary lane ends.
+
+    It is fast on the on-ramp and its brake is weak.
+    """
     table = drivers(n=2, period="p", vehicle=[1, 2], b=0.2, T=3.0, speed_m_s=[24.0, 8.0], lane=[7, 1], x_m=[170.0, 3.0])
     result = export_routes(table, tmp_path / "never.rou.xml")
     delays = departure_delays(result.config_file).set_index("id")["delay_s"]
@@ -170,29 +173,29 @@ def test_linearised_wants_the_same_gap_at_the_mean_speed(tmp_path: Path) -> None
         assert gap[1] == pytest.approx(gap[0])
         nearby = [idm.desired_gap(v + 0.1, 0.0, *values, US101.speed_limit) for values in (row, plain)]
         assert nearby[1] - gap[1] == pytest.approx(nearby[0] - gap[0], rel=2e-2)
-    result = export_routes(table, tmp_path / "x.rou.xml", jam_distance="linearised")
+    result = export_routes(table, tmp_path / "x.rou.xml", without_d1="linearised")
     assert float(read_types(result.route_file)["0750-0805.10"].attrib["minGap"]) == linear[0, 3]
     with pytest.raises(InputError, match="mean_speed_m_s"):
-        export_routes(drivers(d1=2.0), tmp_path / "y.rou.xml", jam_distance="linearised")
+        export_routes(drivers(d1=2.0), tmp_path / "y.rou.xml", without_d1="linearised")
 
 
 def test_dropping_d1_is_said(tmp_path: Path) -> None:
     assert (
-        "30 drivers was dropped" in export_routes(drivers(d1=2.0), tmp_path / "x.rou.xml", jam_distance="none").notes[0]
+        "30 drivers was dropped" in export_routes(drivers(d1=2.0), tmp_path / "x.rou.xml", without_d1="none").notes[0]
     )
 
 
 @pytest.mark.parametrize("choice", ["exact", "guess"])
 def test_what_is_no_type_is_refused(tmp_path: Path, choice: str) -> None:
-    with pytest.raises(InputError, match=rf"jam_distance.*{choice}"):
-        export_routes(drivers(), tmp_path / "x.rou.xml", jam_distance=choice)
+    with pytest.raises(InputError, match=rf"without_d1.*{choice}"):
+        export_routes(drivers(), tmp_path / "x.rou.xml", without_d1=choice)
 
 
 # Departures from scenes and recordings.
 
 
 def recording() -> Recording:
-    """One car that leaves by the off-ramp, two that stay, one of them from the on-ramp."""
+    """Return a car to the off-ramp, one through, one from the on-ramp."""
     t = np.arange(40) * 0.1
     rows = [(1, 300.0, 6, 8), (2, 20.0, 1, 1), (3, 100.0, 7, 6)]
     tables = [
@@ -295,7 +298,7 @@ def test_bad_output(tmp_path: Path) -> None:
 
 
 def drawn(path: Path, folder: Path, vehicles: int = 400) -> pd.Series:
-    """Names of the types that SUMO gives to vehicles of the distribution, on another network."""
+    """Return the types SUMO draws on another network."""
     net = StraightRoads(vehicles, (0.0, 500.0), 30.0).write_net(folder)
     routes = folder / "flow.rou.xml"
     ways = [

@@ -28,7 +28,10 @@ def table():
 
 @pytest.fixture(scope="module")
 def rows(table):
-    """Return the table with its period and strip; lanes 6, 7 and 8 are one strip."""
+    """Return the table with period and strip.
+
+    Lanes 6, 7 and 8 are one strip.
+    """
     return table.assign(
         period=table["Global_Time"] - 100 * table["Frame_ID"],
         strip=table["Lane_ID"].clip(upper=6),
