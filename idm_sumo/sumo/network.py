@@ -20,7 +20,7 @@ from idm_sumo.sumo.layouts import LAYOUTS, Layout
 
 
 class Place(NamedTuple):
-    """Places of vehicles in SUMO's terms, arrays of one shape.
+    """Places in SUMO's terms, arrays of one shape.
 
     Attributes
     ----------
@@ -103,12 +103,7 @@ class RoadNetwork:
         raise InputError(f"network/{self.road.network} is missing: build it with `python network/build.py`")
 
     def load(self) -> Any:
-        """Return the network, read once.
-
-        Returns
-        -------
-        sumolib.net.Net
-        """
+        """Return the :class:`sumolib.net.Net`, read once."""
         return _load(self.file)
 
     def mainline_ends(self) -> tuple[float, ...]:

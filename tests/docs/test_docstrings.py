@@ -14,6 +14,7 @@ ROOMS = (
     "idm_sumo/models",
     "idm_sumo/irl",
     "idm_sumo/evaluation",
+    "idm_sumo/sumo",
     "analysis/reproduce",
     "analysis/diagnosis",
 )

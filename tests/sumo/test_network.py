@@ -79,7 +79,7 @@ def test_sumo_coordinates_are_the_recorded_ones(sumo):
 
 
 def gap_cases():
-    """Return pairs of cars on each edge and across each junction."""
+    """Return pairs of cars on edges and across junctions."""
     main = [("upstream", "outflow", lane) for lane in range(1, 6)]
     pairs = [
         (60.0, 95.3),

@@ -157,9 +157,9 @@ def drive(result: Exported, speeds: np.ndarray) -> tuple[np.ndarray, np.ndarray]
 
 
 def delayed(tau: float, leader: np.ndarray, start: np.ndarray) -> np.ndarray:
-    """Return positions (m) of an IDM driver delayed by ``tau`` (s).
+    """Return positions (m) of an IDM driver with delay.
 
-    Ballistic steps, written out.
+    It acts on what was ``tau`` (s) ago; ballistic steps, written out.
     """
     late, (x, v), past, out = round(tau / FRAME_STEP), start, [], []
     for front, speed in leader:

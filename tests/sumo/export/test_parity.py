@@ -1,4 +1,4 @@
-"""SUMO drives exported types as our kernel does; what breaks that."""
+"""SUMO drives exported types as our kernel does."""
 
 from __future__ import annotations
 
@@ -238,7 +238,7 @@ def test_above_its_desired_speed_sumo_brakes_hard_and_so_does_our_kernel(integra
     assert apart(scenes, theta, integration, "paper").max() > 1.0
 
 
-# What breaks parity, each visible from afar. Those who see such distances know where to look.
+# What breaks parity, each by a distance of its own size.
 
 
 @pytest.mark.parametrize(("native", "kernel"), [("euler", "ballistic"), ("ballistic", "euler"), ("euler", "paper")])

@@ -195,7 +195,7 @@ def test_what_is_no_type_is_refused(tmp_path: Path, choice: str) -> None:
 
 
 def recording() -> Recording:
-    """Return a car to the off-ramp, one through, one from the on-ramp."""
+    """Return three cars: leaving, passing, and entering."""
     t = np.arange(40) * 0.1
     rows = [(1, 300.0, 6, 8), (2, 20.0, 1, 1), (3, 100.0, 7, 6)]
     tables = [

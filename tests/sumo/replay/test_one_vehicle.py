@@ -1,4 +1,4 @@
-"""Replays in SUMO agree with the compiled one in awkward traffic."""
+"""Replays in SUMO agree with the compiled one."""
 
 import os
 from dataclasses import replace as changed
