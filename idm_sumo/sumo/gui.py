@@ -83,5 +83,5 @@ def gui_simulation(options: Sequence[str], *, net: Path) -> Iterator[Any]:
     except traci.exceptions.FatalTraCIError:
         raise InputError("--gui: sumo-gui was closed before the end; let it run, or leave out --gui") from None
     finally:
-        with suppress(traci.exceptions.FatalTraCIError):  # it may have gone already
+        with suppress(traci.exceptions.FatalTraCIError):  # it may be closed already
             connection.close()

@@ -15,10 +15,10 @@ from idm_sumo.runtime.errors import InputError
 ALWAYS = (
     "--xml-validation", "never",
     "--no-step-log", "true",
-    "--time-to-teleport", "-1",  # nobody vanishes from a jam
+    "--time-to-teleport", "-1",  # no vehicle is removed from a jam
 )  # fmt: skip
 
-# What a replay needs: SUMO carries, draws and perceives; who moves whom is decided outside.
+# What a replay needs: SUMO holds vehicles and names leaders; their motion is decided outside.
 REPLAY = (
     # Without sublanes the order of a lane goes stale when a moved vehicle passes another, and
     # getLeader names the wrong one. One sublane a lane is enough to have it sorted every step.
@@ -27,7 +27,7 @@ REPLAY = (
     "--default.action-step-length", "1000",
     # Collisions are judged by our own rectangles (SUMO's check ignores moved vehicles anyhow).
     "--collision.action", "none",
-    # It would warn of the two choices above, and of recorded drivers who brake hard.
+    # SUMO would warn of the two choices above, and of recorded drivers that brake hard.
     "--no-warnings", "true",
 )  # fmt: skip
 

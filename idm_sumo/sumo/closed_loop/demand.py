@@ -31,7 +31,7 @@ Floats = npt.NDArray[np.float64]
 LAST_STRETCH = 40.0  # m, before the section's end, whose speeds are imposed behind it
 SIGN_INTERVAL = 1.0  # s between two settings of the speed
 SMOOTHED_OVER = 7.0  # s
-SLOWEST_SIGN = 0.5  # m/s: a limit of zero would close the road for good
+SLOWEST_SIGN = 0.5  # m/s; a limit of zero would close the road
 
 SAFE = "collision leaderGap followerGap"  # what an insertion is checked for
 EDGE, LANE_INDEX, POSITION = "edge", "lane_index", "position"

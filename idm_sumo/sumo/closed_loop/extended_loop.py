@@ -29,7 +29,7 @@ from idm_sumo.simulation.surroundings import NOBODY_YET, Others, look
 Floats = npt.NDArray[np.float64]
 Integers = npt.NDArray[np.int64]
 
-PAST = REMEMBERED + 1  # moments: that a delay can reach back to, and the present
+PAST = REMEMBERED + 1  # moments that a delay can reach back to, and the present
 OURS, SUMOS = 0, 31  # SUMO's speed modes: no check of its own; all of them
 
 
@@ -167,7 +167,7 @@ class ModelDrivers:
             np.full((n, 3), np.nan), np.zeros(n), np.full((n, LATELY + 1), np.nan),
         )  # fmt: skip
         self._ours: set[str] = set()
-        self.driven_steps = 0  # vehicle-steps that we drove
+        self.driven_steps = 0  # vehicle-steps that the model drove
 
     def drive(self, sumo: Any, step: int) -> None:
         """Look around after a step of SUMO and set speeds.
@@ -265,7 +265,7 @@ def _remember(vehicle, gap, speed, approach_rate, who, now, memory, m):  # type:
     past = memory.past[vehicle]
     gap_before = past[PAST - 1, 0]
     if memory.moments[vehicle] == 0:
-        past[:] = np.array([gap, speed, approach_rate])  # before it came it saw what it sees first
+        past[:] = np.array([gap, speed, approach_rate])  # before its first step it saw the same
     past[:-1] = past[1:].copy()
     past[PAST - 1] = (gap, speed, approach_rate)
     if meet(past, PAST - 1, memory.leader[vehicle], who, m):

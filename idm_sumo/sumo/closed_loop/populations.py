@@ -92,7 +92,7 @@ def calibrated_types(
     desired_speed : array_like, shape (vehicles,) or ()
         m/s.
     speed_limit : float
-        The road's (m/s). SUMO lets nobody drive above it, unless a factor of the type says so.
+        The road's (m/s). SUMO lets no vehicle drive above it, unless its type has a speed factor.
 
     Raises
     ------

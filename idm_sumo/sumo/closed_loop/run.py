@@ -28,7 +28,7 @@ from idm_sumo.sumo.gui import gui_simulation
 from idm_sumo.sumo.session import ALWAYS, simulation
 
 ON_TIME = 0.05  # s, half a step
-# A vehicle that finds no room must not keep those waiting that enter by another lane of the edge.
+# A vehicle that finds no gap must not delay vehicles that enter by another lane of the edge.
 INSERTION = ("--eager-insert", "true", "--insertion-checks", SAFE)
 FCD = (
     "--fcd-output.attributes", "x,y,angle,speed,acceleration",

@@ -12,7 +12,7 @@ import numpy as np
 
 from idm_sumo.sumo.network import Place, RoadNetwork
 
-LANE_WIDTH = 3.6576  # m; any width would do
+LANE_WIDTH = 3.6576  # m; without effect on the results
 ROADS_APART = 10.0  # m, beyond the width of their lanes
 GARAGE_POSITION = 500.0  # m
 AMID_WEAVE = 120.0  # m

@@ -91,7 +91,7 @@ def export_distribution(
     rows, shares = _represent(theta[:, :4], representatives, seed)
     root = Element("additional")
     distribution = SubElement(root, "vTypeDistribution", id=identifier(name))
-    # A name of their own: the same drivers may be in the route file, and SUMO wants one type a name.
+    # Names of their own: the same drivers may be in the route file, and SUMO refuses two types of one name.
     names = [identifier(name, own) for own in identifiers(table)]
     for row, share in zip(rows, shares, strict=True):
         driver = driver_type(table.iloc[row], names[row], theta[row], maximum_speed, road)

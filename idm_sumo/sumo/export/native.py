@@ -23,8 +23,8 @@ from idm_sumo.sumo.export.courses import Course, StraightRoads, StudySection
 
 Floats = npt.NDArray[np.float64]
 
-# The stand-in for the leader is longer than any vehicle: its front is always ahead of a follower
-# that has only just run into the recorded one, so SUMO and our kernel keep seeing it equally long.
+# The stand-in for the leader is longer than any vehicle. Its front stays ahead of a follower that overlaps
+# with the recorded leader, so SUMO and our kernel see the leader for the same time.
 LEADER_LENGTH = 40.0  # m
 ROOM = 200.0  # m, beyond the farthest vehicle
 

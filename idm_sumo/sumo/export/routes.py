@@ -151,7 +151,7 @@ def _checked_net(own: RoadNetwork, net_file: Path | str | None, desired_speed: f
 
     try:
         net = readNet(str(path))
-    except Exception as error:  # sumolib lets every parser error through
+    except Exception as error:  # sumolib raises errors of its parser
         raise InputError(
             f"{path}: not a SUMO network ({str(error).splitlines()[0]}); build it with `python network/build.py`"
         ) from None

@@ -23,17 +23,17 @@ AS_CALIBRATED = {
     "delta": f"{idm.EXPONENT:g}",
     "stepping": f"{STEPPING:g}",
     "emergencyDecel": f"{idm.EMERGENCY_BRAKING:g}",
-    "speedFactor": "1",  # by default drawn around 1, so v0 would be a lottery
+    "speedFactor": "1",  # by default drawn at random around 1, which would change v0
     "speedDev": "0",
-    "actionStepLength": f"{FRAME_STEP:g}",  # a longer one would be somebody else's reaction time
+    "actionStepLength": f"{FRAME_STEP:g}",  # a longer one would be a reaction time that was not calibrated
     "startupDelay": "0",
     "impatience": "0",
-    "collisionMinGapFactor": "0",  # a collision is when bumpers touch, not when minGap is undercut
+    "collisionMinGapFactor": "0",  # a collision is a contact of bumpers, not a gap below minGap
     "laneChangeModel": "LC2013",
     # By default a vehicle brakes behind a slower one on its LEFT, so as not to overtake on the
-    # right: a European rule that makes an IDM driver slow down for someone not in its lane.
+    # right: a European rule, by which an IDM driver slows down for a vehicle in another lane.
     "lcOvertakeRight": "1",
-    "lcKeepRight": "0",  # nor does a Californian return to the right
+    "lcKeepRight": "0",  # drivers in California need not return to the right
 }  # fmt: skip
 
 

@@ -9,8 +9,8 @@
 :mod:`~idm_sumo.sumo.replay.playback`
     The recording alone.
 
-In each of them every vehicle is moved to its place at every step. SUMO holds the vehicles and says who is ahead of
-whom; it drives nobody, neither by its car-following nor by its lane-changing models. Modelled vehicles are driven by
-the functions of :mod:`idm_sumo.simulation.rollout` (IDM, pure pursuit, kinematic bicycle), by Euler steps with the
+In each of them every vehicle is moved to its place at every step. SUMO holds the vehicles and names leaders; it drives
+no vehicle, neither by its car-following nor by its lane-changing models. Modelled vehicles are driven by the functions
+of :mod:`idm_sumo.simulation.rollout` (IDM, pure pursuit, kinematic bicycle), by Euler steps with the
 old speed.
 """

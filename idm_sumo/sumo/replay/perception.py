@@ -24,7 +24,7 @@ LOOK_AHEAD = 2000.0  # m, more than the network is long
 
 # Why SUMO names another leader. The first two happen where the leader is on the next edge.
 STRADDLES = "reaches into the lane from beside, its front is not in it"
-HAS_LEFT = "has left the lane, but not SUMO's list of those who reach into it"
+HAS_LEFT = "has left the lane, but not SUMO's list of vehicles that reach into it"
 OVERLAP = "overlaps with another; SUMO orders them by their rears"
 EQUAL = "is exactly beside another"
 TOO_FAR = "is beyond the look-ahead"

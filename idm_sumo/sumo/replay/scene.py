@@ -14,7 +14,7 @@ from idm_sumo.sumo.network import RoadNetwork
 Floats = npt.NDArray[np.float64]
 
 ON_ROUTE_AT_EXACT_PLACE = 3  # moveToXY: map to the vehicle's route (1), keep x and y as given (2)
-POINT = 0.001  # m, length and width of what has neither
+POINT = 0.001  # m, length and width of a point
 
 
 class SumoScene:

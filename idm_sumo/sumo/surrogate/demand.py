@@ -30,7 +30,7 @@ MODELS = {"EIDM": 0.40, "Krauss": 0.30, "IDM": 0.20, "W99": 0.10}
 CLASSES = {MOTORCYCLE: 0.007, CAR: 0.967, TRUCK: 0.026}
 SUMO_CLASS = {MOTORCYCLE: "motorcycle", CAR: "passenger", TRUCK: "truck"}
 
-ACTION_STEP = 1.0  # s, between two decisions of a driver, who keeps the acceleration meanwhile
+ACTION_STEP = 1.0  # s, between two decisions of a driver; the acceleration stays constant meanwhile
 
 
 class Schedule(NamedTuple):
@@ -49,7 +49,7 @@ class Schedule(NamedTuple):
 
     @property
     def end(self) -> float:
-        """Instant (s) after which nobody who enters is recorded."""
+        """Instant (s) after which entering vehicles are not recorded."""
         return self.begin + PERIODS * self.period
 
 

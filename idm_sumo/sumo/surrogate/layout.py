@@ -107,12 +107,12 @@ def _add_clock(table: pd.DataFrame, frame: npt.NDArray[Any], period: int, frames
     table["Frame_ID"] = ((clock - CLOCK_OFFSET[period]) // FRAME_MS).astype(np.int32)
 
 
-def _add_vehicles(table: pd.DataFrame, who: pd.DataFrame, sizes: npt.NDArray[np.int64]) -> None:
+def _add_vehicles(table: pd.DataFrame, vehicles: pd.DataFrame, sizes: npt.NDArray[np.int64]) -> None:
     """Add the columns that are constant over a vehicle's frames."""
     table["Total_Frames"] = np.repeat(sizes, sizes).astype(np.int32)
-    table["v_Length"] = np.repeat((who["length"] / FOOT).round(1).to_numpy(), sizes)
-    table["v_Width"] = np.repeat((who["width"] / FOOT).round(1).to_numpy(), sizes)
-    table["v_Class"] = np.repeat(who["vehicle_class"].to_numpy(dtype=np.int8), sizes)
+    table["v_Length"] = np.repeat((vehicles["length"] / FOOT).round(1).to_numpy(), sizes)
+    table["v_Width"] = np.repeat((vehicles["width"] / FOOT).round(1).to_numpy(), sizes)
+    table["v_Class"] = np.repeat(vehicles["vehicle_class"].to_numpy(dtype=np.int8), sizes)
 
 
 def _add_motion(table: pd.DataFrame, x: npt.NDArray[np.float64], y: npt.NDArray[np.float64]) -> None:
@@ -149,7 +149,7 @@ def _add_headways(
     ahead: npt.NDArray[np.int64],
     behind: npt.NDArray[np.int64],
 ) -> None:
-    """Add ``Preceding``, ``Following`` and headways; 0 where there is nobody."""
+    """Add ``Preceding``, ``Following`` and headways; 0 without a neighbour."""
     has = ahead >= 0
     table["Preceding"] = np.where(has, number[ahead], 0)
     table["Following"] = np.where(behind >= 0, number[behind], 0)
