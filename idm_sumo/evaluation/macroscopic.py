@@ -79,7 +79,7 @@ def edie(recording: Recording, *, segments: int = SEGMENTS, minutes: float = 1.0
 
 
 def _in_section(recording: Recording) -> pd.DataFrame:
-    """Return the rows in the section on main and auxiliary lanes.
+    """Return rows in the section on main and auxiliary lanes.
 
     Ramps lie mostly outside the section.
     """

@@ -1,4 +1,4 @@
-"""The road as compiled kernels of features and observations take it."""
+"""The road as compiled kernels of features take it."""
 
 from __future__ import annotations
 
@@ -40,7 +40,16 @@ class Ground(NamedTuple):
 
     @classmethod
     def of(cls, road: Road) -> Ground:
-        """Return the numbers of a road."""
+        """Return the numbers of a road.
+
+        Parameters
+        ----------
+        road : Road
+
+        Returns
+        -------
+        Ground
+        """
         lanes = np.arange(1, road.main_lanes + 1)
         full_risk = 1.0 / (4.0 * pi * LENGTH_SCALE * road.car_length * WIDTH_SCALE * road.car_width)
         markings = np.array(road.markings)
