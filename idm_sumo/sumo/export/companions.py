@@ -1,7 +1,7 @@
-"""The configuration and the network beside an exported route file: replaced only if we wrote them.
+"""Configuration and network beside an exported route file.
 
-The configuration ends with a comment that holds its own SHA-256 and that of the network beside
-it. A file that is there and is not as such a comment says is the user's.
+They are replaced only if an export wrote them. The configuration ends with a comment that holds its own SHA-256 and
+that of the network beside it. A file that does not match such a comment is the user's.
 """
 
 from __future__ import annotations
@@ -20,7 +20,7 @@ SIGNATURE = re.compile(
 
 @dataclass(frozen=True)
 class Companions:
-    """What stands beside a route file.
+    """Files beside a route file.
 
     Attributes
     ----------
@@ -36,17 +36,29 @@ class Companions:
 
     @classmethod
     def of(cls, routes: Path, source: Path) -> Companions:
-        """Return the companions of a route file."""
+        """Return the companions of a route file.
+
+        Parameters
+        ----------
+        routes : Path
+            ``NAME.rou.xml``.
+        source : Path
+            The network to copy.
+
+        Returns
+        -------
+        Companions
+        """
         stem = routes.name.removesuffix(".xml").removesuffix(".rou")
         return cls(routes.with_name(f"{stem}.sumocfg"), routes.with_name(f"{stem}.net.xml"), source)
 
     @property
     def net_is_there(self) -> bool:
-        """Whether the network beside the route file is the wanted one already."""
+        """Whether the network beside it is the wanted one."""
         return self.net.is_file() and _sha256(self.net.read_bytes()) == _sha256(self.source.read_bytes())
 
     def refuse_others(self) -> None:
-        """Raise if a companion's name is taken by a file that no export wrote.
+        """Refuse to replace a file that no export wrote.
 
         Raises
         ------
@@ -64,7 +76,13 @@ class Companions:
             raise InputError(_not_ours(self.net))
 
     def sign(self, config: Path) -> None:
-        """Append the comment to a configuration that was written to ``config``."""
+        """Append the signing comment to a configuration.
+
+        Parameters
+        ----------
+        config : Path
+            Where it was written.
+        """
         text = config.read_bytes().removesuffix(b"\n")
         of_net = _sha256(self.source.read_bytes())
         signature = f"\n<!-- idm-sumo export: sha256 of the lines above {_sha256(text)}, of the network {of_net} -->\n"
@@ -76,7 +94,10 @@ def _not_ours(path: Path) -> str:
 
 
 def _signed(config: Path) -> tuple[bool, str]:
-    """Return whether a configuration is as we wrote it, and the fingerprint of the network beside it."""
+    """Return whether a configuration is unchanged since its export.
+
+    With it the fingerprint of the network beside it.
+    """
     text = config.read_bytes() if config.is_file() else b""
     found = SIGNATURE.search(text)
     if found is None or _sha256(text[: found.start()]) != found[1].decode():
