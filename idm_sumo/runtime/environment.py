@@ -6,6 +6,7 @@ This module is loaded with the package and imports nothing that takes time.
 from __future__ import annotations
 
 import atexit
+import hashlib
 import os
 import shutil
 import stat
@@ -14,6 +15,8 @@ from pathlib import Path
 
 BLAS_THREADS = ("OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS", "BLIS_NUM_THREADS", "VECLIB_MAXIMUM_THREADS")
 NUMBA_CACHE, MATPLOTLIB_CACHE = "NUMBA_CACHE_DIR", "MPLCONFIGDIR"
+SHIPPED = ("analysis", "network", "runs")
+SOURCES = "sources.sha256"  # beside compiled kernels: what they were compiled from
 
 
 def one_blas_thread() -> None:
@@ -29,17 +32,64 @@ def one_blas_thread() -> None:
 
 
 def find_places_for_caches(package: Path) -> None:
-    """Let numba and matplotlib keep their caches in a temporary folder if they have no other place.
+    """Give numba and matplotlib places for what they keep.
 
-    Compiled code is kept beside the source or in the user's cache. Where the installation is
-    read-only and the home folder cannot be written, as in containers and on clusters, numba
-    would refuse to load a kernel.
+    Compiled kernels stand beside their source where that can be written. Where it cannot, as in containers and
+    on clusters, numba would refuse to load a kernel: then they stand in the user's cache, or among the temporary
+    files. Kernels of another version of the package are never used, see :func:`forget_older_kernels`.
+
+    Parameters
+    ----------
+    package : Path
+        Folder of the installed package.
     """
-    if is_writable(_user_cache()):
+    users = _user_cache()
+    home = users / "idm-sumo" if is_writable(users) else None
+    if home is None:
+        os.environ.setdefault(MATPLOTLIB_CACHE, str(temporary_cache() / "matplotlib"))
+    if os.access(package, os.W_OK):
+        forget_older_kernels(package)
+    elif NUMBA_CACHE not in os.environ:
+        os.environ[NUMBA_CACHE] = str((home or temporary_cache()) / f"kernels-{fingerprint(package)}")
+
+
+def fingerprint(package: Path) -> str:
+    """Return what names the sources of a package: equal for equal files, wherever they stand.
+
+    Parameters
+    ----------
+    package : Path
+        Its folder; what a wheel ships below it beside the rooms has no kernels and does not count.
+    """
+    digest = hashlib.sha256()
+    rooms = (room for room in package.iterdir() if room.is_dir() and room.name not in SHIPPED)
+    for source in sorted(source for room in rooms for source in room.rglob("*.py")):
+        digest.update(str(source.relative_to(package)).encode())
+        digest.update(source.read_bytes())
+    return digest.hexdigest()[:16]
+
+
+def forget_older_kernels(package: Path) -> None:
+    """Delete kernels that were compiled from other sources.
+
+    Machine code holds what it calls in other modules, but numba looks only at a kernel's own file: after an
+    update of the package an old kernel would call new ones with the wrong arguments, and crash.
+
+    Parameters
+    ----------
+    package : Path
+        Folder that can be written.
+    """
+    mark, now = package / "__pycache__" / SOURCES, fingerprint(package)
+    try:
+        if mark.is_file() and mark.read_text(encoding="ascii") == now:
+            return
+        for kernel in package.rglob("__pycache__/*.nb[ic]"):
+            kernel.unlink(missing_ok=True)
+        mark.parent.mkdir(exist_ok=True)
+        mark.write_text(now, encoding="ascii")
+    except OSError:  # somebody else is at it, or the disk is full: kernels are compiled where they are missing
         return
-    os.environ.setdefault(MATPLOTLIB_CACHE, str(temporary_cache() / "matplotlib"))
-    if not os.access(package, os.W_OK):
-        os.environ.setdefault(NUMBA_CACHE, str(temporary_cache() / "numba"))
 
 
 def is_writable(folder: Path) -> bool:
