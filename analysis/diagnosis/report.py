@@ -82,7 +82,7 @@ def diagnose_file(
         notes = list(dict.fromkeys((*found.notes, *recording.notes, *recording.accounting.notes)))
         write_diagnosis(part / DIAGNOSIS, contract(found))
         replace(found.model, drivers=DRIVERS).write(part / MODEL)
-        own_drivers(found, recording).to_parquet(part / DRIVERS, index=False)
+        own_drivers(found, recording).to_parquet(part / DRIVERS, index=False, write_page_checksum=True)
         _write_tables(found, part / "tables")
         pictures = draw(found, part / "figures", progress)
         settings = {"recording": str(file), "location": location, "seed": seed, "jobs": jobs}

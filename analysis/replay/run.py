@@ -118,7 +118,7 @@ def replay_one(
     scores = pd.concat([score(scenes, one).assign(model=name) for name, one in driven.items()], ignore_index=True)
     shown = list(driven.values())[-1]
     with new_folder(out) as part:
-        trajectory_table(scenes, shown).to_parquet(part / "trajectory.parquet", index=False)
+        trajectory_table(scenes, shown).to_parquet(part / "trajectory.parquet", index=False, write_page_checksum=True)
         scores.to_csv(part / "scores.csv", index=False)
         save(time_space(scenes, 0, driven), part / "time_space.png")
         animate(recording, scenes, shown, part / "replay.gif", progress)

@@ -2,19 +2,28 @@
 
 from __future__ import annotations
 
-import tomllib
 from dataclasses import asdict, field
 from pathlib import Path
-from typing import Any, Literal
+from typing import Annotated, Any, Literal
 
 from pydantic import ConfigDict, Field, TypeAdapter, ValidationError
 from pydantic.dataclasses import dataclass
 
+from idm_sumo.runtime import limits
 from idm_sumo.runtime.errors import InputError
+from idm_sumo.runtime.inputs import read_toml
 from idm_sumo.scenes.windows import Window
 from idm_sumo.sumo.surrogate.builtin import SURROGATE
 
 DEFAULT_RUN = Path(__file__).parents[2] / "runs" / "paper.toml"  # at the same relative place in a clone and in a wheel
+
+NEIGHBOUR_COUNTS = (1, 2, 3, 4, 5, 6, 8, 10, 12, 15, 20, 25, 30, 35, 40, 45, 50)
+
+# Texts and truth values are no numbers, though they could be taken for such.
+Whole = Annotated[int, Field(strict=True)]
+Real = Annotated[float, Field(strict=True, allow_inf_nan=False)]
+Neighbours = Annotated[Whole, Field(ge=limits.NEIGHBOURS[0], le=limits.NEIGHBOURS[1])]
+Frames = Annotated[Whole, Field(ge=limits.OBSERVED[0], le=limits.OBSERVED[1])]
 
 
 @dataclass(frozen=True, config=ConfigDict(extra="forbid"))
@@ -63,25 +72,25 @@ class Settings:
         Title of the report; empty for the default.
     """
 
-    recordings: tuple[str, ...] = (SURROGATE,)
+    recordings: tuple[str, ...] = Field(default=(SURROGATE,), min_length=1)
     train: tuple[str, ...] = ()
     test: tuple[str, ...] = ()
-    observed: int = Field(default=10, ge=2)
-    horizon: int = Field(default=100, ge=10)
+    observed: Whole = Field(default=10, ge=limits.OBSERVED[0], le=limits.OBSERVED[1])
+    horizon: Whole = Field(default=100, ge=10, le=limits.FRAMES[1])
     rollout_start: Literal["observed", "entry"] = "observed"
-    neighbours: int = Field(default=8, ge=1)
+    neighbours: Neighbours = 8
     code_speed: Literal["own", "relative"] = "own"
-    desired_speed: float | None = Field(default=None, gt=0)
-    frame_counts: tuple[int, ...] = (2, 4, 6, 10, 20)
-    neighbour_counts: tuple[int, ...] = (1, 2, 3, 4, 5, 6, 8, 10, 12, 15, 20, 25, 30, 35, 40, 45, 50)
+    desired_speed: Real | None = Field(default=None, ge=limits.DESIRED_SPEED[0], le=limits.DESIRED_SPEED[1])
+    frame_counts: Annotated[tuple[Frames, ...], Field(min_length=1)] = (2, 4, 6, 10, 20)
+    neighbour_counts: Annotated[tuple[Neighbours, ...], Field(min_length=1)] = NEIGHBOUR_COUNTS
     backend: Literal["sumo", "kernel"] = "sumo"
-    agent_seeds: int = Field(default=3, ge=0)
-    agent_steps: int = Field(default=1_200_000, ge=1)
-    agent_demonstrations: int = Field(default=200, ge=1)
+    agent_seeds: Whole = Field(default=3, ge=0, le=limits.COUNT[1])
+    agent_steps: Whole = Field(default=1_200_000, ge=1, le=limits.COUNT[1])
+    agent_demonstrations: Whole = Field(default=200, ge=1, le=limits.COUNT[1])
     agent: str = ""
-    max_drivers: int | None = Field(default=None, ge=2)
-    minutes: float = Field(default=45.0, gt=0)
-    seed: int = 1
+    max_drivers: Whole | None = Field(default=None, ge=2, le=limits.COUNT[1])
+    minutes: Real = Field(default=45.0, ge=limits.MINUTES[0], le=limits.MINUTES[1])
+    seed: Whole = Field(default=1, ge=limits.SEED[0], le=limits.SEED[1])
     title: str = field(default="")
 
     @property
@@ -120,7 +129,7 @@ def load_settings(path: Path | None, overrides: dict[str, Any]) -> Settings:
     InputError
         If the file is missing or not TOML, or has an unknown key or a value out of range; names it.
     """
-    values = _read_toml(path) if path else {}
+    values = read_toml(path, "name a run file such as runs/paper.toml") if path else {}
     values.update({key: value for key, value in overrides.items() if value is not None})
     try:
         return TypeAdapter(Settings).validate_python(values)
@@ -133,15 +142,3 @@ def load_settings(path: Path | None, overrides: dict[str, Any]) -> Settings:
             else ""
         )
         raise InputError(f"{path or 'command line'}: key {key!r}: {first['msg'].lower()}{hint}") from None
-
-
-def _read_toml(path: Path) -> dict[str, Any]:
-    try:
-        with path.open("rb") as stream:
-            return tomllib.load(stream)
-    except OSError as error:
-        raise InputError(
-            f"{path}: cannot be read ({error.strerror}); name a run file such as runs/paper.toml"
-        ) from None
-    except (tomllib.TOMLDecodeError, UnicodeDecodeError) as error:
-        raise InputError(f"{path}: not a TOML file: {error}") from None

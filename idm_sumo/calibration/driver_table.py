@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import csv
 from pathlib import Path
 
 import numpy as np
@@ -10,7 +11,10 @@ import pandas as pd
 
 from idm_sumo.models import idm
 from idm_sumo.recordings import columns as c
+from idm_sumo.recordings.coercion import EARTH, FRAMES, LARGEST, LATEST, numbers
+from idm_sumo.runtime import inputs, parquet
 from idm_sumo.runtime.errors import InputError
+from idm_sumo.runtime.limits import DESIRED_SPEED as DESIRED_SPEEDS
 from idm_sumo.simulation.driver_parameters import DESIRED_SPEED as DESIRED_SPEED
 from idm_sumo.simulation.driver_parameters import FIRST_FRAME, KEYS, PARAMETERS, key_columns
 
@@ -23,9 +27,13 @@ DEPART, LANE, X, Y, SPEED = "depart_s", "lane", "x_m", "y_m", "speed_m_s"
 LENGTH, WIDTH, CLASS = "length_m", "width_m", "vehicle_class"
 DEPARTURE = (DEPART, LANE, X, Y, SPEED, LENGTH, WIDTH, CLASS)
 _RANGES = {
-    DEPART: (0.0, np.inf), LANE: (1, 8), X: (-np.inf, np.inf), Y: (-np.inf, np.inf), SPEED: (0.0, 70.0),
+    DEPART: (0.0, LATEST), LANE: (1, 8), X: (-EARTH, EARTH), Y: (-EARTH, EARTH), SPEED: (0.0, 70.0),
     LENGTH: (0.5, 40.0), WIDTH: (0.3, 5.0), CLASS: (0, 3),
 }  # fmt: skip
+# Columns that hold numbers beside those above, by their names, beginnings and endings.
+NUMBERS = (c.VEHICLE, FIRST_FRAME, *PARAMETERS, LANE, CLASS, HAS)
+NUMBERED = ("ade_", *(f"{name}_" for name in PARAMETERS))
+UNITS = ("_m", "_s", "_m_s", "_sd")
 _WHOLE = (c.VEHICLE, FIRST_FRAME, LANE, CLASS, HAS)
 
 
@@ -42,20 +50,30 @@ def read_drivers(path: Path | str) -> pd.DataFrame:
     InputError
         If the file is missing or no table, or a value in it is impossible.
     """
-    source = Path(path)
-    if not source.is_file():
-        raise InputError(f"{source}: no such file; `idm-sumo calibrate RECORDING -o {source.name}` writes one")
-    try:
-        if source.suffix.lower() == ".csv":
-            table = pd.read_csv(source, dtype={c.PERIOD: str})
-        else:
-            table = pd.read_parquet(source)
-    except (ValueError, OSError) as error:  # pyarrow's and pandas' own errors are ValueErrors
-        reason = str(error).strip().splitlines()[0]
-        raise InputError(
-            f"{source}: not a driver table ({reason}); use the Parquet or CSV of `idm-sumo calibrate`"
-        ) from None
+    advice = "`idm-sumo calibrate RECORDING -o FILE` writes one"
+    source = inputs.existing_file(path, advice)
+    if source.suffix.lower() == ".csv":
+        table = _of_csv(inputs.read_text(source, advice), source)
+    else:
+        table = parquet.to_frame(parquet.read_table(source, advice=f"not a driver table; {advice}"))
     return check_drivers(table, source=str(source))
+
+
+def _of_csv(text: str, source: Path) -> pd.DataFrame:
+    """Return a table whose rows all have as many cells as the first has names."""
+    try:
+        rows = [row for row in csv.reader(text.splitlines()) if row]
+    except csv.Error as error:
+        raise InputError(f"{source}: not a driver table ({error}); use the CSV of `idm-sumo calibrate`") from None
+    names = [name.strip() for name in rows[0]] if rows else []
+    for place, name in enumerate(names):
+        if not name or name in names[:place]:
+            raise InputError(f"{source}: column {place + 1} is named {name!r}; give every column a name of its own")
+    for number, row in enumerate(rows[1:], 2):
+        if len(row) != len(names):
+            raise InputError(f"{source}: row {number} has {len(row)} columns where {len(names)} are needed; mend it")
+    table = pd.DataFrame(rows[1:], columns=names, dtype=object)
+    return table.where(table.map(lambda cell: bool(str(cell).strip())), None)
 
 
 def check_drivers(table: pd.DataFrame, *, source: str = "drivers") -> pd.DataFrame:
@@ -76,6 +94,8 @@ def check_drivers(table: pd.DataFrame, *, source: str = "drivers") -> pd.DataFra
         whose ``status`` says why it has no parameters may be without all five
         (:func:`has_parameters`).
     """
+    if table.columns.has_duplicates:
+        raise InputError(f"{source}: column {table.columns[table.columns.duplicated()][0]!r} is there twice; keep one")
     _need(table, (*KEYS, *PARAMETERS), source)
     if table.empty:
         raise InputError(f"{source}: has no drivers; see the status column that `idm-sumo calibrate` wrote")
@@ -84,10 +104,14 @@ def check_drivers(table: pd.DataFrame, *, source: str = "drivers") -> pd.DataFra
         raise InputError(f"{source}: row {_first(unnamed)}: {c.PERIOD} is missing; give every driver its period")
     table = table.assign(**{c.PERIOD: table[c.PERIOD].astype(str)})
     bounds = {name: (getattr(idm.LOWER, name), getattr(idm.UPPER, name)) for name in PARAMETERS}
-    table = _checked(table, {c.VEHICLE: (-np.inf, np.inf)}, source)
+    table = _numeric(table, source)
+    table = _checked(table, {c.VEHICLE: (0, LARGEST)}, source)
     table = _checked(table, bounds, source, exempt=_without_fit(table))
     if FIRST_FRAME in table:
-        table = _checked(table, {FIRST_FRAME: (-np.inf, np.inf)}, source)
+        table = _checked(table, {FIRST_FRAME: (-FRAMES, FRAMES)}, source)
+    if DESIRED_SPEED in table:
+        driven = table[DESIRED_SPEED].isna() & _without_fit(table)
+        table = _checked(table, {DESIRED_SPEED: DESIRED_SPEEDS}, source, exempt=driven)
     if HAS in table:
         table = _checked(table, {HAS: (0, 1)}, source)
     if (twice := table.duplicated(key_columns(table))).any():
@@ -134,7 +158,7 @@ def _checked(
     table: pd.DataFrame, ranges: dict[str, tuple[float, float]], source: str, exempt: pd.Series | None = None
 ) -> pd.DataFrame:
     """Return the table with the columns of ``ranges`` as numbers inside them, bounds included, but for exempt rows."""
-    numbers = {}
+    typed = {}
     for name, (low, high) in ranges.items():
         values = pd.to_numeric(table[name], errors="coerce").astype("float64")
         slack = TOLERANCE * max(abs(low) if np.isfinite(low) else 0.0, abs(high) if np.isfinite(high) else 0.0)
@@ -151,8 +175,16 @@ def _checked(
                 f"{source}: {_where(table, row)}: {name} = {table[name].iloc[row]} is impossible; "
                 f"give {span.replace('number', whole)}"
             )
-        numbers[name] = values.astype("int64") if name in _WHOLE else values.clip(low, high)
-    return table.assign(**numbers)
+        typed[name] = values.astype("int64") if name in _WHOLE else values.clip(low, high)
+    return table.assign(**typed)
+
+
+def _numeric(table: pd.DataFrame, source: str) -> pd.DataFrame:
+    """Return the table with numbers in all columns of ours that hold such; what is no number is refused."""
+    ours = [
+        name for name in table.columns if name in NUMBERS or str(name).startswith(NUMBERED) or str(name).endswith(UNITS)
+    ]
+    return table.assign(**{name: numbers(table[name], name, source) for name in ours})
 
 
 def _first(marked: pd.Series) -> int:

@@ -10,6 +10,7 @@ from typing import Any
 from idm_sumo.cli import options as shared
 from idm_sumo.cli import outputs
 from idm_sumo.cli.console import progress_bar, say, study_module, text_table
+from idm_sumo.runtime import limits
 from idm_sumo.runtime.errors import InputError
 
 SHOWN = [
@@ -155,7 +156,10 @@ def _add_interactive(commands: Any) -> None:
         help="a parameter of it, such as lcSpeedGain=2; may be repeated",
     )
     parser.add_argument(
-        "--ego", type=int, metavar="ID", help="a vehicle that we drive by our own IDM, steering and bicycle"
+        "--ego",
+        type=shared.whole((0, limits.VEHICLE[1])),
+        metavar="ID",
+        help="a vehicle that we drive by our own IDM, steering and bicycle",
     )
     parser.add_argument("--gui", action="store_true", help="watch it in sumo-gui")
     parser.add_argument(
@@ -165,14 +169,14 @@ def _add_interactive(commands: Any) -> None:
     )
     parser.add_argument(
         "--seeds",
-        type=int,
+        type=shared.whole(limits.COUNT),
         default=1,
         metavar="N",
         help="runs of each population, with --seed and the next ones (default 1)",
     )
     parser.add_argument(
         "--replay-bias",
-        type=int,
+        type=shared.whole((0, limits.COUNT[1])),
         default=150,
         metavar="N",
         help="vehicles driven with replayed and with reacting followers (default 150, 0: none)",

@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING, Any
 from idm_sumo.cli import options as shared
 from idm_sumo.cli import outputs
 from idm_sumo.cli.console import note, progress_bar, say
+from idm_sumo.runtime import limits
 
 if TYPE_CHECKING:
     from collections.abc import Callable
@@ -64,7 +65,10 @@ def _add_calibrate(commands: Any) -> None:
         "with which its drivers are fitted best, and for each driver at least the highest speed it is recorded at",
     )  # fmt: skip
     parser.add_argument(
-        "--every", type=int, metavar="FRAMES", help="a further window every so many frames (default: one, at entry)"
+        "--every",
+        type=shared.whole(limits.FRAMES),
+        metavar="FRAMES",
+        help="a further window every so many frames (default: one, at entry)",
     )
     parser.add_argument(
         "--objective", choices=("ade", "gap", "speed", "log-gap"), default="ade", help="what is minimised (default ade)"
@@ -106,13 +110,19 @@ def _add_predict(commands: Any) -> None:
     )
     parser.add_argument(
         "--observed",
-        type=int,
+        type=shared.whole(limits.OBSERVED),
         default=10,
         metavar="FRAMES",
         help="frames to observe (default 10, one second); "
         "with rollout those before the last ten are driven again, and count as much as they help in drivers left out",
     )
-    parser.add_argument("--neighbours", type=int, default=8, metavar="K", help="drivers to average (default 8)")
+    parser.add_argument(
+        "--neighbours",
+        type=shared.whole(limits.NEIGHBOURS),
+        default=8,
+        metavar="K",
+        help="drivers to average (default 8)",
+    )
     parser.set_defaults(horizon=1, rollout_start="observed")
     shared.output_argument(parser, "FILE", ".parquet or .csv, one row a driver")
     outputs.declare(parser, "recording", "drivers", endings=(".parquet", ".csv"))
@@ -267,4 +277,4 @@ def write(table: pd.DataFrame, path: Path) -> None:
         if path.suffix == ".csv":
             table.to_csv(part, index=False)
         else:
-            table.to_parquet(part, index=False)
+            table.to_parquet(part, index=False, write_page_checksum=True)

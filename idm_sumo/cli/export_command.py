@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING, Any
 from idm_sumo.cli import options as shared
 from idm_sumo.cli import outputs
 from idm_sumo.cli.console import note, say, text_table
+from idm_sumo.runtime import limits
 
 if TYPE_CHECKING:
     import pandas as pd
@@ -53,7 +54,10 @@ def add(commands: Any) -> None:
         help="write a vTypeDistribution of the population instead, for any network (FILE.add.xml)",
     )
     parser.add_argument(
-        "--representatives", type=int, metavar="N", help="with --distribution: only so many typical drivers"
+        "--representatives",
+        type=shared.whole(limits.COUNT),
+        metavar="N",
+        help="with --distribution: only so many typical drivers",
     )
     parser.add_argument(
         "--model",

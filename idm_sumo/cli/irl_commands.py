@@ -9,6 +9,7 @@ from typing import Any
 from idm_sumo.cli import options as shared
 from idm_sumo.cli import outputs
 from idm_sumo.cli.console import note, progress_bar, say, study_module, text_table
+from idm_sumo.runtime import limits
 
 STEPS = 1_200_000
 SEEDS = 3
@@ -52,10 +53,18 @@ def add(commands: Any) -> None:
     parser = shared.command(actions, "learn", learn, LEARN, "idm-sumo irl learn RECORDING --quick -o reward.json")
     _source_arguments(parser)
     parser.add_argument(
-        "--demonstrations", type=int, default=200, metavar="N", help="drivers to learn from (default 200)"
+        "--demonstrations",
+        type=shared.whole(limits.COUNT),
+        default=200,
+        metavar="N",
+        help="drivers to learn from (default 200)",
     )
     parser.add_argument(
-        "--steps", type=int, default=50, metavar="FRAMES", help="of each demonstration (default 50, 5 s)"
+        "--steps",
+        type=shared.whole(limits.COUNT),
+        default=50,
+        metavar="FRAMES",
+        help="of each demonstration (default 50, 5 s)",
     )
     shared.output_argument(parser, "FILE", "weights with standard errors, as JSON")
     outputs.declare(parser, "recording", endings=(".json",))
@@ -64,13 +73,17 @@ def add(commands: Any) -> None:
     _source_arguments(parser)
     parser.add_argument(
         "--agent-steps",
-        type=int,
+        type=shared.whole(limits.COUNT),
         default=STEPS,
         metavar="N",
         help=f"environment steps of each agent (default {STEPS:,})",
     )
     parser.add_argument(
-        "--seeds", type=int, default=SEEDS, metavar="N", help=f"agents, with --seed and the next ones (default {SEEDS})"
+        "--seeds",
+        type=shared.whole(limits.COUNT),
+        default=SEEDS,
+        metavar="N",
+        help=f"agents, with --seed and the next ones (default {SEEDS})",
     )
     shared.output_argument(
         parser, "DIR", "reward, policies, learning curve; interrupted, the same command goes on from its checkpoints"

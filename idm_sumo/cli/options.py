@@ -10,6 +10,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from idm_sumo.cli.console import note, progress_bar
+from idm_sumo.runtime import limits
 
 if TYPE_CHECKING:
     from idm_sumo.recordings.recording import Recording
@@ -46,9 +47,13 @@ def command(
         name, help=about.splitlines()[0], description=about,
         epilog="\n  ".join(["example:", *examples]), formatter_class=argparse.RawDescriptionHelpFormatter,
     )  # fmt: skip
-    parser.add_argument("--seed", type=int, default=1, metavar="N", help="of everything random (default 1)")
+    parser.add_argument(
+        "--seed", type=whole(limits.SEED), default=1, metavar="N", help="of everything random (default 1)"
+    )
     shown = "1; kernels use all cores" if jobs else "as many as the machine has"
-    parser.add_argument("--jobs", type=_positive, default=jobs, metavar="N", help=f"processes (default {shown})")
+    parser.add_argument(
+        "--jobs", type=whole(limits.JOBS), default=jobs, metavar="N", help=f"processes (default {shown})"
+    )
     parser.add_argument("-v", "--verbose", action="store_true", help="say more, and show where an error came from")
     parser.set_defaults(run=run)
     return parser
@@ -101,12 +106,9 @@ def minutes(text: str) -> float:
     Raises
     ------
     argparse.ArgumentTypeError
-        If it is not above 0.
+        If it is outside :data:`idm_sumo.runtime.limits.MINUTES`.
     """
-    value = float(text)
-    if not value > 0:
-        raise argparse.ArgumentTypeError("must be above 0")
-    return value
+    return float(real(limits.MINUTES)(text))
 
 
 def window_arguments(parser: argparse.ArgumentParser) -> None:
@@ -120,10 +122,18 @@ def window_arguments(parser: argparse.ArgumentParser) -> None:
         "--period", action="append", metavar="PERIOD", help="only this recording period; may be repeated"
     )
     parser.add_argument(
-        "--observed", type=_positive, default=10, metavar="FRAMES", help="frames the driving code sees (default 10)"
+        "--observed",
+        type=whole(limits.FRAMES),
+        default=10,
+        metavar="FRAMES",
+        help="frames the driving code sees (default 10)",
     )
     parser.add_argument(
-        "--horizon", type=_positive, default=100, metavar="FRAMES", help="simulated frames of 0.1 s (default 100)"
+        "--horizon",
+        type=whole(limits.FRAMES),
+        default=100,
+        metavar="FRAMES",
+        help="simulated frames of 0.1 s (default 100)",
     )
     parser.add_argument("--rollout-start", choices=("observed", "entry"), default="observed",
                         help="simulate from the last observed frame (default) or from entry")  # fmt: skip
@@ -139,17 +149,14 @@ def desired_speed(text: str) -> float | str:
     Raises
     ------
     argparse.ArgumentTypeError
-        If it is neither, or not above 0.
+        If it is neither, or outside :data:`idm_sumo.runtime.limits.DESIRED_SPEED`.
     """
     if text == "auto":
         return text
     try:
-        value = float(text)
+        return real(limits.DESIRED_SPEED)(text)
     except ValueError:
-        value = 0.0
-    if not 0.0 < value < float("inf"):
-        raise argparse.ArgumentTypeError(f"{text!r} is neither a speed in m/s nor `auto`")
-    return value
+        raise argparse.ArgumentTypeError(f"{text!r} is neither a speed in m/s nor `auto`") from None
 
 
 def output_argument(parser: argparse.ArgumentParser, metavar: str, help_text: str) -> None:
@@ -278,8 +285,35 @@ def note_origin_of(folder: Path) -> None:
     note_origin(json.loads((folder / MANIFEST).read_text(encoding="utf-8")).get("notes", ()))
 
 
-def _positive(text: str) -> int:
-    value = int(text)
-    if value < 1:
-        raise argparse.ArgumentTypeError("must be 1 or more")
-    return value
+def whole(bounds: tuple[int, int]) -> Callable[[str], int]:
+    """Return what reads a whole number within bounds, both included.
+
+    Parameters
+    ----------
+    bounds : tuple of int
+        One of :mod:`idm_sumo.runtime.limits`.
+    """
+
+    def number(text: str) -> int:
+        if len(text) > 20 or not bounds[0] <= int(text) <= bounds[1]:
+            raise argparse.ArgumentTypeError(f"must be from {bounds[0]} to {bounds[1]}")
+        return int(text)
+
+    return number
+
+
+def real(bounds: tuple[float, float]) -> Callable[[str], float]:
+    """Return what reads a finite number within bounds, both included.
+
+    Parameters
+    ----------
+    bounds : tuple of float
+        One of :mod:`idm_sumo.runtime.limits`.
+    """
+
+    def number(text: str) -> float:
+        if not bounds[0] <= float(text) <= bounds[1]:
+            raise argparse.ArgumentTypeError(f"must be from {bounds[0]:g} to {bounds[1]:g}")
+        return float(text)
+
+    return number

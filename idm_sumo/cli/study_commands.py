@@ -10,6 +10,7 @@ from typing import Any
 from idm_sumo.cli import options as shared
 from idm_sumo.cli import outputs
 from idm_sumo.cli.console import note, progress_bar, say, study_module, text_table
+from idm_sumo.runtime import limits
 from idm_sumo.runtime.places import refuse_overlap
 
 SHOWN = ["method", "ade_m", "ade_se_m", "fde_m", "fde_se_m", "collisions", "vehicles"]
@@ -53,7 +54,7 @@ def _add_replay(commands: Any) -> None:
     shared.recording_argument(parser)
     parser.add_argument(
         "--vehicle",
-        type=int,
+        type=shared.whole(limits.VEHICLE),
         required=True,
         metavar="ID",
         help="its number; `idm-sumo inspect RECORDING --vehicles` lists them",
@@ -106,8 +107,18 @@ def _add_reproduce(commands: Any) -> None:
     parser.add_argument(
         "--rollout-start", choices=("observed", "entry"), help="simulate from the last observed frame, or from entry"
     )
-    parser.add_argument("--neighbours", type=int, metavar="K", help="drivers that a prediction averages (default 8)")
-    parser.add_argument("--desired-speed", type=float, metavar="V", help="v0 in m/s (default: the speed limit)")
+    parser.add_argument(
+        "--neighbours",
+        type=shared.whole(limits.NEIGHBOURS),
+        metavar="K",
+        help="drivers that a prediction averages (default 8)",
+    )
+    parser.add_argument(
+        "--desired-speed",
+        type=shared.real(limits.DESIRED_SPEED),
+        metavar="V",
+        help="v0 in m/s (default: the speed limit)",
+    )
     parser.add_argument("--backend", choices=("sumo", "kernel"), help="what drives the table of methods (default sumo)")
     learner = parser.add_mutually_exclusive_group()
     learner.add_argument(

@@ -117,7 +117,7 @@ def motion_noise(recording: Recording, measurement: Noise, *, most: int = 3000) 
     motion = FRAME_STEP**4 * 0.5 * (1.0 + np.cos(omega)) * np.stack(shapes)
     smeared, wanted = _smeared(np.vstack([noise, motion]).T)[1:], power.mean(axis=0)[1:]
     # Where next to nothing was recorded (noise that somebody smoothed), what the noise's form says too much is no motion's.
-    scale = np.maximum(wanted, smeared[:, 0])
+    scale = np.maximum(np.maximum(wanted, smeared[:, 0]), 1e-12)
     solved, _ = nnls(smeared[:, 1:] / scale[:, None], (wanted - smeared[:, 0]) / scale)
     return Noise(0.0, solved, MOTION_MEMORIES, MOTION_TWICE)
 
@@ -155,6 +155,8 @@ def _fitted(frequency: Floats, power: Floats) -> Noise:
     omega = 2.0 * np.pi * frequency * FRAME_STEP
     used = (frequency >= LOWEST) & (omega < np.pi)  # half the frame rate is distributed otherwise
     used &= (np.arange(len(power)) <= power.argmax()) | (power > LOST * power.max())
+    if not used.any():  # nothing is recorded above the lowest frequency: positions without noise
+        return Noise(1e-6, np.zeros(len(MEMORIES)), MEMORIES)
     remembered: list[Shape] = [Once(memory) for memory in MEMORIES]
 
     found, misfit = _mixed(remembered, omega, power, used)

@@ -13,13 +13,16 @@ import numpy.typing as npt
 from idm_sumo.irl.episodes import episodes_of
 from idm_sumo.irl.simulation import OBSERVATIONS, Simulation
 from idm_sumo.models import bicycle
+from idm_sumo.runtime.arrays import read_arrays
 from idm_sumo.runtime.errors import InputError
 from idm_sumo.runtime.files import new_file
+from idm_sumo.runtime.inputs import parse_json
 from idm_sumo.scenes.traffic import NOBODY
 from idm_sumo.scenes.windows import Scenes
 from idm_sumo.simulation.rollout import Trajectories
 
 Floats = npt.NDArray[np.float64]
+ACTIONS = 2  # acceleration and steering
 
 
 @dataclass(frozen=True)
@@ -91,15 +94,34 @@ class Policy:
         InputError
             If the file is missing, or is no policy for this observation.
         """
+        stored = read_arrays(path, "make one with `idm-sumo irl train`")
         try:
-            with np.load(path, allow_pickle=False) as stored:
-                layers = tuple((stored[f"w{i}"], stored[f"b{i}"]) for i in range((len(stored.files) - 1) // 2))
-                facts = json.loads(str(stored["facts"]))
-        except (OSError, ValueError, KeyError) as error:
+            layers = tuple((stored[f"w{i}"], stored[f"b{i}"]) for i in range((len(stored) - 1) // 2))
+            facts = parse_json(str(stored["facts"]), path)
+        except KeyError as error:
             raise InputError(f"{path}: not a policy ({error}); make one with `idm-sumo irl train`") from None
-        if not layers or layers[0][0].shape[0] != OBSERVATIONS:
+        if not layers or layers[0][0].shape[:1] != (OBSERVATIONS,):
             raise InputError(f"{path}: a policy for another observation; train it again with `idm-sumo irl train`")
-        return cls(layers, facts)
+        if fault := _fault(layers, facts):
+            raise InputError(f"{path}: {fault}; train it again with `idm-sumo irl train`")
+        return cls(tuple((w.astype(np.float64), b.astype(np.float64)) for w, b in layers), facts)
+
+
+def _fault(layers: tuple[tuple[npt.NDArray[Any], npt.NDArray[Any]], ...], facts: Any) -> str:
+    """Return what is wrong with the layers of a network and its facts, or nothing."""
+    inputs = OBSERVATIONS
+    for number, (weights, bias) in enumerate(layers):
+        if weights.dtype.kind not in "fiu" or bias.dtype.kind not in "fiu":
+            return f"layer {number} does not hold numbers"
+        if weights.ndim != 2 or weights.shape[0] != inputs or bias.shape != weights.shape[1:]:
+            return f"layer {number} has weights {weights.shape} and bias {bias.shape} for {inputs} inputs"
+        if not (np.isfinite(weights).all() and np.isfinite(bias).all()):
+            return f"layer {number} holds numbers that are not finite"
+        inputs = weights.shape[1]
+    if inputs != ACTIONS:
+        return f"the last layer gives {inputs} numbers, not the {ACTIONS} actions"
+    named = isinstance(facts, dict) and {"kind", "seed"} <= set(facts)
+    return "" if named and isinstance(facts["seed"], int) else "its facts do not say kind and seed"
 
 
 def drive_policy(scenes: Scenes, policy: Policy) -> Trajectories:

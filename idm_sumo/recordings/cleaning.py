@@ -10,6 +10,7 @@ import pandas as pd
 
 from idm_sumo.recordings import columns as c
 from idm_sumo.recordings.accounting import Ledger
+from idm_sumo.recordings.coercion import HIGHEST_SPEED
 from idm_sumo.recordings.columns import FRAME_STEP
 from idm_sumo.recordings.leaders import row_ahead, row_of
 from idm_sumo.recordings.recording import Recording
@@ -17,11 +18,14 @@ from idm_sumo.runtime.errors import InputError
 
 LEADER_FRAMES = 10  # frames with a wrong leader from which a vehicle is not modelled
 LANE_CHANGE_MARGIN = 20  # frames before and after a lane change in which labels are not judged
+REACH = HIGHEST_SPEED * FRAME_STEP + 3.0  # m; a position that moves farther within a frame is another vehicle's
 CLOCK_TOLERANCE = 0.05  # s, between two rows' times and their frames
 
 AUXILIARY = "auxiliary lane or ramp"
 IRREGULAR = "frame irregularity"
 WRONG_LEADER = "wrong leader"
+JUMP = "position jumps"
+LEADER_JUMP = "leader's position jumps"
 NEVER_MAIN = "never on a main lane"
 
 Flags = npt.NDArray[np.bool_]
@@ -40,7 +44,10 @@ def clean(
     3. Vehicles whose recorded leader is not the vehicle next ahead in their lane in at least
        ``leader_frames`` frames are not modelled ("the wrong car in front at some frames,
        causing IDM to be blind to the true vehicle in front"). Their rows stay, as traffic.
-       Needs recorded leaders, and the leaders' rows.
+       Needs recorded leaders, and the leaders' rows. Those who drive behind a removed vehicle for as long
+       are blind to it as well.
+    4. Vehicles whose position moves farther within a frame than :data:`REACH` are removed: that is another
+       vehicle under their number. Those whose leader, known by its headway only, does so are not modelled.
 
     ``Total_Frames`` is not used: it disagrees with the rows of every vehicle in the files
     known to us, whose frames are unbroken.
@@ -70,15 +77,20 @@ def clean(
     ledger = Ledger(len(table))
     number, vehicles = _vehicles(table)
     irregular = np.bincount(number, weights=_irregular_rows(table, number)) > 0
+    jumps = (np.bincount(number, weights=_jumps(table[[c.X, c.Y]].to_numpy(), table, number)) > 0) & ~irregular
+    led_astray = np.bincount(number, weights=_leader_jumps(recording, number)) > 0
     wrong = _wrong_leader_frames(recording, number, lane_change_margin, len(vehicles), ledger)
+    wrong = np.maximum(wrong, _frames_behind(recording, number, irregular | jumps))
     kept = ledger.drop(table, table[c.LANE] > recording.road.main_lanes, AUXILIARY)
     kept = ledger.drop(kept, irregular[number[kept.index]], IRREGULAR)
+    kept = ledger.drop(kept, jumps[number[kept.index]], JUMP)
     if kept.empty:
-        raise InputError(f"{recording.source or 'recording'}: no rows left after cleaning ({ledger.dropped})")
+        reasons = ", ".join(f"{rows} {reason}" for reason, rows in ledger.dropped.items())
+        raise InputError(f"{recording.source or 'recording'}: no rows left after cleaning ({reasons})")
     vehicles = _with_longest_run(vehicles, kept, number[kept.index])
     vehicles["wrong_leader_frames"] = wrong
-    reasons = [irregular, (vehicles["first_frame"] < 0).to_numpy(), wrong >= leader_frames]
-    vehicles["reason"] = np.select(reasons, [IRREGULAR, NEVER_MAIN, WRONG_LEADER], default="")
+    reasons = [irregular, jumps, (vehicles["first_frame"] < 0).to_numpy(), led_astray, wrong >= leader_frames]
+    vehicles["reason"] = np.select(reasons, [IRREGULAR, JUMP, NEVER_MAIN, LEADER_JUMP, WRONG_LEADER], default="")
     against = {str(k): int(n) for k, n in vehicles["reason"].value_counts(sort=False).items() if k}
     eligible = int((vehicles["reason"] == "").sum())
     account = ledger.close(len(kept), vehicles=eligible, vehicles_dropped=against)
@@ -108,6 +120,31 @@ def _irregular_rows(table: pd.DataFrame, number: Integers) -> Flags:
     clock = np.diff(table[c.TIME].to_numpy())
     broken = (frames != 1) | (np.abs(clock - FRAME_STEP * frames) > CLOCK_TOLERANCE)
     return np.concatenate([[False], broken & (np.diff(number) == 0)])
+
+
+def _jumps(place: npt.NDArray[np.float64], table: pd.DataFrame, number: Integers) -> Flags:
+    """Whether places (m), shape ``(rows, axes)``, move farther than a vehicle can since the frame before."""
+    far = np.linalg.norm(np.diff(place, axis=0), axis=1) > REACH
+    return np.concatenate([[False], far & (np.diff(number) == 0) & (np.diff(table[c.FRAME].to_numpy()) == 1)])
+
+
+def _leader_jumps(recording: Recording, number: Integers) -> Flags:
+    """Whether a leader that is known by its headway only has jumped since the frame before; shape ``(rows,)``."""
+    table, leader = recording.table, recording.table[c.LEADER].to_numpy()
+    if recording.has_leader_rows:
+        return np.zeros(len(table), dtype=bool)
+    front = (table[c.X] + table[c.HEADWAY]).to_numpy()[:, None]
+    same = np.concatenate([[False], (np.diff(leader) == 0) & (leader[1:] > 0)])
+    return _jumps(front, table, number) & same
+
+
+def _frames_behind(recording: Recording, number: Integers, removed: Flags) -> Integers:
+    """Return for each vehicle in how many frames a removed one is next ahead of it; shape ``(vehicles,)``."""
+    if not recording.has_leader_rows or not removed.any():
+        return np.zeros(len(removed), dtype=np.int64)
+    ahead = row_ahead(recording.table)
+    behind = (ahead >= 0) & removed[number[ahead]]
+    return np.bincount(number, weights=behind, minlength=len(removed)).astype(np.int64)
 
 
 def _wrong_leader_frames(

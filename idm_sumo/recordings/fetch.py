@@ -281,7 +281,9 @@ class _Download:
         """Write the pages into one file, check it, move it into place and book it."""
         told = {"fetched_from": manifest.base_url, "modified": manifest.modified, "fetched": manifest.begun}
         with new_file(self.path) as part:
-            with pq.ParquetWriter(part, schema().with_metadata(told), compression="zstd") as writer:
+            with pq.ParquetWriter(
+                part, schema().with_metadata(told), compression="zstd", write_page_checksum=True
+            ) as writer:
                 for number, page in enumerate(manifest.pages):
                     path = self.pages / f"page-{number:05d}.csv"
                     table = parse_page(path, manifest.location, page.rows)

@@ -15,6 +15,7 @@ import pyarrow.parquet
 
 from idm_sumo.recordings import columns as c
 from idm_sumo.recordings.accounting import Accounting, Ledger
+from idm_sumo.recordings.on_road import check_on_road
 from idm_sumo.recordings.readers import delimited, fcd, header, layouts, ngsim, pairs
 from idm_sumo.recordings.recording import DTYPES, SURROGATE_NOTICE, Recording
 from idm_sumo.roads import DEFAULT, Road, road_at
@@ -114,10 +115,10 @@ def _from_text(source: _Source, start: bytes) -> Recording:
         raise InputError(f"{path}: is not a text file; give NGSIM text, CSV, Parquet or SUMO FCD")
     text = start.decode("utf-8", errors="replace").lstrip("\r\n")
     lines = text.splitlines() or [""]
-    if len(lines) == 1 and len(start) >= START - len(BOM):
-        raise InputError(f"{path}: the first line has more than {START} characters; rows are not apart by line ends")
     if text.lstrip().startswith(("[", "{")):
         raise layouts.unknown_layout(list(dict.fromkeys(re.findall(r'"(\w+)"\s*:', text))), path.name)
+    if len(lines) == 1 and len(start) >= START - len(BOM):
+        raise InputError(f"{path}: the first line has more than {START} characters; rows are not apart by line ends")
     if delimited.is_official(lines[0]):
         raw = delimited.read_official(path, source.ledger, lines[0])
         return _accounted(*ngsim.to_recording(raw, source.ledger, road=source.road, source=path.name))
@@ -126,19 +127,19 @@ def _from_text(source: _Source, start: bytes) -> Recording:
 
 
 def _from_delimited(source: _Source, head: header.Header) -> Recording:
-    path, ledger, names = source.path, source.ledger, head.names
+    path, ledger, names = source.path, source.ledger, head.spelt
     how: dict[str, Any] = {"road": source.road, "source": path.name}
     if layouts.is_own(names):
-        return _own(delimited.read_table(path, head, FLOATS, TEXTS), {}, source)
+        return _own(delimited.read_table(path, head.plain, FLOATS, TEXTS), {}, source)
     if layouts.is_fcd(names):
         floats, texts = (
             [n for n in names if layouts.bare(n) in kind] for kind in (layouts.FCD_NUMBERS, layouts.FCD_TEXTS)
         )
-        return _accounted(*fcd.from_table(delimited.read_table(path, head, floats, texts), ledger, **how))
+        return _accounted(*fcd.from_table(delimited.read_table(path, head.plain, floats, texts), ledger, **how))
     if layouts.is_pairs(names):
-        frame = delimited.read_table(path, head, layouts.PAIR_NUMBERS, TEXTS)
+        frame = delimited.read_table(path, head.plain, layouts.PAIR_NUMBERS, TEXTS)
         return _accounted(*pairs.to_recording(frame, ledger, **how))
-    layouts.need(list(names), path.name)
+    layouts.need(list(head.names), path.name, spelt=list(names))
     raw = delimited.read_portal(path, ledger, head, location=source.location)
     recording = _accounted(*ngsim.to_recording(raw, ledger, **how))
     return _noted(recording, SURROGATE_NOTICE if SURROGATE_COLUMN in head.spelt else "")
@@ -195,7 +196,7 @@ def _wanted(names: list[str], source: str) -> list[str]:
         return [name for name in names if layouts.bare(name) in (*layouts.FCD_NUMBERS, *layouts.FCD_TEXTS)]
     if layouts.is_pairs(names):
         return [name for name in names if name in (*layouts.PAIR_NUMBERS, *TEXTS)]
-    layouts.need([header.canonical(name) for name in names], source)
+    layouts.need([header.canonical(name) for name in names], source, spelt=names)
     return [name for name in names if header.canonical(name) in (*layouts.NUMBERS, *layouts.LABELS)]
 
 
@@ -211,6 +212,8 @@ def _own(frame: pd.DataFrame, kept: dict[str, Any], source: _Source) -> Recordin
     recording = replace(
         recording, is_smooth=bool(kept.get("is_smooth", False)), leader_lengths=kept.get("leader_lengths", {})
     )
+    if recording.has_leader_rows:  # pairs lie on no road: their lateral positions are unknown
+        check_on_road(recording.table[c.X], recording.table[c.Y], recording.road, source.path.name, network=True)
     return _accounted(recording, source.ledger.close(len(recording.table), vehicles=recording.vehicle_count))
 
 

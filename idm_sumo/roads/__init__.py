@@ -1,12 +1,13 @@
 """The road that traffic was recorded on."""
 
+from idm_sumo.roads.i80 import I80
 from idm_sumo.roads.road import Road, SideLane
 from idm_sumo.roads.us101 import US101
 
 __all__ = ["BUILT_IN", "DEFAULT", "Road", "SideLane", "road_at"]
 
 DEFAULT = US101  # of files that do not name their road
-BUILT_IN = {DEFAULT.name: DEFAULT}
+BUILT_IN = {road.name: road for road in (US101, I80)}
 
 
 def road_at(location: str) -> Road:

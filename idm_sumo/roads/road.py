@@ -67,6 +67,10 @@ class Road:
         What is assumed of a vehicle whose size was not recorded (m); by default SUMO's passenger car.
     network : str
         File name of the road's SUMO network, empty if there is none.
+    edges : tuple of str
+        Names of the network's edges; empty if unknown.
+    reach : tuple of float
+        First and last ``x`` (m) of the network; empty if it ends with the section.
 
     Raises
     ------
@@ -90,6 +94,8 @@ class Road:
     car_length: float = 5.0
     car_width: float = 1.8
     network: str = ""
+    edges: tuple[str, ...] = ()
+    reach: tuple[float, ...] = ()
 
     def __post_init__(self) -> None:
         """Refuse what cannot be a road."""
@@ -235,7 +241,8 @@ class Road:
     def from_dict(cls, values: Mapping[str, Any]) -> Road:
         """Return the road that :meth:`to_dict` wrote down."""
         side_lanes = tuple(SideLane(**lane) for lane in values["side_lanes"])
-        return cls(**{**values, "widths": tuple(values["widths"]), "side_lanes": side_lanes})
+        tuples = {name: tuple(values.get(name, ())) for name in ("widths", "edges", "reach")}
+        return cls(**{**values, **tuples, "side_lanes": side_lanes})
 
 
 def _constant(values: npt.ArrayLike) -> Floats:

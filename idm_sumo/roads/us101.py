@@ -23,4 +23,6 @@ US101 = Road(
     car_length=15.5 * FOOT,  # median of the cars labelled in the data set
     car_width=6.4 * FOOT,
     network="us101.net.xml",
+    edges=("upstream", "entry", "weave", "exit", "downstream", "outflow", "on_ramp", "off_ramp"),
+    reach=(-300.0, 1140.08),
 )

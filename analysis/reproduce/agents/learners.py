@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import hashlib
+import io
 import json
 from dataclasses import dataclass, replace
 from pathlib import Path
@@ -28,6 +29,7 @@ from idm_sumo.irl.policy import Policy
 from idm_sumo.runtime.cache import cache_folder
 from idm_sumo.runtime.errors import InputError
 from idm_sumo.runtime.files import new_file
+from idm_sumo.runtime.inputs import parse_json, read_text
 from idm_sumo.runtime.progress import Progress, silent
 from idm_sumo.runtime.workers import in_processes
 
@@ -123,19 +125,47 @@ def read_learners(folder: Path) -> Learners:
         name: tuple(Policy.load(path) for path in sorted(folder.glob(f"{name}-seed*.npz"))) for name in (AGENT, CLONE)
     }
     policies = {name: found for name, found in policies.items() if found}
-    try:
-        reward = json.loads((folder / "reward.json").read_text(encoding="utf-8"))
-    except (OSError, ValueError) as error:
-        raise InputError(f"{folder}: holds no reward.json ({error}); make it with `idm-sumo irl train`") from None
+    reward = read_reward(folder / "reward.json")
     if not policies:
         raise InputError(f"{folder}: holds no policy; make one with `idm-sumo irl train`")
-    curves = [pd.read_csv(path).assign(seed=_seed_of(path)) for path in sorted(folder.glob(f"{AGENT}-seed*.csv"))]
+    curves = [_curve(path) for path in sorted(folder.glob(f"{AGENT}-seed*.csv"))]
     missing = "" if AGENT in policies else LEFT_OUT
     return Learners(reward, policies, pd.concat(curves, ignore_index=True) if curves else pd.DataFrame(), missing)
 
 
-def _seed_of(path: Path) -> int:
-    return int(path.stem.rpartition("seed")[2])
+def read_reward(path: Path) -> dict[str, Any]:
+    """Return the learned reward of a folder of agents.
+
+    Raises
+    ------
+    InputError
+        If the file is missing or does not hold a reward.
+    """
+    advice = "make it with `idm-sumo irl train`"
+    reward = parse_json(read_text(path, advice), path, finite=False)
+    try:
+        if not np.isfinite([*reward_of_json(reward).weights, reward["shift"], reward["scale"]]).all():
+            raise ValueError("a weight is not finite")
+        for kind in ("wanted", "free"):
+            for name in reward["features"]:
+                float(reward[kind]["weights"][name]), float(reward[kind]["standard_errors"][name])
+    except (AttributeError, KeyError, IndexError, TypeError, ValueError, OverflowError) as error:
+        raise InputError(f"{path}: not a learned reward ({type(error).__name__}: {error}); {advice}") from None
+    return dict(reward)
+
+
+def _curve(path: Path) -> pd.DataFrame:
+    """Return the learning curve of one agent, with its seed."""
+    seed = path.stem.rpartition("seed")[2]
+    try:
+        curve = pd.read_csv(io.StringIO(read_text(path, "make it with `idm-sumo irl train`")))
+        return curve.apply(pd.to_numeric).assign(seed=int(seed))
+    except (ValueError, TypeError, OverflowError) as error:  # pandas' own errors are ValueErrors
+        raise (
+            error
+            if isinstance(error, InputError)
+            else InputError(f"{path}: not a learning curve ({error}); make it with `idm-sumo irl train`")
+        ) from None
 
 
 def fingerprint(train: Drivers, settings: Settings) -> str:
@@ -212,7 +242,7 @@ def train_one(folder: Path, lessons: Lessons, steps: int, seed: int, progress: P
     """
     from idm_sumo.irl.ppo import Training
 
-    reward = reward_of_json(json.loads((folder / "reward.json").read_text(encoding="utf-8")))
+    reward = reward_of_json(read_reward(folder / "reward.json"))
     checkpoint = folder / f"{AGENT}-seed{seed}.pt"
     training = replace(Training(), steps=steps)
     policy, curve = train_agent(lessons, reward, training, seed=seed, checkpoint=checkpoint, progress=progress)

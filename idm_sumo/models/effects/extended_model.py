@@ -17,11 +17,16 @@ from idm_sumo.models import laws
 from idm_sumo.models.effects import slots
 from idm_sumo.models.effects.catalogue import BY_NAME
 from idm_sumo.models.effects.record import format_quantity
-from idm_sumo.models.idm import IDMParameters
-from idm_sumo.runtime.errors import InputError
+from idm_sumo.models.idm import UPPER, IDMParameters
+from idm_sumo.runtime.errors import InputError, shown
 from idm_sumo.runtime.files import new_file
+from idm_sumo.runtime.inputs import parse_json, read_text
+from idm_sumo.runtime.limits import DESIRED_SPEED
 
 FORMAT = "idm-sumo extended model 1"
+REACTIONS = (0.01, 10.0)  # s
+WIDENED = 5.0  # times the upper bounds of calibration that a parameter of another law may have
+MOST_LANES = 16  # no recorded road has more
 GOLDEN = (5**0.5 - 1.0) / 2.0  # golden ratio; fractional parts of its multiples fill the unit interval evenly
 
 
@@ -220,26 +225,26 @@ class ExtendedModel:
             If the text has another format, or names an unknown cause or symbol, or a value is out of its bounds.
         """
         try:
-            whole = json.loads(text)
+            whole = parse_json(text, name)
             if whole["format"] != FORMAT:
                 raise InputError(
                     f"{name}: format is {whole['format']!r}, not {FORMAT!r}; write it again with `diagnose`"
                 )
             base = dict(whole["base"])
-            limit = float(base.pop("desired_speed"))
+            limit = _within(base.pop("desired_speed"), "desired_speed", DESIRED_SPEED, name)
             causes = tuple(_cause(entry, name) for entry in whole["causes"])
             law = str(whole.get("law", laws.NAMES[laws.IDM]))
             if law not in laws.NAMES:
                 raise InputError(f"{name}: law {law!r} is unknown; use one of {', '.join(laws.NAMES)}")
-            reaction = float(whole.get("reaction", laws.REACTION))
-            if not reaction > 0.0:
-                raise InputError(f"{name}: reaction = {reaction:g} s; give a time above zero")
-            own = IDMParameters(**{k: float(v) for k, v in base.items()})
-            drivers = str(whole.get("drivers", ""))
-            return cls(own, limit, causes, str(whole.get("source", "")), law, reaction, drivers)
+            reaction = _within(whole.get("reaction", laws.REACTION), "reaction", REACTIONS, name)
+            own = IDMParameters(**{k: _within(v, k, _bounds_of(k), name) for k, v in base.items()})
+            drivers, source = whole.get("drivers", ""), whole.get("source", "")
+            if not (isinstance(drivers, str) and isinstance(source, str)):
+                raise InputError(f"{name}: drivers and source are texts; write it again with `diagnose`")
+            return cls(own, limit, causes, source, law, reaction, drivers)
         except InputError:
             raise
-        except (KeyError, TypeError, ValueError) as error:
+        except (AttributeError, KeyError, TypeError, ValueError, OverflowError) as error:
             raise InputError(f"{name}: not an extended model ({error}); give the file that `diagnose` wrote") from None
 
     def write(self, path: str | os.PathLike[str]) -> None:
@@ -272,10 +277,7 @@ class ExtendedModel:
         InputError
             If the file cannot be read or is no extended model.
         """
-        try:
-            return cls.from_json(Path(path).read_text(encoding="utf-8"), name=str(path))
-        except (OSError, UnicodeDecodeError) as error:
-            raise InputError(f"{path}: cannot be read ({error}); give the file that `diagnose` wrote") from None
+        return cls.from_json(read_text(path, "give the file that `diagnose` wrote"), name=str(path))
 
 
 def _cause(entry: dict[str, object], name: str) -> Cause:
@@ -287,7 +289,7 @@ def _cause(entry: dict[str, object], name: str) -> Cause:
     given = entry["parameters"]
     if not isinstance(given, dict) or not set(given) <= set(known):
         raise InputError(f"{name}: cause {label!r} has the parameters {', '.join(sorted(known))}, not {given!r}")
-    values = {symbol: float(one["value"]) for symbol, one in given.items()}
+    values = {symbol: _real(one["value"]) for symbol, one in given.items()}
     for symbol, value in values.items():
         p = known[symbol]
         if not p.lower <= value <= p.upper:
@@ -295,8 +297,31 @@ def _cause(entry: dict[str, object], name: str) -> Cause:
                 f"{name}: cause {label!r}: {symbol} = {format_quantity(value, p.unit, 6)}; "
                 f"give it from {p.lower:g} to {p.upper:g}"
             )
-    share = float(entry.get("share", 1.0))  # type: ignore[arg-type]
+    share = _real(entry.get("share", 1.0))
     if not 0.0 < share <= 1.0:
         raise InputError(f"{name}: cause {label!r}: share = {share:g} of the drivers; give it above 0 and up to 1")
-    lanes = entry.get("lanes") or ()
-    return Cause(label, values, tuple(int(n) for n in lanes), share)  # type: ignore[attr-defined]
+    lanes = entry.get("lanes") or []
+    if not isinstance(lanes, list) or not all(type(lane) is int and 1 <= lane <= MOST_LANES for lane in lanes):
+        raise InputError(
+            f"{name}: cause {label!r}: lanes = {shown(lanes)}; give numbers of lanes from 1 to {MOST_LANES}"
+        )
+    return Cause(label, values, tuple(lanes), share)
+
+
+def _real(value: object) -> float:
+    """Return a number of a file; texts and truth values are none."""
+    if isinstance(value, bool) or not isinstance(value, int | float):
+        raise TypeError(f"{shown(value)} is not a number")
+    return float(value)
+
+
+def _bounds_of(parameter: str) -> tuple[float, float]:
+    """Return within which a base parameter lies: those of calibration, widened for the other laws."""
+    return 0.0, WIDENED * float(getattr(UPPER, parameter, 0.0))
+
+
+def _within(value: object, key: str, bounds: tuple[float, float], name: str) -> float:
+    number, (low, high) = _real(value), bounds
+    if not low <= number <= high:
+        raise InputError(f"{name}: {key} = {number:g}; give it from {low:g} to {high:g}")
+    return number

@@ -15,6 +15,7 @@ from idm_sumo.recordings import columns as c
 from idm_sumo.recordings.accounting import Accounting, Ledger
 from idm_sumo.recordings.coercion import LARGEST, LATEST, LONGEST, WIDEST, drop_impossible, numbers, sizes
 from idm_sumo.recordings.columns import FRAME_STEP
+from idm_sumo.recordings.on_road import check_foreign_lanes, check_on_road, foreign_edges, outside
 from idm_sumo.recordings.readers.header import check_names
 from idm_sumo.recordings.readers.layouts import FCD_NUMBERS, bare
 from idm_sumo.recordings.recording import Recording
@@ -27,8 +28,6 @@ BLOCK = 65536  # bytes
 LONGEST_ELEMENT = 2**20  # bytes
 REQUIRED = ("x", "y", "angle", "speed")  # beside id and time
 PERIOD = "fcd"
-LEFT, RIGHT = 0.5, 3.0  # lane widths beside the main lanes within which a position may be: side lanes lie on the right
-BEYOND = 30.0  # m; vehicles are recorded a little beyond the section
 
 
 def from_table(raw: pd.DataFrame, ledger: Ledger, *, road: Road, source: str) -> tuple[Recording, Accounting]:
@@ -139,6 +138,11 @@ def _to_recording(raw: pd.DataFrame, ledger: Ledger, road: Road, source: str) ->
     raw = ledger.drop(raw, ~np.isfinite(raw[["time", *REQUIRED]].to_numpy()).all(axis=1), "non-finite value")
     raw = ledger.drop(raw, ~raw["time"].between(-LATEST, LATEST), "impossible time, position or acceleration")
     _check_step(raw, source)
+    if "lane" in raw and (edges := foreign_edges(raw["lane"], road)):
+        check_foreign_lanes(raw["lane"], raw["y"], edges, road, source)
+        notes.append(
+            f"edges ({', '.join(edges[:5])}) are not those of {road.name}, but the lanes fit: it is taken for it"
+        )
     raw = _drop_outside(raw, ledger, road, source)
     table = drop_impossible(_table(raw, road, notes, source), ledger, road, source)
     table = ledger.drop(table, table.duplicated(list(c.KEYS)), "duplicate frame of a vehicle")
@@ -153,15 +157,17 @@ def _check_step(raw: pd.DataFrame, source: str) -> None:
 
 
 def _drop_outside(raw: pd.DataFrame, ledger: Ledger, road: Road, source: str) -> pd.DataFrame:
-    """Drop what is before, beyond or beside the study section; a file of another network is a mistake."""
-    left, right = LEFT * road.widths[0], -road.width - RIGHT * road.widths[-1]
-    outside = ~raw["x"].between(0.0, road.length + BEYOND) | ~raw["y"].between(right, left)
-    if outside.all():
+    """Drop what is before, beyond or beside the section; a file of another network is a mistake."""
+    if raw.empty:
+        raise InputError(f"{source}: no rows left of {ledger.total} read ({ledger.dropped})")
+    off = outside(raw["x"], raw["y"], road) | (raw["x"] < 0.0).to_numpy()
+    if off.all():
         raise InputError(
             f"{source}: no position lies in the study section (x from {raw['x'].min():.1f} to {raw['x'].max():.1f} m, "
             f"y from {raw['y'].min():.1f} to {raw['y'].max():.1f} m); FCD must come from {road.network or road.name}"
         )
-    return ledger.drop(raw, outside, "outside the section")
+    check_on_road(raw["x"], raw["y"], road, source, network=True)
+    return ledger.drop(raw, off, "outside the section")
 
 
 def _table(raw: pd.DataFrame, road: Road, notes: list[str], source: str) -> pd.DataFrame:

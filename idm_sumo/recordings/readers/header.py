@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import csv
 import re
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 from idm_sumo.recordings.readers.layouts import LABELS, OFFICIAL
 from idm_sumo.runtime.errors import InputError, shown
@@ -39,6 +39,11 @@ class Header:
     spelt: tuple[str, ...]
     delimiter: str
     decimal: str
+
+    @property
+    def plain(self) -> Header:
+        """The same columns by the file's own names."""
+        return replace(self, names=self.spelt)
 
     @property
     def notes(self) -> list[str]:

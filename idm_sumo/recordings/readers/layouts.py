@@ -57,7 +57,7 @@ def is_pairs(names: Iterable[str]) -> bool:
     return set(PAIRS) <= set(names) and bool(set(PAIR_LENGTHS) & set(names))
 
 
-def need(names: list[str], source: str) -> None:
+def need(names: list[str], source: str, *, spelt: list[str]) -> None:
     """Raise if columns are not enough of NGSIM's to make a recording.
 
     Raises
@@ -67,7 +67,7 @@ def need(names: list[str], source: str) -> None:
     """
     missing = _missing_of_ngsim(names)
     if missing:
-        raise unknown_layout(names, source)
+        raise unknown_layout(spelt, source)
 
 
 def unknown_layout(names: list[str], source: str, *, known: str = "") -> InputError:
@@ -101,7 +101,7 @@ def _nearest(names: list[str]) -> tuple[str, list[str]]:
     if not set(PAIR_LENGTHS) & set(names):
         pairs.append(PAIR_LENGTHS[0])
     missing = {
-        "NGSIM": _missing_of_ngsim(names), "pairs": pairs,
+        "pairs": pairs, "NGSIM": _missing_of_ngsim(names),
         "SUMO FCD": [name for name in FCD if name not in {bare(each) for each in names}],
         "our own columns": [name for name in c.ALL if name not in names],
     }  # fmt: skip

@@ -11,6 +11,7 @@ from idm_sumo.recordings.accounting import Accounting, Ledger
 from idm_sumo.recordings.clock import bounded, check_frames, check_one_period, frames_of_clock, sound_clock
 from idm_sumo.recordings.coercion import FARTHEST_LEADER, FRAMES, LONGEST, WIDEST, drop_impossible, sizes, whole
 from idm_sumo.recordings.columns import FRAME_STEP
+from idm_sumo.recordings.on_road import check_lane_widths, check_on_road
 from idm_sumo.recordings.periods import split_periods
 from idm_sumo.recordings.readers.layouts import need
 from idm_sumo.recordings.recording import Recording
@@ -44,7 +45,7 @@ def to_recording(raw: pd.DataFrame, ledger: Ledger, *, road: Road, source: str) 
     InputError
         If a column that cannot be done without is missing, or the numbers are not in feet.
     """
-    need(list(raw.columns), source)
+    need(list(raw.columns), source, spelt=list(raw.columns))
     if raw.empty:
         raise InputError(f"{source}: no rows; give a recording with at least one vehicle")
     before = set(raw["Vehicle_ID"].dropna().unique())
@@ -58,6 +59,9 @@ def to_recording(raw: pd.DataFrame, ledger: Ledger, *, road: Road, source: str) 
     raw = _drop_repeated(raw, ledger)
     table = drop_impossible(_in_si(raw, road, notes), ledger, road, source)
     _check_not_empty(table, ledger, source)
+    check_on_road(table[c.X], table[c.Y], road, source)
+    if "Lane_ID" in raw:
+        check_lane_widths(table, road, source, range(1, road.main_lanes + 1))
     table = table.sort_values(list(c.KEYS), kind="stable", ignore_index=True)
     table, known = _with_leaders(table, "Preceding" in raw, road, notes)
     recording = Recording.from_table(table, road=road, source=source, notes=tuple(notes), has_leader_rows=known)

@@ -160,4 +160,4 @@ def _writer(path: Path, suffix: str, schema: pa.Schema) -> Any:
         return pa.csv.CSVWriter(
             path, schema, write_options=pa.csv.WriteOptions(quoting_style="none", quoting_header="none")
         )
-    return pq.ParquetWriter(path, schema, compression="zstd")
+    return pq.ParquetWriter(path, schema, compression="zstd", write_page_checksum=True)
