@@ -24,7 +24,7 @@ def one_line(text: str) -> str:
 def shown(value: object) -> str:
     """Return a value as a message shows it, cut where it is long."""
     try:
-        text = repr(value)
+        text = repr(value.item() if hasattr(value, "item") else value)  # numpy's numbers as plain ones
     except (ValueError, RecursionError):  # a whole number of thousands of digits has no text
         text = type(value).__name__
     return one_line(text if len(text) <= 60 else f"{text[:50]} ... ({len(text)} characters)")

@@ -80,12 +80,12 @@ def read_columns(path: Path, header: Header, floats: Collection[str], texts: Col
     types |= {name: "float64" for name in header.names if name in floats or name in OFFICIAL}
     checked = False
     try:
-        with open_plain(path) as stream:
-            for chunk in pd.read_csv(
-                stream, sep=header.delimiter, decimal=header.decimal, thousands="," if header.decimal == "." else None,
-                names=list(header.names), header=0, dtype=types, chunksize=CHUNK, encoding="utf-8-sig",
-                skipinitialspace=True, low_memory=False,
-            ):  # fmt: skip
+        with open_plain(path) as stream, pd.read_csv(
+            stream, sep=header.delimiter, decimal=header.decimal, thousands="," if header.decimal == "." else None,
+            names=list(header.names), header=0, dtype=types, chunksize=CHUNK, encoding="utf-8-sig",
+            skipinitialspace=True, low_memory=False,
+        ) as chunks:  # fmt: skip
+            for chunk in chunks:
                 # A short row leaves the last cell empty; pandas makes an index of a cell too many.
                 suspect = chunk[header.names[-1]].isna().any() or not isinstance(chunk.index, pd.RangeIndex)
                 if suspect and not checked:

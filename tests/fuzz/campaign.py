@@ -1,0 +1,109 @@
+"""Read malformed inputs of every kind and judge how each ends."""
+
+from __future__ import annotations
+
+import random
+import time
+import traceback
+import warnings
+from collections.abc import Callable
+from pathlib import Path
+from typing import Any, NamedTuple
+
+from analysis.reproduce.settings import load_settings
+from idm_sumo.calibration.driver_table import read_drivers
+from idm_sumo.irl.policy import Policy
+from idm_sumo.models.effects import ExtendedModel
+from idm_sumo.recordings.cleaning import clean
+from idm_sumo.recordings.reading import read_recording
+from idm_sumo.recordings.smoothing import smooth
+from idm_sumo.runtime.errors import InputError
+from tests.fuzz import mutate, seeds
+
+SLOW = 30.0  # s that no small input may take
+LONGEST = 700  # characters of a message, the program's name before it
+
+
+class Kind(NamedTuple):
+    """How inputs of one kind are made, named and read."""
+
+    name: str
+    make: Callable[[random.Random], bytes]
+    read: Callable[[Path], Any]
+
+
+def _recording(path: Path) -> None:
+    smooth(clean(read_recording(path)))
+
+
+def _xml(draw: random.Random) -> bytes:
+    table, steps = seeds.fcd(), []
+    for now, rows in table.groupby("timestep_time"):
+        cars = "".join(
+            f'<vehicle id="{r.vehicle_id}" x="{r.vehicle_x}" y="{r.vehicle_y}" angle="90" speed="{r.vehicle_speed}" '
+            f'lane="{r.vehicle_lane}"/>'
+            for r in rows.itertuples()
+        )
+        steps.append(f'<timestep time="{now:.2f}">{cars}</timestep>')
+    data = f'<?xml version="1.0" encoding="UTF-8"?>\n<fcd-export>{"".join(steps)}</fcd-export>'
+    old = draw.choice(("car.1", "12.192", "entry_3", "UTF-8", 'angle="90"', "fcd-export", "</timestep>", "90"))
+    bad = draw.choice(mutate.CELLS).replace("\x00", "")
+    changed = data.replace(old, bad, draw.choice((1, -1))).encode("utf-8", "replace")
+    return mutate.of_bytes(changed, draw) if draw.random() < 0.3 else changed
+
+
+KINDS = (
+    Kind("official.txt", lambda d: mutate.of_text_table(seeds.ngsim(), d, " ", header=False), _recording),
+    Kind("portal.csv", lambda d: mutate.of_text_table(seeds.ngsim(), d, ","), _recording),
+    Kind("ngsim.parquet", lambda d: mutate.of_parquet(seeds.ngsim(), d), _recording),
+    Kind("own.csv", lambda d: mutate.of_text_table(seeds.own(), d, ","), _recording),
+    Kind("own.parquet", lambda d: mutate.of_parquet(seeds.own(), d), _recording),
+    Kind("fcd.xml", _xml, _recording),
+    Kind("fcd.csv", lambda d: mutate.of_text_table(seeds.fcd(), d, ";"), _recording),
+    Kind("fcd.parquet", lambda d: mutate.of_parquet(seeds.fcd(), d), _recording),
+    Kind("pairs.csv", lambda d: mutate.of_text_table(seeds.pairs(), d, ","), _recording),
+    Kind("pairs.parquet", lambda d: mutate.of_parquet(seeds.pairs(), d), _recording),
+    Kind("drivers.csv", lambda d: mutate.of_text_table(seeds.drivers(), d, ","), read_drivers),
+    Kind("drivers.parquet", lambda d: mutate.of_parquet(seeds.drivers(), d), read_drivers),
+    Kind("model.json", lambda d: mutate.of_json(seeds.model(), d), ExtendedModel.read),
+    Kind("run.toml", lambda d: mutate.of_toml(seeds.run_file(), d), lambda path: load_settings(path, {})),
+    Kind("policy.npz", lambda d: mutate.of_arrays(seeds.policy(), d), Policy.load),
+)
+
+
+def judge(kind: Kind, path: Path) -> tuple[str, str]:
+    """Return how reading one file ends, ``sound``, ``refused`` or ``fault``, and what was wrong."""
+    start = time.perf_counter()
+    try:
+        with warnings.catch_warnings():
+            warnings.simplefilter("error")
+            kind.read(path)
+    except InputError as error:
+        if len(str(error)) > LONGEST or not str(error).isprintable():
+            return "fault", f"message: {str(error)[:80]!r}"
+        end = "refused"
+    except Exception as error:
+        frames = traceback.extract_tb(error.__traceback__)
+        ours = next((f for f in reversed(frames) if "site-packages" not in f.filename), frames[-1])
+        return "fault", f"{type(error).__name__} at {Path(ours.filename).name}:{ours.lineno}: {str(error)[:100]!r}"
+    else:
+        end = "sound"
+    seconds = time.perf_counter() - start
+    return (end, "") if seconds < SLOW else ("fault", f"took {seconds:.0f} s")
+
+
+def campaign(
+    folder: Path, runs: int, seed: int = 0, kinds: tuple[Kind, ...] = KINDS
+) -> list[tuple[str, str, str, int]]:
+    """Read ``runs`` inputs of each kind; return kind, end, fault and number of every one, and keep the faulty inputs."""
+    out = []
+    for kind in kinds:
+        for number in range(runs):
+            draw = random.Random(f"{kind.name} {seed} {number}")
+            path = folder / kind.name
+            path.write_bytes(kind.make(draw))
+            end, fault = judge(kind, path)
+            out.append((kind.name, end, fault, number))
+            if fault:
+                path.rename(folder / f"{number}-{kind.name}")
+    return out
