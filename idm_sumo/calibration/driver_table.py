@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import csv
+import io
 from pathlib import Path
 
 import numpy as np
@@ -11,7 +12,7 @@ import pandas as pd
 
 from idm_sumo.models import idm
 from idm_sumo.recordings import columns as c
-from idm_sumo.recordings.coercion import EARTH, FRAMES, LARGEST, LATEST, numbers
+from idm_sumo.recordings.coercion import EARTH, FRAMES, LARGEST, numbers
 from idm_sumo.runtime import inputs, parquet
 from idm_sumo.runtime.errors import InputError
 from idm_sumo.runtime.limits import DESIRED_SPEED as DESIRED_SPEEDS
@@ -26,12 +27,12 @@ TOLERANCE = 1e-9  # relative, of a bound: a table may have been through text
 DEPART, LANE, X, Y, SPEED = "depart_s", "lane", "x_m", "y_m", "speed_m_s"
 LENGTH, WIDTH, CLASS = "length_m", "width_m", "vehicle_class"
 DEPARTURE = (DEPART, LANE, X, Y, SPEED, LENGTH, WIDTH, CLASS)
+LONGEST_RUN = 1e7  # s, four months
 _RANGES = {
-    DEPART: (0.0, LATEST), LANE: (1, 8), X: (-EARTH, EARTH), Y: (-EARTH, EARTH), SPEED: (0.0, 70.0),
+    DEPART: (0.0, LONGEST_RUN), LANE: (1, 8), X: (-EARTH, EARTH), Y: (-EARTH, EARTH), SPEED: (0.0, 70.0),
     LENGTH: (0.5, 40.0), WIDTH: (0.3, 5.0), CLASS: (0, 3),
 }  # fmt: skip
-# Columns that hold numbers beside those above, by their names, beginnings and endings.
-NUMBERS = (c.VEHICLE, FIRST_FRAME, *PARAMETERS, LANE, CLASS, HAS)
+# Columns that hold numbers beside those that are checked one by one, by their beginnings and endings.
 NUMBERED = ("ade_", *(f"{name}_" for name in PARAMETERS))
 UNITS = ("_m", "_s", "_m_s", "_sd")
 _WHOLE = (c.VEHICLE, FIRST_FRAME, LANE, CLASS, HAS)
@@ -72,8 +73,10 @@ def _of_csv(text: str, source: Path) -> pd.DataFrame:
     for number, row in enumerate(rows[1:], 2):
         if len(row) != len(names):
             raise InputError(f"{source}: row {number} has {len(row)} columns where {len(names)} are needed; mend it")
-    table = pd.DataFrame(rows[1:], columns=names, dtype=object)
-    return table.where(table.map(lambda cell: bool(str(cell).strip())), None)
+    try:
+        return pd.read_csv(io.StringIO(text), dtype={c.PERIOD: str}, skipinitialspace=True, low_memory=False)
+    except (ValueError, OverflowError) as error:  # pandas' own errors are ValueErrors
+        raise InputError(f"{source}: not a driver table ({error}); use the CSV of `idm-sumo calibrate`") from None
 
 
 def check_drivers(table: pd.DataFrame, *, source: str = "drivers") -> pd.DataFrame:
@@ -181,9 +184,7 @@ def _checked(
 
 def _numeric(table: pd.DataFrame, source: str) -> pd.DataFrame:
     """Return the table with numbers in all columns of ours that hold such; what is no number is refused."""
-    ours = [
-        name for name in table.columns if name in NUMBERS or str(name).startswith(NUMBERED) or str(name).endswith(UNITS)
-    ]
+    ours = [name for name in table.columns if str(name).startswith(NUMBERED) or str(name).endswith(UNITS)]
     return table.assign(**{name: numbers(table[name], name, source) for name in ours})
 
 

@@ -78,7 +78,7 @@ def read_recording(
         If the file is absent, empty, damaged, of no known layout, in the wrong units, or of another road.
     """
     source = _Source(Path(path), Ledger(0), location, road)
-    if source.path.is_dir():
+    if os.path.isdir(source.path):  # of a name too long, too
         return _from_parquet(source)
     start = _start_of(source.path)
     if start.startswith(PARQUET) or source.path.suffix == ".parquet":

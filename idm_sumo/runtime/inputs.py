@@ -157,4 +157,4 @@ def read_toml(path: Path | str, advice: str) -> dict[str, Any]:
     except RecursionError:
         raise InputError(f"{path}: is nested too deep for TOML of ours; {advice}") from None
     except (ValueError, OverflowError) as error:  # TOMLDecodeError is one
-        raise InputError(f"{path}: is not TOML: {error}") from None
+        raise InputError(f"{path}: not a TOML file: {error}") from None

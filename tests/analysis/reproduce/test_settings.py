@@ -47,5 +47,5 @@ def test_a_bad_key_or_value_is_named(tmp_path: Path, text: str, key: str) -> Non
 
 
 def test_missing_file(tmp_path: Path) -> None:
-    with pytest.raises(InputError, match=r"none\.toml: cannot be read"):
+    with pytest.raises(InputError, match="no such file"):
         load_settings(tmp_path / "none.toml", {})
