@@ -85,8 +85,8 @@ def clean(
     kept = ledger.drop(kept, irregular[number[kept.index]], IRREGULAR)
     kept = ledger.drop(kept, jumps[number[kept.index]], JUMP)
     if kept.empty:
-        reasons = ", ".join(f"{rows} {reason}" for reason, rows in ledger.dropped.items())
-        raise InputError(f"{recording.source or 'recording'}: no rows left after cleaning ({reasons})")
+        why = ", ".join(f"{rows} {reason}" for reason, rows in ledger.dropped.items())
+        raise InputError(f"{recording.source or 'recording'}: no rows left after cleaning ({why})")
     vehicles = _with_longest_run(vehicles, kept, number[kept.index])
     vehicles["wrong_leader_frames"] = wrong
     reasons = [irregular, jumps, (vehicles["first_frame"] < 0).to_numpy(), led_astray, wrong >= leader_frames]
@@ -133,9 +133,9 @@ def _leader_jumps(recording: Recording, number: Integers) -> Flags:
     table, leader = recording.table, recording.table[c.LEADER].to_numpy()
     if recording.has_leader_rows:
         return np.zeros(len(table), dtype=bool)
-    front = (table[c.X] + table[c.HEADWAY]).to_numpy()[:, None]
+    front = np.asarray(table[c.X] + table[c.HEADWAY], dtype=np.float64)[:, None]
     same = np.concatenate([[False], (np.diff(leader) == 0) & (leader[1:] > 0)])
-    return _jumps(front, table, number) & same
+    return np.asarray(_jumps(front, table, number) & same)
 
 
 def _frames_behind(recording: Recording, number: Integers, removed: Flags) -> Integers:

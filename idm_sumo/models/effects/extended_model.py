@@ -277,7 +277,7 @@ class ExtendedModel:
         InputError
             If the file cannot be read or is no extended model.
         """
-        return cls.from_json(read_text(path, "give the file that `diagnose` wrote"), name=str(path))
+        return cls.from_json(read_text(Path(path), "give the file that `diagnose` wrote"), name=str(path))
 
 
 def _cause(entry: dict[str, object], name: str) -> Cause:
