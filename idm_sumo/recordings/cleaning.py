@@ -44,10 +44,9 @@ def clean(
     3. Vehicles whose recorded leader is not the vehicle next ahead in their lane in at least
        ``leader_frames`` frames are not modelled ("the wrong car in front at some frames,
        causing IDM to be blind to the true vehicle in front"). Their rows stay, as traffic.
-       Needs recorded leaders, and the leaders' rows. Those who drive behind a removed vehicle for as long
-       are blind to it as well.
+       Needs recorded leaders, and the leaders' rows.
     4. Vehicles whose position moves farther within a frame than :data:`REACH` are removed: that is another
-       vehicle under their number. Those whose leader, known by its headway only, does so are not modelled.
+       vehicle under their number. Those who drive behind one for ``leader_frames``, or whose leader, known by its headway only, does so are not modelled.
 
     ``Total_Frames`` is not used: it disagrees with the rows of every vehicle in the files
     known to us, whose frames are unbroken.
@@ -80,7 +79,7 @@ def clean(
     jumps = (np.bincount(number, weights=_jumps(table[[c.X, c.Y]].to_numpy(), table, number)) > 0) & ~irregular
     led_astray = np.bincount(number, weights=_leader_jumps(recording, number)) > 0
     wrong = _wrong_leader_frames(recording, number, lane_change_margin, len(vehicles), ledger)
-    wrong = np.maximum(wrong, _frames_behind(recording, number, irregular | jumps))
+    wrong = np.maximum(wrong, _frames_behind(recording, number, jumps))
     kept = ledger.drop(table, table[c.LANE] > recording.road.main_lanes, AUXILIARY)
     kept = ledger.drop(kept, irregular[number[kept.index]], IRREGULAR)
     kept = ledger.drop(kept, jumps[number[kept.index]], JUMP)
