@@ -23,6 +23,7 @@ if TYPE_CHECKING:
     from idm_sumo.recordings.reading import read_recording as read_recording
     from idm_sumo.recordings.recording import Recording as Recording
     from idm_sumo.recordings.smoothing import smooth as smooth
+    from idm_sumo.roads.road import Road as Road
     from idm_sumo.runtime.errors import InputError as InputError
     from idm_sumo.scenes.windows import Scenes as Scenes
     from idm_sumo.scenes.windows import Window as Window
@@ -40,6 +41,7 @@ _HOMES = {
     "InputError": "runtime.errors",
     "KNNPredictor": "prediction.neighbours",
     "Recording": "recordings.recording",
+    "Road": "roads.road",
     "RolloutPredictor": "prediction.rollout_predictor",
     "Scenes": "scenes.windows",
     "Window": "scenes.windows",

@@ -5,10 +5,10 @@ Controls are given. Observation (float32, ``OBSERVATIONS`` numbers, all of size 
 =====  ========================================================  ======================
 no.    what                                                      unit
 =====  ========================================================  ======================
-0      own speed                                                 speed limit (24.6 m/s)
-1      offset from the middle of the lane, positive to the left  lane width (3.66 m)
+0      own speed                                                 speed limit
+1      offset from the middle of the lane, positive to the left  lane width
 2      heading, positive to the left                             0.1 rad
-3      distance of the road's left edge                          road width (18.3 m)
+3      distance of the road's left edge                          road width
 4-5    leader in the own lane: gap, its speed less the own       see below, 10 m/s
 6-7    follower in the own lane                                  the same
 8-11   leader and follower in the lane to the left               the same
@@ -78,7 +78,7 @@ class Simulation:
         Of the last step.
     status : int64, shape (vehicles,)
         ``RUNNING``, ``COLLIDED`` (its rectangle overlaps that of another vehicle, which it did not at the start)
-        or ``OFF_ROAD`` (its middle has left the five lanes).
+        or ``OFF_ROAD`` (its middle has left the main lanes).
     """
 
     def __init__(self, episodes: Episodes, around: Surroundings, row: npt.NDArray[np.int64]) -> None:

@@ -1,7 +1,9 @@
 """A road as a value: lanes of any widths, side lanes, and US-101's official numbers."""
 
+import ast
 import json
 import pickle
+from pathlib import Path
 
 import numpy as np
 import pytest
@@ -114,3 +116,21 @@ def test_what_cannot_be_a_road_is_refused_by_name(change, says):
     values = {"name": "bad", "widths": (3.5, 3.5), "length": 1000.0, "speed_limit": 30.0}
     with pytest.raises(InputError, match=says):
         Road(**{**values, **change})
+
+
+def _names(path: Path) -> set[str]:
+    tree = ast.parse(path.read_text(encoding="utf-8"))
+    imported = [alias.name for node in ast.walk(tree) if isinstance(node, ast.ImportFrom) for alias in node.names]
+    modules = [str(node.module) for node in ast.walk(tree) if isinstance(node, ast.ImportFrom)]
+    return {*imported, *(module.rpartition(".")[2] for module in modules)}
+
+
+def test_only_the_surrogate_knows_that_a_road_is_us101():
+    root = Path(__file__).parents[2]
+    knowing = {
+        path.relative_to(root).parts[:3]
+        for folder in ("idm_sumo", "analysis")
+        for path in (root / folder).rglob("*.py")
+        if _names(path) & {"US101", "us101"}
+    }
+    assert knowing == {("idm_sumo", "roads", "__init__.py"), ("idm_sumo", "sumo", "surrogate")}
