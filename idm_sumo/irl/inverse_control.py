@@ -34,6 +34,7 @@ import numpy.typing as npt
 
 from idm_sumo.irl import features
 from idm_sumo.runtime.progress import Progress, silent
+from idm_sumo.runtime.threads import one_blas_thread
 
 Floats = npt.NDArray[np.float64]
 Integers = npt.NDArray[np.int64]
@@ -159,6 +160,7 @@ def log_likelihood(expansion: Expansion, weights: npt.ArrayLike, dummy: float = 
     return np.concatenate([_likelihoods(one, theta) for one in one_by_one])
 
 
+@one_blas_thread
 def learn_wanted(expansion: Expansion, free: LearnedReward, progress: Progress = silent) -> LearnedReward:
     """Find the most likely weights without negative ones.
 
@@ -187,6 +189,7 @@ def learn_wanted(expansion: Expansion, free: LearnedReward, progress: Progress =
     return learned
 
 
+@one_blas_thread
 def learn(expansion: Expansion, *, use: tuple[str, ...] = features.NAMES, progress: Progress = silent) -> LearnedReward:
     """Find the weights that make the demonstrations most likely.
 

@@ -19,6 +19,7 @@ from idm_sumo.irl.reward import Reward
 from idm_sumo.irl.trajectory import derivatives, step_features
 from idm_sumo.runtime.errors import InputError
 from idm_sumo.runtime.progress import Progress, silent
+from idm_sumo.runtime.threads import one_blas_thread
 from idm_sumo.scenes.windows import Scenes
 
 if TYPE_CHECKING:
@@ -173,6 +174,7 @@ def lessons_of(scenes: Sequence[Scenes]) -> Lessons:
     return Lessons(together, *episodes_of(scenes))
 
 
+@one_blas_thread
 def learn_reward(
     lessons: Lessons, *, most: int = 200, steps: int = 50, seed: int = 1, progress: Progress = silent
 ) -> RewardReport:

@@ -15,11 +15,11 @@ from collections.abc import Sequence
 
 import numpy as np
 import numpy.typing as npt
-from threadpoolctl import threadpool_limits
 
 from idm_sumo.calibration.kernel import LOWER, PARAMETERS, UPPER, costs, costs_and_derivatives
 from idm_sumo.calibration.problem import Problem
 from idm_sumo.calibration.solver import SMOOTHING
+from idm_sumo.runtime.threads import one_blas_thread
 
 Floats = npt.NDArray[np.float64]
 
@@ -30,6 +30,7 @@ SETTLED = 1e-5  # relative drop
 FREE = 1e-6  # penalty of the constant
 
 
+@one_blas_thread
 def fit_weights(problems: Sequence[Problem], features: Sequence[Floats], center: Floats, ridge: float) -> Floats:
     """Return the weights, shape ``(features, 5)``.
 
@@ -44,9 +45,7 @@ def fit_weights(problems: Sequence[Problem], features: Sequence[Floats], center:
     ridge : float
         How strongly weights are drawn to 0, the pooled parameters.
     """
-    # The matrices are small: threads of the linear algebra would wait for each other, a hundred times as long beside other work.
-    with threadpool_limits(1, user_api="blas"):
-        return _descended(list(zip(problems, features, strict=True)), center, ridge)
+    return _descended(list(zip(problems, features, strict=True)), center, ridge)
 
 
 def _descended(parts: list[tuple[Problem, Floats]], center: Floats, ridge: float) -> Floats:

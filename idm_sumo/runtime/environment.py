@@ -10,6 +10,7 @@ import hashlib
 import os
 import shutil
 import stat
+import sys
 import tempfile
 from pathlib import Path
 
@@ -51,6 +52,8 @@ def find_places_for_caches(package: Path) -> None:
         forget_older_kernels(package)
     elif NUMBA_CACHE not in os.environ:
         os.environ[NUMBA_CACHE] = str((home or temporary_cache()) / f"kernels-{fingerprint(package)}")
+        if "numba" in sys.modules:  # it has read its environment already
+            sys.modules["numba"].config.CACHE_DIR = os.environ[NUMBA_CACHE]
 
 
 def fingerprint(package: Path) -> str:

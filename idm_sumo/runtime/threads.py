@@ -6,14 +6,33 @@ import functools
 import os
 from collections.abc import Callable, Iterable
 from concurrent.futures import ThreadPoolExecutor
-from typing import Any, TypeVar
+from typing import Any, ParamSpec, TypeVar
 
 import numba
+from threadpoolctl import threadpool_limits
 
 T = TypeVar("T")
 U = TypeVar("U")
+P = ParamSpec("P")
 
 PIECES = 8  # a thread: some vehicles take longer than others
+
+
+def one_blas_thread(function: Callable[P, T]) -> Callable[P, T]:
+    """Let BLAS use one thread while a function runs.
+
+    Its matrices are small: threads of the linear algebra would wait for each other, and beside
+    other work they take a hundred times as long. The command line limits BLAS once for the whole
+    program (:func:`idm_sumo.runtime.environment.one_blas_thread`); this is for programs that
+    import us.
+    """
+
+    @functools.wraps(function)
+    def limited(*args: P.args, **kwargs: P.kwargs) -> T:
+        with threadpool_limits(1, user_api="blas"):
+            return function(*args, **kwargs)
+
+    return limited
 
 
 def in_threads(kernel: Callable[..., Any], count: int, *arguments: Any) -> None:
