@@ -16,7 +16,7 @@ from idm_sumo.recordings.columns import FRAME_STEP
 from idm_sumo.recordings.recording import Recording
 from idm_sumo.roads import Road
 from idm_sumo.runtime.progress import Progress, silent
-from idm_sumo.scenes.windows import LEADER_OF_TWIN, Scenes
+from idm_sumo.scenes.windows import LEADER_OF_RECORDED, Scenes
 from idm_sumo.simulation.rollout import Trajectories
 
 from ..page.style import METHOD_COLOURS, RECORDED, TRAFFIC, new_figure
@@ -69,7 +69,7 @@ def _draw(ax: Axes, scenes: Scenes, trajectories: Trajectories, k: int, around: 
         for row in near[[c.X, c.Y, c.HEADING]].join(sizes).to_numpy():
             x, y, heading, length, width = row
             _car(ax, x, y, heading, length, width, TRAFFIC)
-    if scenes.leader_source == LEADER_OF_TWIN:
+    if scenes.leader_source == LEADER_OF_RECORDED:
         _leader(ax, scenes, frame)
     length, width = float(scenes.length[0]), float(scenes.width[0])
     _car(

@@ -15,7 +15,7 @@ from idm_sumo.recordings import columns as c
 from idm_sumo.recordings.recording import Recording
 from idm_sumo.roads import Road
 from idm_sumo.scenes.traffic import NOBODY
-from idm_sumo.scenes.windows import LEADER_OF_TWIN, Scenes
+from idm_sumo.scenes.windows import LEADER_OF_RECORDED, Scenes
 from idm_sumo.simulation.rollout import Trajectories
 
 from ..page.embedded import embedded
@@ -149,7 +149,7 @@ def _model(one: Played, number: int) -> dict[str, Any]:
 
 def _traffic(recording: Recording, scenes: Scenes, first: int, steps: int) -> list[dict[str, Any]]:
     """Return the vehicles around, or the recorded leader alone where no other has rows."""
-    if scenes.leader_source == LEADER_OF_TWIN:
+    if scenes.leader_source == LEADER_OF_RECORDED:
         return _leader_alone(scenes, steps)
     table = recording.of_period(scenes.one_period).table
     span = slice(scenes.start, scenes.start + steps)

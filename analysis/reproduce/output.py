@@ -9,7 +9,7 @@ import numpy as np
 import pandas as pd
 
 from idm_sumo.recordings import columns as c
-from idm_sumo.scenes.windows import LEADER_OF_TWIN
+from idm_sumo.scenes.windows import LEADER_OF_RECORDED
 
 from ..page.manifest import manifest
 from ..page.page import not_measured, render
@@ -196,7 +196,7 @@ def record(results: Results, command: list[str], seconds: float) -> dict[str, An
         Settings, versions, input files and choices.
     """
     settings, source = results.study.settings, results.source
-    own_leader = {scenes.leader_source for scenes in results.study.test.scenes} == {LEADER_OF_TWIN}
+    own_leader = {scenes.leader_source for scenes in results.study.test.scenes} == {LEADER_OF_RECORDED}
     ahead = "the vehicle ahead in the lane at the simulated position"
     return manifest(
         command,

@@ -8,7 +8,7 @@ import numpy as np
 import pandas as pd
 
 from idm_sumo.recordings import columns as c
-from idm_sumo.scenes.windows import LEADER_OF_TWIN
+from idm_sumo.scenes.windows import LEADER_OF_RECORDED
 from idm_sumo.sumo.surrogate.builtin import SURROGATE
 
 from ..page.page import not_measured
@@ -122,7 +122,7 @@ def _caption(results: Results) -> str:
     settings = results.study.settings
     leaders = {scenes.leader_source for scenes in results.study.test.scenes}
     leader = "the modelled vehicle follows the recorded vehicle ahead in its lane at its simulated position"
-    if leaders == {LEADER_OF_TWIN}:
+    if leaders == {LEADER_OF_RECORDED}:
         leader = (
             "the recording holds only the modelled vehicles, so a modelled vehicle follows the leader of its "
             "recorded one, also through recorded lane changes, and the leader's length is assumed"

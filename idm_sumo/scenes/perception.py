@@ -1,4 +1,7 @@
-"""Who is ahead along any path, modelled or recorded: one definition for metrics and driving codes."""
+"""Who is ahead along a path, modelled or recorded.
+
+One definition for metrics and driving codes.
+"""
 
 from __future__ import annotations
 
@@ -15,19 +18,27 @@ Floats = npt.NDArray[np.float64]
 
 
 class LeadersAlong(NamedTuple):
-    """The leader at every step of a path: ``gap`` (m, infinite without one), ``speed`` (m/s, NaN without one)."""
+    """The leader at every step of many paths.
+
+    Attributes
+    ----------
+    gap : float64, shape (vehicles, steps)
+        Bumper to bumper (m), infinite without a leader.
+    speed : float64, shape (vehicles, steps)
+        m/s, NaN without a leader.
+    """
 
     gap: Floats
     speed: Floats
 
 
 def leaders_along(scenes: Scenes, x: Floats, y: Floats, first: int) -> LeadersAlong:
-    """Return gap to and speed of the leader along one path a driver.
+    """Return gap to and speed of each path's leader.
 
     Parameters
     ----------
     scenes : Scenes
-    x, y : array, shape (vehicles, steps)
+    x, y : float64, shape (vehicles, steps)
         Front bumper (m), modelled or recorded.
     first : int
         Frame of the window that column 0 belongs to.
@@ -40,8 +51,8 @@ def leaders_along(scenes: Scenes, x: Floats, y: Floats, first: int) -> LeadersAl
     Notes
     -----
     The leader is the first recorded vehicle ahead in the lane that holds the front *at that
-    step*, the driver's own recorded twin excepted. Where only the twin's headway is known
-    (``leader_source == "twin"``), it is the twin's leader, whatever the lane.
+    step*, the driver's own recorded vehicle excepted. Where only the headway of the recorded vehicle
+    is known (``leader_source == "twin"``), it is the recorded vehicle's leader, whatever the lane.
     """
     cells = _cells_along(scenes, y, first)
     gap, speed = np.empty(x.shape), np.empty(x.shape)
@@ -53,7 +64,7 @@ def leaders_along(scenes: Scenes, x: Floats, y: Floats, first: int) -> LeadersAl
 
 
 def _cells_along(scenes: Scenes, y: Floats, first: int) -> npt.NDArray[np.int64]:
-    """Return the cell of the traffic that holds each point of the paths."""
+    """Return the cell that holds each point of the paths."""
     steps = first + np.arange(y.shape[1])
     if scenes.leader_source == LEADER_FROM_LANE:
         return scenes.cells(scenes.road.lane_at(y), steps)

@@ -1,4 +1,4 @@
-"""Who drives where: recorded vehicles, lane by lane and frame by frame, sorted by position."""
+"""Recorded vehicles by lane and frame, sorted by position."""
 
 from __future__ import annotations
 
@@ -20,8 +20,8 @@ class Traffic:
     """Recorded vehicles, as sorted cells.
 
     A *cell* is one lane at one frame of one period; the cells of a lane follow each other frame by frame,
-    so the next frame's cell is the next number. The lanes of one period follow those of another. The rows of cell ``i`` are
-    ``offsets[i]:offsets[i + 1]``, sorted by ``x``.
+    so the next frame's cell is the next number. The lanes of one period follow those of another.
+    The rows of cell ``i`` are ``offsets[i]:offsets[i + 1]``, sorted by ``x``.
 
     Attributes
     ----------
@@ -48,23 +48,54 @@ class Traffic:
     frames: int
 
     def part(self, first: int, last: int) -> Traffic:
-        """Return the cells ``first`` up to ``last``, numbered from 0."""
+        """Return some of the cells, numbered from 0.
+
+        Parameters
+        ----------
+        first, last : int
+            The first cell, and the one after the last.
+
+        Returns
+        -------
+        Traffic
+        """
         rows = slice(int(self.offsets[first]), int(self.offsets[last]))
         names = ("x", "y", "heading", "speed", "length", "width", "vehicle")
         columns = {name: getattr(self, name)[rows] for name in names}
         return replace(self, offsets=self.offsets[first : last + 1] - rows.start, **columns)
 
     def cell(self, lane: npt.ArrayLike, frame: npt.ArrayLike) -> npt.NDArray[np.int64]:
-        """Return the cell of main lane ``lane`` at ``frame`` of the first period."""
+        """Return cells of the first period.
+
+        Parameters
+        ----------
+        lane : array_like of int
+            Main lanes, numbered from 1.
+        frame : array_like of int
+            Frames, as the recording numbers them.
+
+        Returns
+        -------
+        int64, shape of the arguments together
+        """
         lanes, frames = np.asarray(lane, dtype=np.int64), np.asarray(frame, dtype=np.int64)
         return (lanes - 1) * self.frames + frames - self.first_frame
 
 
 def build_traffic(recording: Recording) -> Traffic:
-    """Sort a recording into cells of the main lanes, period by period.
+    """Sort a recording into cells of the main lanes.
 
     The lane of a vehicle is the one its front bumper's centre lies in: the definition that
     SUMO applies to a vehicle moved to ``x, y``, and one that needs no lane labels.
+
+    Parameters
+    ----------
+    recording : Recording
+        Of one or several periods, which are kept apart.
+
+    Returns
+    -------
+    Traffic
     """
     table, road = recording.table, recording.road
     frame = table[c.FRAME].to_numpy()
@@ -79,7 +110,20 @@ def build_traffic(recording: Recording) -> Traffic:
 
 
 def period_numbers(table: pd.DataFrame) -> tuple[npt.NDArray[np.int64], int]:
-    """Return each row's period, numbered from 0 in the order of the rows, and how many there are."""
+    """Return the numbered periods of a table's rows.
+
+    Parameters
+    ----------
+    table : pandas.DataFrame
+        Rows with a ``period``.
+
+    Returns
+    -------
+    number : int64, shape (rows,)
+        From 0, in the order of the rows.
+    periods : int
+        How many there are.
+    """
     number, labels = pd.factorize(table[c.PERIOD])
     return number.astype(np.int64), len(labels)
 
@@ -92,7 +136,25 @@ def sort_into_cells(
     first_frame: int,
     frames: int,
 ) -> Traffic:
-    """Sort rows by cell, then position. ``columns`` holds the float columns by name."""
+    """Sort rows by cell, then position.
+
+    Parameters
+    ----------
+    cell : int64, shape (rows,)
+    cells : int
+        How many cells there are, empty ones included.
+    columns : dict of float64 arrays, shape (rows,)
+        ``x, y, heading, speed, length, width`` by name (m, rad, m/s).
+    vehicle : int64, shape (rows,)
+    first_frame : int
+        The frame of every lane's first cell.
+    frames : int
+        Cells per lane of a period.
+
+    Returns
+    -------
+    Traffic
+    """
     order = np.lexsort((columns[c.X], cell))
     offsets = np.zeros(cells + 1, dtype=np.int64)
     np.cumsum(np.bincount(cell, minlength=cells), out=offsets[1:])
@@ -102,7 +164,22 @@ def sort_into_cells(
 
 @njit(cache=True)
 def first_ahead(offsets: npt.NDArray[np.int64], x: npt.NDArray[np.float64], cell: int, front: float) -> int:
-    """Return the first row of ``cell`` whose front is ahead of ``front`` (m), or the cell's end."""
+    """Return a cell's first row ahead of ``front``.
+
+    Parameters
+    ----------
+    offsets : int64, shape (cells + 1,)
+    x : float64, shape (rows,)
+        Front bumpers (m), sorted within each cell.
+    cell : int
+    front : float
+        m.
+
+    Returns
+    -------
+    int
+        The cell's end if nobody is ahead.
+    """
     low, high = offsets[cell], offsets[cell + 1]
     while low < high:
         middle = (low + high) >> 1
@@ -122,9 +199,24 @@ def leader_row(
     front: float,
     own: int,
 ) -> int:
-    """Return the row of the first vehicle of ``cell`` whose front is ahead of ``front`` (m), or ``NOBODY``.
+    """Return the row of the leader of one vehicle.
 
-    The modelled vehicle's recorded twin, number ``own``, is not there for it.
+    Parameters
+    ----------
+    offsets : int64, shape (cells + 1,)
+    x : float64, shape (rows,)
+        Front bumpers (m), sorted within each cell.
+    vehicle : int64, shape (rows,)
+    cell : int
+    front : float
+        Front bumper of the vehicle (m).
+    own : int
+        Number of the modelled vehicle. Its recorded vehicle is passed over.
+
+    Returns
+    -------
+    int
+        First row of the cell ahead of ``front``, or ``NOBODY``.
     """
     row: int = first_ahead(offsets, x, cell, front)
     end = offsets[cell + 1]

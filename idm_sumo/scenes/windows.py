@@ -1,4 +1,4 @@
-"""From a recording to arrays ``(vehicles, frames)``: the drivers to be modelled and their traffic."""
+"""Drivers to be modelled and their traffic, cut from recordings."""
 
 from __future__ import annotations
 
@@ -21,12 +21,12 @@ Integers = npt.NDArray[np.int64]
 
 TOO_SHORT = "window too short"
 LEADER_FROM_LANE = "lane"  # whoever is recorded ahead in the driver's lane at its simulated position
-LEADER_OF_TWIN = "twin"  # whoever the recorded twin followed: all that its headway tells
+LEADER_OF_RECORDED = "twin"  # whoever the recorded vehicle followed: all that its headway tells
 
 
 @dataclass(frozen=True)
 class Window:
-    """Which part of a trajectory is observed and which is simulated, in frames.
+    """Which frames of a trajectory are observed and which simulated.
 
     Attributes
     ----------
@@ -48,7 +48,10 @@ class Window:
 
     @property
     def start(self) -> int:
-        """Frame of the window at which the simulated car stands where the recorded one does."""
+        """Frame of the window at which the simulation starts.
+
+        There the modelled vehicle stands where the recorded one does.
+        """
         return 0 if self.from_entry else self.observed - 1
 
     @property
@@ -78,7 +81,7 @@ class Scenes:
     vehicle, first_frame, lane : int64, shape (vehicles,)
         Number; the window's first frame; main lane at the start of the simulation.
     x, y, heading, speed : float64, shape (vehicles, frames)
-        The recorded twin: front bumper (m), rad, m/s. No gaps: see :func:`build_scenes`.
+        The reference trajectory: front bumper (m), rad, m/s. No gaps: see :func:`build_scenes`.
     headway : float64, shape (vehicles, frames)
         Front to the recorded leader's front (m), NaN for none.
     length, width : float64, shape (vehicles,)
@@ -89,7 +92,7 @@ class Scenes:
         The cell of ``traffic`` that holds the driver's lane at the window's first frame.
     traffic : Traffic
     leader_source : str
-        ``"lane"`` or ``"twin"``.
+        ``"lane"``: whoever is ahead in the lane; ``"twin"``: the recorded vehicle's own leader.
     excluded : pandas.DataFrame
         Vehicles that are not modelled: ``period, vehicle, reason``.
     """
@@ -149,7 +152,13 @@ class Scenes:
         return self.periods[0] if self.periods else ""
 
     def check_one_period(self) -> None:
-        """Raise as :attr:`one_period` does."""
+        """Raise if there are windows of several periods.
+
+        Raises
+        ------
+        InputError
+            What plays the traffic frame by frame has one clock.
+        """
         if len(self.periods) > 1:
             raise InputError(f"scenes of {', '.join(self.periods)}: take one period at a time, see Scenes.by_period")
 
@@ -176,6 +185,10 @@ class Scenes:
             Main lane.
         step : int array, shape () or (steps,)
             Frame of the window.
+
+        Returns
+        -------
+        int64, shape (vehicles,) or (vehicles, steps)
         """
         lanes, steps = np.asarray(lane, dtype=np.int64), np.asarray(step, dtype=np.int64)
         more = (1,) * max(lanes.ndim - 1, steps.ndim)
@@ -183,7 +196,17 @@ class Scenes:
         return np.asarray(first + lanes * self.traffic.frames + steps)
 
     def subset(self, which: npt.NDArray[np.bool_] | Integers) -> Scenes:
-        """Return some of the drivers; the traffic stays whole."""
+        """Return some of the drivers; the traffic stays whole.
+
+        Parameters
+        ----------
+        which : bool array, shape (vehicles,), or int array
+            A mask, or places of the windows.
+
+        Returns
+        -------
+        Scenes
+        """
         per_vehicle = ("period", "vehicle", "first_frame", "lane", "x", "y", "heading", "speed", "headway",
                        "length", "width", "vehicle_class", "size_known", "cell")  # fmt: skip
         return replace(self, **{name: getattr(self, name)[which] for name in per_vehicle})
@@ -193,7 +216,7 @@ class Scenes:
         return pd.DataFrame({c.PERIOD: self.period, c.VEHICLE: self.vehicle, "first_frame": self.first_frame})
 
     def to_pandas(self) -> pd.DataFrame:
-        """Return what was recorded of the drivers, one row a window and frame.
+        """Return the recorded drivers, one row a window and frame.
 
         Returns
         -------
@@ -250,7 +273,10 @@ def _is_modelled(keys: pd.DataFrame, modelled: Iterable[int] | pd.DataFrame) -> 
 
 
 def _longest_runs(table: pd.DataFrame) -> tuple[Integers, Integers]:
-    """Return first row and number of rows of every vehicle's longest unbroken run of frames."""
+    """Find every vehicle's longest unbroken run of frames.
+
+    Returns its first row and its number of rows.
+    """
     changes = (np.diff(period_numbers(table)[0]) != 0) | (np.diff(table[c.VEHICLE].to_numpy()) != 0)
     vehicle = np.concatenate([[0], np.cumsum(changes)])
     breaks = np.flatnonzero(changes | (np.diff(table[c.FRAME].to_numpy()) != 1)) + 1
@@ -285,17 +311,17 @@ def _cut(recording: Recording, window: Window, starts: Integers) -> Scenes:
         traffic, cell = _private_traffic(recording, rows)
     length, width = (table[name].to_numpy()[starts] for name in (c.LENGTH, c.WIDTH))
     return Scenes(
-        period=table[c.PERIOD].to_numpy()[starts].astype(str), window=window, road=recording.road, vehicle=table[c.VEHICLE].to_numpy()[starts],
-        first_frame=first_frame, lane=lane,
+        period=table[c.PERIOD].to_numpy()[starts].astype(str), window=window, road=recording.road,
+        vehicle=table[c.VEHICLE].to_numpy()[starts], first_frame=first_frame, lane=lane,
         length=np.where(np.isnan(length), recording.road.car_length, length),
         width=np.where(np.isnan(width), recording.road.car_width, width),
         vehicle_class=table[c.CLASS].to_numpy(np.int64)[starts], size_known=~np.isnan(length), cell=cell,
-        traffic=traffic, leader_source=LEADER_FROM_LANE if recording.has_leader_rows else LEADER_OF_TWIN, **path,
+        traffic=traffic, leader_source=LEADER_FROM_LANE if recording.has_leader_rows else LEADER_OF_RECORDED, **path,
     )  # fmt: skip
 
 
 def _private_traffic(recording: Recording, rows: Integers) -> tuple[Traffic, Integers]:
-    """Give every window a lane of its own in which only the recorded twin's leader drives."""
+    """Give every window a lane with only its leader."""
     leader = recorded_leaders(recording)
     windows, frames = rows.shape
     cell = np.arange(windows * frames)

@@ -10,7 +10,7 @@ from idm_sumo.models import idm
 from idm_sumo.recordings import columns as c
 from idm_sumo.roads import US101
 from idm_sumo.scenes.traffic import sort_into_cells
-from idm_sumo.scenes.windows import LEADER_OF_TWIN, Scenes, Window
+from idm_sumo.scenes.windows import LEADER_OF_RECORDED, Scenes, Window
 
 Floats = npt.NDArray[np.float64]
 
@@ -76,7 +76,7 @@ def scenes_of(
         lane=np.full(n, LANE), x=x, y=np.full((n, frames), center) if y is None else y, heading=np.zeros((n, frames)),
         speed=v, headway=leader_x - x, length=np.full(n, LENGTH), width=np.full(n, WIDTH),
         vehicle_class=np.full(n, 2), size_known=np.ones(n, dtype=np.bool_), cell=np.arange(n) * frames,
-        traffic=traffic, leader_source=LEADER_OF_TWIN,
+        traffic=traffic, leader_source=LEADER_OF_RECORDED,
     )  # fmt: skip
 
 

@@ -9,7 +9,7 @@ from idm_sumo.models.idm import TEXTBOOK
 from idm_sumo.recordings.recording import Recording
 from idm_sumo.roads import US101
 from idm_sumo.runtime.errors import InputError
-from idm_sumo.scenes.windows import LEADER_FROM_LANE, LEADER_OF_TWIN, TOO_SHORT, Window, build_scenes
+from idm_sumo.scenes.windows import LEADER_FROM_LANE, LEADER_OF_RECORDED, TOO_SHORT, Window, build_scenes
 from idm_sumo.simulation.rollout import drive_idm
 from tests.helpers.builders import Car, recording
 
@@ -98,11 +98,11 @@ def test_a_subset_keeps_the_traffic():
         assert some.traffic is scenes.traffic
 
 
-def test_without_rows_of_the_leaders_each_twin_brings_its_own():
+def test_without_rows_of_the_leaders_each_recorded_vehicle_brings_its_own():
     headway = np.where(np.arange(40) < 30, 25.0, np.nan)
     cars = Car(1, x=0.0, headway=headway, speed=8.0), Car(2, x=7.0, speed=8.0)  # 2 sees nobody
     scenes = build_scenes(recording(*cars, has_leader_rows=False), Window(observed=10, horizon=25))
-    assert scenes.leader_source == LEADER_OF_TWIN
+    assert scenes.leader_source == LEADER_OF_RECORDED
     t = scenes.traffic
     rows = [t.offsets[scenes.cell[0] + k] for k in range(35)]
     counts = np.diff(t.offsets)

@@ -11,7 +11,7 @@ from idm_sumo.recordings.smoothing import smooth
 from idm_sumo.roads.units import FOOT
 from idm_sumo.runtime.errors import InputError
 from idm_sumo.scenes.traffic import NOBODY
-from idm_sumo.scenes.windows import LEADER_OF_TWIN, Window, build_scenes
+from idm_sumo.scenes.windows import LEADER_OF_RECORDED, Window, build_scenes
 from idm_sumo.simulation.rollout import drive_idm
 from tests.helpers.pairs import pair
 
@@ -47,7 +47,7 @@ def test_the_gap_is_the_recorded_one_and_no_other_pair_is_seen(tmp_path) -> None
     recording = smooth(clean(read(tmp_path, table)))
     scenes = build_scenes(recording, SHORT)
     assert scenes.excluded.empty
-    assert scenes.leader_source == LEADER_OF_TWIN
+    assert scenes.leader_source == LEADER_OF_RECORDED
     driven = drive_idm(scenes, (1.4, 1.8, 1.1, 2.0, 0.0))
     np.testing.assert_allclose(driven.gap[:, 0], [20.0, 3.0, 20.0], atol=0.01)
     assert (driven.leader != NOBODY).all()
