@@ -1,4 +1,4 @@
-"""Calibration: one driver's parameters, one set for all of them, and everything between."""
+"""Calibration of drivers, one by one, together and in between."""
 
 from idm_sumo.calibration.hierarchical import Population, hierarchical
 from idm_sumo.calibration.pooled import pooled

@@ -1,4 +1,7 @@
-"""Campaigns larger than memory or one process: scenes in pieces that carry only the traffic they need."""
+"""Scenes in pieces, for campaigns larger than memory.
+
+A piece carries only the traffic that its windows need.
+"""
 
 from __future__ import annotations
 
@@ -13,7 +16,21 @@ CHUNK = 4096  # windows: about 30 MB of 10 s windows
 
 
 def chunks(scenes: Scenes, size: int = CHUNK) -> Iterator[tuple[slice, Scenes]]:
-    """Yield slices of the windows and their scenes, each with its own part of the traffic; one that is all is not copied."""
+    """Yield the scenes in pieces, each with its own traffic.
+
+    Parameters
+    ----------
+    scenes : Scenes
+    size : int
+        Windows of a piece. Scenes of no more windows are not copied.
+
+    Yields
+    ------
+    piece : slice
+        Of the windows.
+    scenes : Scenes
+        These windows and the traffic that they need.
+    """
     if len(scenes) <= size:
         yield slice(0, len(scenes)), scenes
         return
@@ -23,9 +40,16 @@ def chunks(scenes: Scenes, size: int = CHUNK) -> Iterator[tuple[slice, Scenes]]:
 
 
 def with_needed_traffic(scenes: Scenes) -> Scenes:
-    """Return the same scenes with only the cells of the traffic that their windows see.
+    """Return the scenes with only the traffic they need.
 
-    The cells are numbered anew; those of one window still follow each other.
+    Parameters
+    ----------
+    scenes : Scenes
+
+    Returns
+    -------
+    Scenes
+        The cells of the traffic are numbered anew; those of one window still follow each other.
     """
     t = scenes.traffic
     cells = len(t.offsets) - 1

@@ -1,4 +1,7 @@
-"""When, where and as what a driver enters: what an exported vehicle needs beside its parameters."""
+"""When, where and as what drivers enter.
+
+An exported vehicle needs it beside its parameters.
+"""
 
 from __future__ import annotations
 
@@ -19,7 +22,7 @@ NEAR = 20.0  # m before an off-ramp, from where whoever is beside the main lanes
 
 
 def departures(source: Scenes | Recording | Sequence[Scenes]) -> pd.DataFrame:
-    """Return the departures of drivers, keyed by period, vehicle and first frame.
+    """Return when, where and as what drivers enter.
 
     Parameters
     ----------
@@ -30,8 +33,8 @@ def departures(source: Scenes | Recording | Sequence[Scenes]) -> pd.DataFrame:
     Returns
     -------
     pandas.DataFrame
-        ``period, vehicle, first_frame, depart_s`` (frame number × 0.1 s, so on the period's own
-        clock), ``lane, x_m, y_m, speed_m_s, length_m, width_m, vehicle_class, destination``.
+        The keys ``period, vehicle, first_frame``; ``depart_s`` (frame number × 0.1 s, so on the
+        period's own clock), ``lane, x_m, y_m, speed_m_s, length_m, width_m, vehicle_class, destination``.
     """
     if isinstance(source, Recording):
         return _of_recording(source)

@@ -1,4 +1,4 @@
-"""The desired speed of a recording's drivers, where nobody says it."""
+"""The desired speed of drivers, estimated from their recording."""
 
 from __future__ import annotations
 
@@ -21,7 +21,7 @@ PRECISE = 0.005  # relative
 
 
 def estimate_desired_speeds(scenes: Scenes) -> Floats:
-    """Return what each driver wants to drive, estimated from the recording.
+    """Estimate the desired speed of every driver.
 
     A sixth parameter, which one window hardly determines and all windows together do: the one
     desired speed with which the drivers, each with its own best parameters, stay nearest to

@@ -1,4 +1,4 @@
-"""A table of calibrated drivers from a file, checked once at the border."""
+"""Tables of calibrated drivers, read from files and checked once."""
 
 from __future__ import annotations
 
@@ -39,7 +39,12 @@ _WHOLE = (c.VEHICLE, FIRST_FRAME, LANE, CLASS, HAS)
 
 
 def read_drivers(path: Path | str) -> pd.DataFrame:
-    """Read ``drivers.parquet`` or ``.csv`` as ``idm-sumo calibrate`` writes it, and check it.
+    """Read a driver table from a file and check it.
+
+    Parameters
+    ----------
+    path : Path or str
+        ``drivers.parquet`` or ``.csv`` as ``idm-sumo calibrate`` writes it.
 
     Returns
     -------
@@ -61,7 +66,7 @@ def read_drivers(path: Path | str) -> pd.DataFrame:
 
 
 def _of_csv(text: str, source: Path) -> pd.DataFrame:
-    """Return a table whose rows all have as many cells as the first has names."""
+    """Return the table of a CSV with equally long rows."""
     try:
         rows = [row for row in csv.reader(text.splitlines()) if row]
     except csv.Error as error:
@@ -80,7 +85,7 @@ def _of_csv(text: str, source: Path) -> pd.DataFrame:
 
 
 def check_drivers(table: pd.DataFrame, *, source: str = "drivers") -> pd.DataFrame:
-    """Return the table with whole numbers and floats as such, if every row can be driven.
+    """Check that a driver table can be driven.
 
     Parameters
     ----------
@@ -88,6 +93,11 @@ def check_drivers(table: pd.DataFrame, *, source: str = "drivers") -> pd.DataFra
         Columns ``period, vehicle, a, b, T, d0, d1`` (SI), any others beside.
     source : str
         How messages name the table.
+
+    Returns
+    -------
+    pandas.DataFrame
+        The table, with whole numbers and floats as such.
 
     Raises
     ------
@@ -123,13 +133,20 @@ def check_drivers(table: pd.DataFrame, *, source: str = "drivers") -> pd.DataFra
 
 
 def check_departures(table: pd.DataFrame, *, source: str = "drivers") -> pd.DataFrame:
-    """Return the table with its departures as numbers, if every one of them is possible.
+    """Check that every departure in a driver table is possible.
 
     Parameters
     ----------
     table : pandas.DataFrame
         Columns ``period, vehicle`` and those of :data:`DEPARTURE`: s, lane 1 to 8, m, m,
         m/s, m, m, class 0 to 3 as in :mod:`idm_sumo.recordings.columns`.
+    source : str
+        How messages name the table.
+
+    Returns
+    -------
+    pandas.DataFrame
+        The table, with its departures as numbers.
 
     Raises
     ------
@@ -141,12 +158,21 @@ def check_departures(table: pd.DataFrame, *, source: str = "drivers") -> pd.Data
 
 
 def has_parameters(table: pd.DataFrame) -> npt.NDArray[np.bool_]:
-    """Return which drivers of a checked table have parameters, shape ``(rows,)``."""
+    """Return which drivers of a checked table have parameters.
+
+    Parameters
+    ----------
+    table : pandas.DataFrame
+
+    Returns
+    -------
+    bool, shape (rows,)
+    """
     return np.asarray(table[PARAMETERS[0]].notna())
 
 
 def _without_fit(table: pd.DataFrame) -> pd.Series:
-    """Return which rows say that nothing could be fitted, and hold nothing."""
+    """Return the rows without parameters whose status says why."""
     if STATUS not in table:
         return pd.Series(False, index=table.index)
     return (table[STATUS] != OK) & table[list(PARAMETERS)].isna().all(axis=1)
@@ -160,7 +186,10 @@ def _need(table: pd.DataFrame, names: tuple[str, ...], source: str) -> None:
 def _checked(
     table: pd.DataFrame, ranges: dict[str, tuple[float, float]], source: str, exempt: pd.Series | None = None
 ) -> pd.DataFrame:
-    """Return the table with the columns of ``ranges`` as numbers inside them, bounds included, but for exempt rows."""
+    """Return the table with checked numbers in some columns.
+
+    ``ranges`` holds each column's lowest and highest value; rows that are ``exempt`` are not checked.
+    """
     typed = {}
     for name, (low, high) in ranges.items():
         values = pd.to_numeric(table[name], errors="coerce").astype("float64")
@@ -183,7 +212,10 @@ def _checked(
 
 
 def _numeric(table: pd.DataFrame, source: str) -> pd.DataFrame:
-    """Return the table with numbers in all columns of ours that hold such; what is no number is refused."""
+    """Return the table with numbers where ours has numbers.
+
+    What is no number is refused.
+    """
     ours = [name for name in table.columns if str(name).startswith(NUMBERED) or str(name).endswith(UNITS)]
     return table.assign(**{name: numbers(table[name], name, source) for name in ours})
 
@@ -193,5 +225,5 @@ def _first(marked: pd.Series) -> int:
 
 
 def _where(table: pd.DataFrame, row: int) -> str:
-    """Name a row: its number, counted from 0, and its driver."""
+    """Return a row's number, counted from 0, and its driver."""
     return f"row {row} (period {table[c.PERIOD].iloc[row]}, vehicle {table[c.VEHICLE].iloc[row]})"

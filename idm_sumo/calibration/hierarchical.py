@@ -1,4 +1,6 @@
-r"""Partial pooling: every driver is drawn to the population as strongly as the data says.
+r"""Partial pooling of drivers: their parameters and the population's.
+
+Every driver is drawn to the population the more, the less its own window says.
 
 Empirical Bayes. The drivers' parameters are log-normal, :math:`u_i \sim N(\mu, \Sigma)` with
 :math:`u = \log(a, b, T, d_0, d_1 + 1\,\mathrm m)`. A window's errors are Laplace-distributed with
@@ -69,12 +71,23 @@ class Population(NamedTuple):
     rounds: int
 
     def typical(self) -> idm.IDMParameters:
-        """Return the median driver: what to assume of somebody never seen."""
+        """Return the median driver, to assume of unknown drivers."""
         return idm.IDMParameters(*to_parameters(self.mean).tolist())
 
 
 def to_parameters(u: npt.ArrayLike) -> Floats:
-    """Return ``a, b, T, d0, d1`` of logarithms of shape ``(..., 5)``."""
+    """Return the parameters of logarithms.
+
+    Parameters
+    ----------
+    u : array_like, shape (..., 5)
+        ``log(a, b, T, d0, d1 + 1 m)``.
+
+    Returns
+    -------
+    float64, shape (..., 5)
+        ``a, b, T, d0, d1`` in SI units, within the bounds.
+    """
     values = np.exp(np.asarray(u, dtype=np.float64)) - SHIFT
     return np.asarray(np.clip(values, np.array(idm.LOWER), np.array(idm.UPPER)))
 
@@ -127,7 +140,18 @@ def hierarchical(
 
 
 class Part:
-    """The drivers of one problem, where they are, and how curved their likelihood is there."""
+    """The drivers of one problem and their likelihood's curvature.
+
+    Attributes
+    ----------
+    problem : Problem
+    u : float64, shape (n, 5)
+        Logarithms of the drivers' parameters, as far as EM has moved them.
+    frames : float64, shape (n,)
+        How many independent frames the errors are worth.
+    hessian : float64, shape (n, 5, 5)
+        Of the negative log-posterior at ``u``.
+    """
 
     def __init__(self, problem: Problem, u: Floats, frames: Floats) -> None:
         self.problem, self.u, self.frames = problem, u, frames
@@ -135,13 +159,36 @@ class Part:
 
     @classmethod
     def of(cls, problem: Problem) -> Part:
-        """Start from the drivers' own fits, which also tell how many frames their errors are worth."""
+        """Start from the drivers' own fits.
+
+        Parameters
+        ----------
+        problem : Problem
+
+        Returns
+        -------
+        Part
+            The fits also tell how many independent frames their errors are worth.
+        """
         z, _, _ = fit_all(problem, np.arange(len(problem.start_x)), design_of_starts(STARTS))
         frames = identifiability.effective_frames(sensitivities(problem, z)[0], problem.counted)
         return cls(problem, np.log(from_search(z) + SHIFT), frames)
 
     def likelihood(self, u: Floats) -> tuple[Floats, Floats, Floats]:
-        """Return the negative log-likelihood, its gradient and Gauss-Newton matrix by logarithms."""
+        """Return the negative log-likelihood and its derivatives.
+
+        Parameters
+        ----------
+        u : float64, shape (n, 5)
+            Logarithms of the parameters.
+
+        Returns
+        -------
+        value : float64, shape (n,)
+        gradient : float64, shape (n, 5)
+        matrix : float64, shape (n, 5, 5)
+            Of Gauss and Newton.
+        """
         theta = to_parameters(u)
         z = to_search(theta)
         value, gradient, normal = costs_and_derivatives(self.problem, z, SMOOTHING)
@@ -152,7 +199,14 @@ class Part:
         return self.frames * np.log(value), weight[:, None] * gradient * scale, curved
 
     def draw(self, population: Population, steps: int) -> None:
-        """Move every driver towards its maximum a posteriori by damped Gauss-Newton steps."""
+        """Move every driver towards its maximum a posteriori.
+
+        Parameters
+        ----------
+        population : Population
+        steps : int
+            Damped Gauss-Newton steps.
+        """
         precision = np.linalg.inv(population.covariance)
         damping = np.full(len(self.u), 1e-2)
         value, gradient, hessian = self.posterior(self.u, population.mean, precision)
@@ -166,7 +220,16 @@ class Part:
         self.hessian = hessian
 
     def settle(self, population: Population, starts: tuple[Floats, Floats], steps: int) -> None:
-        """Move every driver to its maximum a posteriori, from either start, whichever ends better."""
+        """Move every driver to its maximum a posteriori.
+
+        Parameters
+        ----------
+        population : Population
+        starts : two float64 arrays, shape (n, 5)
+            Logarithms; the start that ends better is kept, driver by driver.
+        steps : int
+            Damped Gauss-Newton steps from each start.
+        """
         precision, ends = np.linalg.inv(population.covariance), []
         for start in starts:
             self.u = start.copy()
@@ -179,23 +242,50 @@ class Part:
     def posterior(
         self, u: Floats, mean: Floats, precision: npt.NDArray[np.floating[Any]]
     ) -> tuple[Floats, Floats, Floats]:
-        """Return the negative log-posterior, its gradient and matrix."""
+        """Return the negative log-posterior and its derivatives.
+
+        Parameters
+        ----------
+        u : float64, shape (n, 5)
+            Logarithms of the parameters.
+        mean : float64, shape (5,) or (n, 5)
+            Of the population, or of each driver's prior.
+        precision : float64, shape (5, 5) or as ``u - mean`` can be multiplied with
+            Inverse of the prior's covariance.
+
+        Returns
+        -------
+        value : float64, shape (n,)
+        gradient : float64, shape (n, 5)
+        matrix : float64, shape (n, 5, 5)
+        """
         value, gradient, hessian = self.likelihood(u)
         off = (u - mean) @ precision
         return value + 0.5 * np.einsum("nj,nj->n", off, u - mean), gradient + off, hessian + precision
 
 
 def limited(hessian: Floats) -> Floats:
-    """Return matrices of curvature, scaled down where an unstable rollout makes them so large that any prior drowns in rounding.
+    """Return matrices of curvature, of limited size.
 
-    Shapes ``(drivers, parameters, parameters)``.
+    An unstable rollout makes them so large that any prior drowns in rounding; those are scaled down.
+
+    Parameters
+    ----------
+    hessian : float64, shape (drivers, parameters, parameters)
+
+    Returns
+    -------
+    float64, of the same shape
     """
     largest = np.einsum("njj->nj", hessian).max(axis=1, initial=0.0)
     return np.asarray(hessian * np.minimum(1.0, MOST_CURVED / np.maximum(largest, 1e-300))[:, None, None])
 
 
 def _step(u: Floats, gradient: Floats, hessian: Floats, damping: Floats) -> Floats:
-    """Return the damped step of every driver, kept inside the bounds; a coordinate held by a bound does not take part."""
+    """Return the damped step of every driver within the bounds.
+
+    A coordinate held by a bound does not take part.
+    """
     held = ((u <= LOWER) & (gradient > 0.0)) | ((u >= UPPER) & (gradient < 0.0))
     diagonal = np.einsum("njj->nj", hessian)
     matrix = hessian + np.eye(PARAMETERS) * (damping[:, None] * diagonal)[:, None, :]
@@ -233,13 +323,19 @@ def _em_round(parts: list[Part], population: Population, rounds: int) -> Populat
 
 
 def _packed(population: Population) -> Floats:
-    """Return mean and logarithm of the covariance: numbers of which any are a population."""
+    """Return a population as numbers without constraints.
+
+    The mean and the logarithm of the covariance; any such numbers are a population.
+    """
     values, vectors = np.linalg.eigh(population.covariance)
     return np.concatenate([population.mean, ((vectors * np.log(values)) @ vectors.T).ravel()])
 
 
 def _extrapolated(population: Population, once: Population, twice: Population) -> Population:
-    """Return where the rounds seem to lead, at most ``FURTHEST`` times as far as they went."""
+    """Return the population to which the rounds seem to lead.
+
+    At most ``FURTHEST`` times as far as they went.
+    """
     start, first, second = _packed(population), _packed(once), _packed(twice)
     step, bend = first - start, second - 2.0 * first + start
     far = float(np.clip(np.linalg.norm(step) / max(float(np.linalg.norm(bend)), 1e-300), 1.0, FURTHEST))
@@ -258,7 +354,7 @@ def _as_table(
     population: Population,
     desired_speed: float | None,
 ) -> pd.DataFrame:
-    """Return one row a window, NaN where nothing can be fitted."""
+    """Return one row a window, NaN without a fit."""
     n = len(scenes)
     theta, frames, drawn = np.full((n, PARAMETERS), np.nan), np.full(n, np.nan), np.full(n, np.nan)
     theta[which], frames[which] = to_parameters(part.u), part.frames

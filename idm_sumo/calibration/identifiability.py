@@ -1,7 +1,8 @@
-r"""How well a window determines a driver: covariance, undetermined parameters, flat directions.
+r"""How well a window determines a driver's parameters.
 
-The fit is an M-estimate: it minimises :math:`\sum_t \rho(e_t)` of errors that are correlated
-in time. With the errors' derivatives :math:`J_t`, the mean curvature :math:`\alpha_t =
+Covariance, undetermined parameters and flat directions. The fit is an M-estimate: it minimises
+:math:`\sum_t \rho(e_t)` of errors that are correlated in time. With the errors' derivatives
+:math:`J_t`, the mean curvature :math:`\alpha_t =
 \mathrm E\,\rho''` and score variance :math:`\beta_t = \mathrm E\,\rho'^2`, both for normal errors
 of the residual variance :math:`\sigma^2`,
 
@@ -55,7 +56,8 @@ SMALL_SAMPLE, LEAST_LEFT = 5, 0.5
 FACTORS = np.array([0.8, 1.0, 1.06, 1.15, 1.0])
 SYSTEMATIC = np.array([0.0, 0.04, 0.0, 0.0, 0.0])
 FEWEST = PARAMETERS + 2.0  # effective frames
-SMOOTHED = 9.3  # frames: the correlation time of white noise smoothed by a cubic over 21 frames; an interval counts on no shorter one
+# Frames: the correlation time of white noise smoothed by a cubic over 21 frames; no interval counts on a shorter one.
+SMOOTHED = 9.3
 START_SPEED_SD = 2.77  # 1/s: the error of a speed over that of a position, both smoothed by a cubic over 21 frames
 LEAST_ERROR = 1e-3  # m (or the objective's unit), below any measurement: keeps a perfect fit's variance positive
 
@@ -87,7 +89,18 @@ class Identification(NamedTuple):
 
 
 def identify(problem: Problem, z: Floats) -> Identification:
-    """Return what the windows say at fits ``z``, search coordinates of shape ``(n, 5)``."""
+    """Return what the windows say of their drivers.
+
+    Parameters
+    ----------
+    problem : Problem
+    z : float64, shape (n, 5)
+        Fits in search coordinates.
+
+    Returns
+    -------
+    Identification
+    """
     errors, every = start_sensitivities(problem, z)
     slopes, by_start = every[:, :PARAMETERS], every[:, PARAMETERS:]
     frames = problem.counted.sum(axis=1)
@@ -113,9 +126,10 @@ def identify(problem: Problem, z: Floats) -> Identification:
 
 
 def _from_the_start(gains: Floats, by_start: Floats, variance: Floats) -> Floats:
-    """Return what an error of the start's position and speed adds to the scores' covariance, shape ``(n, 5, 5)``.
+    """Return what the start adds to the scores' covariance.
 
-    The start is recorded with the same noise as everything else, and its error lasts.
+    The start is recorded with the same noise as everything else, and its error lasts: position and
+    speed at the start are wrong by as much as any. Shape ``(n, 5, 5)``.
     """
     scores = np.einsum("njh,nsh->nsj", gains, by_start, optimize=True)
     weighted = scores * (variance[:, None] * np.array([1.0, START_SPEED_SD**2]))[:, :, None]
@@ -123,14 +137,35 @@ def _from_the_start(gains: Floats, by_start: Floats, variance: Floats) -> Floats
 
 
 def effective_frames(errors: Floats, counted: npt.NDArray[np.bool_]) -> Floats:
-    """Return how many independent frames errors of shape ``(n, h)`` are worth, shape ``(n,)``."""
+    """Return how many independent frames errors are worth.
+
+    Parameters
+    ----------
+    errors : float64, shape (n, h)
+    counted : bool, shape (n, h)
+
+    Returns
+    -------
+    float64, shape (n,)
+    """
     return np.asarray(np.maximum(counted.sum(axis=1) / correlation_times(errors, counted), FEWEST))
 
 
 def correlation_times(errors: Floats, counted: npt.NDArray[np.bool_]) -> Floats:
-    """Return the correlation time of errors in frames, at least 1, shape ``(n,)``.
+    """Return the correlation time of errors, in frames.
 
-    One plus twice the sum of the autocorrelation up to its first value that is not positive.
+    One plus twice the sum of the autocorrelation up to its first value that is not positive
+    (the initial positive sequence of Geyer, 1992).
+
+    Parameters
+    ----------
+    errors : float64, shape (n, h)
+    counted : bool, shape (n, h)
+
+    Returns
+    -------
+    float64, shape (n,)
+        At least 1.
     """
     h = errors.shape[1]
     centred = np.where(counted, errors, 0.0)
@@ -143,8 +178,9 @@ def correlation_times(errors: Floats, counted: npt.NDArray[np.bool_]) -> Floats:
 
 
 def _expectations(problem: Problem, sd: Floats) -> tuple[Floats, Floats]:
-    r"""Return the mean curvature and score variance of every frame's cost for normal errors, 0 where none counts.
+    r"""Return every frame's mean curvature and score variance.
 
+    Of the cost, for normal errors of standard deviation ``sd``; 0 where no frame counts.
     For the ADE, :math:`\alpha = (e_y^2 + \pi\sigma^2/2)^{-1/2}` and :math:`\beta = \sigma^2/(e_y^2 +
     \sigma^2)`, exact for a lateral error of 0 and for a large one.
     """
@@ -166,7 +202,18 @@ def _at_bound(z: Floats) -> npt.NDArray[np.bool_]:
 
 
 def at_bound(parameters: Floats) -> npt.NDArray[np.bool_]:
-    """Return which parameters, shape ``(n, 5)``, are within 0.1 % of the range of a bound."""
+    """Return which parameters are at a bound.
+
+    Parameters
+    ----------
+    parameters : float64, shape (n, 5)
+        ``a, b, T, d0, d1`` in SI units.
+
+    Returns
+    -------
+    bool, shape (n, 5)
+        Within 0.1 % of the range between the bounds.
+    """
     lower, upper = np.array(idm.LOWER), np.array(idm.UPPER)
     return np.asarray(np.minimum(parameters - lower, upper - parameters) <= NEAR_BOUND * (upper - lower))
 
@@ -176,18 +223,38 @@ def undetermined(identification: Identification, z: Floats) -> npt.NDArray[np.bo
 
     Their 95 % interval is wider than half of the range between the bounds (of ``a, b``: in
     logarithms), or the fit ended on a bound, where the best value may lie beyond.
+
+    Parameters
+    ----------
+    identification : Identification
+    z : float64, shape (n, 5)
+        Fits in search coordinates.
+
+    Returns
+    -------
+    bool, shape (n, 5)
     """
     wide = 2.0 * NORMAL_95 * identification.search_sd > UNDETERMINED_SHARE * (UPPER - LOWER)
     return np.asarray(wide | _at_bound(z))
 
 
 def names_of(which: npt.NDArray[np.bool_]) -> list[str]:
-    """Return for every row the names of the parameters marked, joined by commas, '' for none."""
+    """Return the names of the marked parameters, row by row.
+
+    Parameters
+    ----------
+    which : bool, shape (n, 5)
+
+    Returns
+    -------
+    list of str
+        Joined by commas, '' for none.
+    """
     return [",".join(name for name, hit in zip(NAMES, row, strict=True) if hit) for row in which]
 
 
 def along_flat_direction(problem: Problem, z: Floats, shares: npt.ArrayLike = (0.05, 0.1, 0.2, 0.4)) -> pd.DataFrame:
-    """Say how much the objective grows when a driver moves along its flattest direction.
+    """Measure how the objective grows along its flattest direction.
 
     Parameters
     ----------

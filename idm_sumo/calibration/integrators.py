@@ -1,4 +1,4 @@
-r"""The three ways to step a vehicle along its lane, and rollouts of many drivers by each.
+"""Three ways to step a vehicle along its lane.
 
 The paper's transition model is Euler with the old speed. SUMO offers Euler with the new
 speed (its default) and the ballistic update. Every figure has to say which one made it: over
@@ -28,33 +28,92 @@ DT = FRAME_STEP
 
 @njit(cache=True)
 def euler_old_speed(x: float, speed: float, new_speed: float, dt: float) -> float:
-    r"""Return :math:`x + v\,dt` (m), the paper's step."""
+    r"""Return :math:`x + v\,dt` (m), the paper's step.
+
+    Parameters
+    ----------
+    x : float
+        m.
+    speed, new_speed : float
+        Before and after the step (m/s).
+    dt : float
+        s.
+
+    Returns
+    -------
+    float
+    """
     return x + speed * dt
 
 
 @njit(cache=True)
 def euler_new_speed(x: float, speed: float, new_speed: float, dt: float) -> float:
-    r"""Return :math:`x + v'\,dt` (m): semi-implicit Euler, SUMO's default."""
+    r"""Return :math:`x + v'\,dt` (m), SUMO's default step.
+
+    Semi-implicit Euler.
+
+    Parameters
+    ----------
+    x : float
+        m.
+    speed, new_speed : float
+        Before and after the step (m/s).
+    dt : float
+        s.
+
+    Returns
+    -------
+    float
+    """
     return x + new_speed * dt
 
 
 @njit(cache=True)
 def ballistic(x: float, speed: float, new_speed: float, dt: float) -> float:
-    r"""Return :math:`x + \tfrac12 (v + v')\,dt` (m): constant acceleration within the step, SUMO's ``--step-method.ballistic``.
+    r"""Return :math:`x + \tfrac12(v+v')\,dt` (m), the ballistic step.
 
-    A vehicle that stops within the step stops at its end, because SUMO's IDM never plans a
-    negative speed (Treiber and Kanagaraj, 2015, would let it stop earlier).
+    Constant acceleration within the step, SUMO's ``--step-method.ballistic``. A vehicle that stops
+    within the step stops at its end, because SUMO's IDM never plans a negative speed (Treiber and
+    Kanagaraj, 2015, would let it stop earlier).
+
+    Parameters
+    ----------
+    x : float
+        m.
+    speed, new_speed : float
+        Before and after the step (m/s).
+    dt : float
+        s.
+
+    Returns
+    -------
+    float
     """
     return x + 0.5 * (speed + new_speed) * dt
 
 
 @njit(cache=True)
 def speed_in_sumo(speed: float, acceleration: float, desired_speed: float, dt: float) -> float:
-    r"""Return the next speed (m/s) as SUMO bounds it: :math:`\max(0, v - 9\,dt, \min(v + \dot v\,dt, v_0))`.
+    r"""Return the next speed (m/s) as SUMO bounds it.
 
-    SUMO does not drive above the smaller of ``maxSpeed`` and the lane's limit. A vehicle that
-    is faster brakes by ``emergencyDecel`` (9 m/s²) until it is not, while the IDM itself would
-    let it slow down gently.
+    :math:`\max(0, v - 9\,dt, \min(v + \dot v\,dt, v_0))`. SUMO does not drive above the smaller of
+    ``maxSpeed`` and the lane's limit. A vehicle that is faster brakes by ``emergencyDecel`` (9 m/s²)
+    until it is not, while the IDM itself would let it slow down gently.
+
+    Parameters
+    ----------
+    speed : float
+        m/s.
+    acceleration : float
+        The IDM's (m/s²).
+    desired_speed : float
+        m/s.
+    dt : float
+        s.
+
+    Returns
+    -------
+    float
     """
     least = max(0.0, speed - idm.EMERGENCY_BRAKING * dt)
     return max(least, min(speed + acceleration * dt, desired_speed))
@@ -62,10 +121,28 @@ def speed_in_sumo(speed: float, acceleration: float, desired_speed: float, dt: f
 
 @njit(cache=True)
 def advance(scheme, x, speed, acceleration, desired_speed, forward, dt):  # type: ignore[no-untyped-def]
-    """Return position (m) and speed (m/s) ``dt`` seconds later by one of the three schemes.
+    """Return position and speed after a step of a scheme.
 
-    ``forward`` is the metres along the road per metre driven, which the paper's model has
-    from its steering; in SUMO a vehicle that keeps its lane loses nothing.
+    Parameters
+    ----------
+    scheme : int
+        ``PAPER``, ``EULER`` or ``BALLISTIC``.
+    x, speed : float
+        m, m/s.
+    acceleration : float
+        m/s².
+    desired_speed : float
+        m/s.
+    forward : float
+        Metres along the road per metre driven, which the paper's model has from its steering;
+        in SUMO a vehicle that keeps its lane loses nothing.
+    dt : float
+        s.
+
+    Returns
+    -------
+    x, speed : float
+        m, m/s.
     """
     if scheme == PAPER:
         new_speed = max(0.0, speed + acceleration * dt)
@@ -78,7 +155,20 @@ def advance(scheme, x, speed, acceleration, desired_speed, forward, dt):  # type
 
 @njit(cache=True)
 def drive_one(p, i, theta, scheme, x, speed):  # type: ignore[no-untyped-def]
-    """Fill ``x`` (m) and ``speed`` (m/s), shape ``(h + 1,)``, of driver ``i`` with parameters ``theta``, shape ``(5,)``."""
+    """Drive one driver along its lane over the horizon.
+
+    Parameters
+    ----------
+    p : Problem
+    i : int
+        The driver.
+    theta : float64, shape (5,)
+        ``a, b, T, d0, d1`` in SI units.
+    scheme : int
+        ``PAPER``, ``EULER`` or ``BALLISTIC``.
+    x, speed : float64, shape (h + 1,)
+        Filled with the front bumper (m) and m/s.
+    """
     x[0], speed[0] = p.start_x[i], p.start_speed[i]
     for k in range(x.shape[0] - 1):
         rear, leader_speed = look_ahead(p, i, k, x[k])
@@ -91,7 +181,23 @@ def drive_one(p, i, theta, scheme, x, speed):  # type: ignore[no-untyped-def]
 
 @njit(cache=True)
 def ade_one(p, i, theta, scheme):  # type: ignore[no-untyped-def]
-    """Return the ADE (m) of driver ``i``: the mean distance from the recorded twin; NaN if no frame counts."""
+    """Return the ADE (m) of one driver.
+
+    Parameters
+    ----------
+    p : Problem
+    i : int
+        The driver.
+    theta : float64, shape (5,)
+        ``a, b, T, d0, d1`` in SI units.
+    scheme : int
+        ``PAPER``, ``EULER`` or ``BALLISTIC``.
+
+    Returns
+    -------
+    float
+        Mean distance from the recorded vehicle over the frames that count; NaN if none does.
+    """
     h = p.target.shape[1]
     x, speed = np.empty(h + 1), np.empty(h + 1)
     drive_one(p, i, theta, scheme, x, speed)
@@ -116,7 +222,7 @@ def _ade_all(first, last, p, theta, scheme, values):  # type: ignore[no-untyped-
 
 
 def drive(problem: Problem, parameters: npt.ArrayLike, integration: str) -> tuple[Floats, Floats]:
-    """Drive every driver along its lane from its start over the horizon.
+    """Drive every driver along its lane over the horizon.
 
     Parameters
     ----------
@@ -130,6 +236,11 @@ def drive(problem: Problem, parameters: npt.ArrayLike, integration: str) -> tupl
     -------
     x, speed : float64, shape (n, h + 1)
         Front bumper (m), m/s.
+
+    Raises
+    ------
+    InputError
+        If there is no such integration.
     """
     theta = as_parameters(problem, parameters)
     n, h = problem.target.shape
@@ -139,20 +250,56 @@ def drive(problem: Problem, parameters: npt.ArrayLike, integration: str) -> tupl
 
 
 def ades(problem: Problem, parameters: npt.ArrayLike, integration: str) -> Floats:
-    """Return every driver's ADE (m), shape ``(n,)``; arguments as in :func:`drive`. The problem's objective is the ADE."""
+    """Return every driver's ADE (m).
+
+    Parameters
+    ----------
+    problem : Problem
+        With the objective ``"ade"``.
+    parameters : array_like, shape (n, 5) or (5,)
+        ``a, b, T, d0, d1``.
+    integration : {"paper", "euler", "ballistic"}
+
+    Returns
+    -------
+    float64, shape (n,)
+
+    Raises
+    ------
+    InputError
+        If there is no such integration.
+    """
     values = np.empty(len(problem.start_x))
     in_threads(_ade_all, len(values), problem, as_parameters(problem, parameters), code(integration), values)
     return values
 
 
 def as_parameters(problem: Problem, parameters: npt.ArrayLike) -> Floats:
-    """Return one contiguous row of five parameters a driver."""
+    """Return one contiguous row of five parameters a driver.
+
+    Parameters
+    ----------
+    problem : Problem
+    parameters : array_like, shape (n, 5) or (5,)
+
+    Returns
+    -------
+    float64, shape (n, 5)
+    """
     theta = np.asarray(parameters, dtype=np.float64)
     return np.array(np.broadcast_to(theta, (len(problem.start_x), 5)), order="C")
 
 
 def code(integration: str) -> int:
     """Return the number of a scheme.
+
+    Parameters
+    ----------
+    integration : {"paper", "euler", "ballistic"}
+
+    Returns
+    -------
+    int
 
     Raises
     ------

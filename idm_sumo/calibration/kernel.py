@@ -1,4 +1,4 @@
-"""The longitudinal rollout of many drivers: costs, gradients and matrices, sensitivities frame by frame.
+"""The longitudinal rollout of many drivers and its derivatives.
 
 The same model as :func:`idm_sumo.simulation.rollout.drive_idm` (Euler with the old speed, the leader
 perceived at the simulated position), with the lateral motion fixed beforehand
@@ -53,16 +53,21 @@ DIRECTIONS = PARAMETERS + 2  # derivatives by the parameters, then by the start'
 
 @njit(cache=True, error_model="numpy")
 def sensitivities_of(p, i, z, errors, slopes):  # type: ignore[no-untyped-def]
-    """Roll out driver ``i`` and fill the error of every frame and its derivatives.
+    """Fill one driver's errors and their derivatives.
 
     As :func:`~idm_sumo.calibration.lanes.step_with_tangents`, one parameter set, every frame kept.
 
     Parameters
     ----------
+    p : Problem
+    i : int
+        The driver.
+    z : float64, shape (5,)
+        Search coordinates.
     errors : float64, shape (h,)
-        0 in frames that do not count.
+        Filled; 0 in frames that do not count.
     slopes : float64, shape (7, h)
-        By search coordinates, by the start's position and by its speed.
+        Filled with the errors' derivatives by search coordinates, by the start's position and by its speed.
     """
     a, b, headway, d0, d1 = parameters_at(z)
     weight, inverse, objective = idm.closing_weight(a, b), 1.0 / p.desired_speed[i], p.objective
@@ -95,13 +100,41 @@ def _sensitivities(first, last, p, z, errors, slopes):  # type: ignore[no-untype
 
 
 def sensitivities(problem: Problem, z: Floats) -> tuple[Floats, Floats]:
-    """Return every driver's errors and their derivatives by search coordinates: shapes ``(n, h)`` and ``(n, 5, h)``."""
+    """Return every driver's errors and their derivatives.
+
+    Parameters
+    ----------
+    problem : Problem
+    z : float64, shape (n, 5)
+        Search coordinates.
+
+    Returns
+    -------
+    errors : float64, shape (n, h)
+        In the objective's unit; 0 in frames that do not count.
+    slopes : float64, shape (n, 5, h)
+        By search coordinates.
+    """
     errors, slopes = start_sensitivities(problem, z)
     return errors, slopes[:, :PARAMETERS]
 
 
 def start_sensitivities(problem: Problem, z: Floats) -> tuple[Floats, Floats]:
-    """Return the same with two more derivatives: by the position and the speed at the start, ``(n, 7, h)``."""
+    """Return errors and derivatives, those by the start included.
+
+    Parameters
+    ----------
+    problem : Problem
+    z : float64, shape (n, 5)
+        Search coordinates.
+
+    Returns
+    -------
+    errors : float64, shape (n, h)
+        In the objective's unit; 0 in frames that do not count.
+    slopes : float64, shape (n, 7, h)
+        By search coordinates, by the position and by the speed at the start.
+    """
     n, h = problem.target.shape
     errors, slopes = np.empty((n, h)), np.empty((n, DIRECTIONS, h))
     in_threads(_sensitivities, n, problem, np.ascontiguousarray(z), errors, slopes)
@@ -110,9 +143,26 @@ def start_sensitivities(problem: Problem, z: Floats) -> tuple[Floats, Floats]:
 
 @njit(cache=True, error_model="numpy")
 def cost_and_derivatives(p, i, z, smoothing, gradient, normal):  # type: ignore[no-untyped-def]
-    """Return the mean cost at ``z``; fill its gradient, ``(5,)``, and matrix, ``(5, 5)``; NaN if no frame counts.
+    """Return one driver's mean cost; fill gradient and matrix.
 
-    The matrix is that of reweighted least squares (:mod:`idm_sumo.calibration.objective`).
+    Parameters
+    ----------
+    p : Problem
+    i : int
+        The driver.
+    z : float64, shape (5,)
+        Search coordinates.
+    smoothing : float
+        Of the distance (m), see :func:`~idm_sumo.calibration.objective.distance`.
+    gradient : float64, shape (5,)
+        Filled.
+    normal : float64, shape (5, 5)
+        Filled with the matrix of reweighted least squares (:mod:`idm_sumo.calibration.objective`).
+
+    Returns
+    -------
+    float
+        In the objective's unit; NaN if no frame counts.
     """
     lanes, same = np.empty(WHOLE), np.empty((LANES, PARAMETERS))
     for lane in range(LANES):
@@ -135,7 +185,23 @@ def _costs_and_derivatives(first, last, p, z, smoothing, values, gradients, norm
 
 
 def costs_and_derivatives(problem: Problem, z: Floats, smoothing: float) -> tuple[Floats, Floats, Floats]:
-    """Return every driver's mean cost, gradient and matrix: shapes ``(n,), (n, 5), (n, 5, 5)``."""
+    """Return every driver's mean cost, gradient and matrix.
+
+    Parameters
+    ----------
+    problem : Problem
+    z : float64, shape (n, 5)
+        Search coordinates.
+    smoothing : float
+        Of the distance (m).
+
+    Returns
+    -------
+    value : float64, shape (n,)
+    gradient : float64, shape (n, 5)
+    matrix : float64, shape (n, 5, 5)
+        Of reweighted least squares (:mod:`idm_sumo.calibration.objective`).
+    """
     n = len(problem.start_x)
     values, gradients, normals = np.empty(n), np.empty((n, PARAMETERS)), np.empty((n, PARAMETERS, PARAMETERS))
     in_threads(
@@ -151,19 +217,61 @@ def _costs(first, last, p, z, smoothing, values):  # type: ignore[no-untyped-def
 
 
 def costs(problem: Problem, z: Floats, smoothing: float) -> Floats:
-    """Return every driver's mean cost at each of its own search coordinates: ``z`` is ``(n, m, 5)``, the result ``(n, m)``."""
+    """Return every driver's mean cost at several search coordinates.
+
+    Parameters
+    ----------
+    problem : Problem
+    z : float64, shape (n, m, 5) or (1, m, 5)
+        Search coordinates, each driver's own or the same for all.
+    smoothing : float
+        Of the distance (m).
+
+    Returns
+    -------
+    float64, shape (n, m)
+    """
     values = np.empty((len(problem.start_x), z.shape[1]))
     in_threads(_costs, len(values), problem, np.ascontiguousarray(z), float(smoothing), values)
     return values
 
 
 def costs_of_designs(problem: Problem, designs: Floats, smoothing: float) -> Floats:
-    """Return the mean cost of every driver at every design point, shape ``(n, designs)``."""
+    """Return every driver's mean cost at every design point.
+
+    Parameters
+    ----------
+    problem : Problem
+    designs : float64, shape (m, 5)
+        Search coordinates.
+    smoothing : float
+        Of the distance (m).
+
+    Returns
+    -------
+    float64, shape (n, m)
+    """
     return costs(problem, designs[None], smoothing)
 
 
 def cost(problem: Problem, i: int, z: Floats, smoothing: float) -> float:
-    """Return the mean cost of driver ``i`` at search coordinates ``z``, shape ``(5,)``; NaN if no frame counts."""
+    """Return the mean cost of one driver.
+
+    Parameters
+    ----------
+    problem : Problem
+    i : int
+        The driver.
+    z : float64, shape (5,)
+        Search coordinates.
+    smoothing : float
+        Of the distance (m).
+
+    Returns
+    -------
+    float
+        NaN if no frame counts.
+    """
     value = np.empty(1)
     costs_of(problem, i, np.ascontiguousarray(z).reshape(1, PARAMETERS), float(smoothing), value)
     return float(value[0])

@@ -1,9 +1,9 @@
-"""Rollouts of one driver with several parameter sets side by side, with and without derivatives.
+"""Rollouts of one driver with several parameter sets at once.
 
-The state is one flat array, a row a quantity, a column a parameter set, so that the compiler
-uses vector instructions: eight rollouts with all derivatives take as long as one after the
-other without vectors. A loop over lanes is written only where it is long enough for that, and
-whatever does not depend on the lane is a scalar before it.
+With and without derivatives. The state is one flat array, a row a quantity, a column a parameter
+set, so that the compiler uses vector instructions: eight rollouts with all derivatives take as long
+as one after the other without vectors. A loop over lanes is written only where it is long enough
+for that, and whatever does not depend on the lane is a scalar before it.
 """
 
 from __future__ import annotations
@@ -35,7 +35,21 @@ WHOLE = NORMAL + PAIRS * L
 
 @njit(cache=True)
 def look_ahead(p, i, k, x):  # type: ignore[no-untyped-def]
-    """Return rear bumper (m) and speed (m/s) of who is ahead of ``x`` at frame ``k``; infinite and 0 without anybody."""
+    """Return rear bumper and speed of the leader.
+
+    Parameters
+    ----------
+    p : Problem
+    i, k : int
+        Driver, and frame after the start.
+    x : float
+        Front bumper (m).
+
+    Returns
+    -------
+    rear, speed : float
+        m, m/s; infinite and 0 without a leader.
+    """
     if p.behind[i, k] <= x < p.ahead[i, k]:
         return p.rear[i, k], p.leader_speed[i, k]
     row, _ = perceive(p.first_cell[i] + k, x, p.own[i], p.offsets, p.x, p.length, p.vehicle)
@@ -46,7 +60,20 @@ def look_ahead(p, i, k, x):  # type: ignore[no-untyped-def]
 
 @njit(cache=True, error_model="numpy")
 def start_lanes(p, i, z, first, s):  # type: ignore[no-untyped-def]
-    """Fill every lane's start and parameters; lanes beyond ``z`` repeat its last row. The rest of ``s`` becomes 0."""
+    """Fill every lane's start and parameters.
+
+    Parameters
+    ----------
+    p : Problem
+    i : int
+        The driver.
+    z : float64, shape (m, 5)
+        Search coordinates. Lanes beyond the last row repeat it.
+    first : int
+        Row of ``z`` for the first lane.
+    s : float64, shape (PLAIN,) or (WHOLE,)
+        The state; what derivatives need becomes 0.
+    """
     for row in range(PLAIN, s.shape[0]):
         s[row] = 0.0
     for j in range(L):
@@ -58,7 +85,17 @@ def start_lanes(p, i, z, first, s):  # type: ignore[no-untyped-def]
 
 @njit(cache=True, error_model="numpy", forceinline=True)
 def look_outside(p, i, k, s):  # type: ignore[no-untyped-def]
-    """Search the traffic for the lanes that left the corridor (:class:`~idm_sumo.calibration.problem.Problem`)."""
+    """Search the leaders of lanes that left the corridor.
+
+    Parameters
+    ----------
+    p : Problem
+        :class:`~idm_sumo.calibration.problem.Problem` says what the corridor is.
+    i, k : int
+        Driver, and frame after the start.
+    s : float64, shape (PLAIN,) or (WHOLE,)
+        The state, changed.
+    """
     outside = 0.0
     for j in range(L):
         outside += s[OUT + j]
@@ -70,7 +107,22 @@ def look_outside(p, i, k, s):  # type: ignore[no-untyped-def]
 
 @njit(cache=True, error_model="numpy")
 def roll_lanes(p, i, z, first, smoothing, s):  # type: ignore[no-untyped-def]
-    """Roll out ``LANES`` parameter sets, from row ``first`` of ``z``; their mean costs end in row ``TOTAL`` of ``s``."""
+    """Roll out ``LANES`` parameter sets and sum their costs.
+
+    Parameters
+    ----------
+    p : Problem
+    i : int
+        The driver.
+    z : float64, shape (m, 5)
+        Search coordinates.
+    first : int
+        Row of ``z`` for the first lane.
+    smoothing : float
+        Of the distance (m).
+    s : float64, shape (PLAIN,) or (WHOLE,)
+        The state; the mean costs end in row ``TOTAL``.
+    """
     is_ade, loss, scale, inverse, frames = p.objective == o.ADE, p.loss, p.scale, 1.0 / p.desired_speed[i], 0
     start_lanes(p, i, z, first, s)
     for k in range(p.forward.shape[1]):
@@ -98,15 +150,35 @@ def roll_lanes(p, i, z, first, smoothing, s):  # type: ignore[no-untyped-def]
 
 @njit(cache=True, error_model="numpy", fastmath={"contract"}, forceinline=True)
 def step_with_tangents(s, inverse, travelled, low, high, rear, speed, target, lateral, smoothing, floor, counts):  # type: ignore[no-untyped-def]
-    r"""Move every lane by one step, and its derivatives by those of the step.
+    r"""Move every lane, and its derivatives, by one step.
 
     Forward sensitivities: with :math:`s = \partial(x, v)/\partial z`, differentiating the
     Euler step gives :math:`s_x' = s_x + s_v\,dt` and :math:`s_v' = s_v + (\dot v_v s_v -
     \dot v_d s_x + \dot v_z)\,dt`, or 0 where the speed is held at 0. Where the leader
     changes, position and speed are continuous and so are the sensitivities.
 
-    Then note the distance from the recorded twin, if it ``counts`` (1 or 0): the frame's
-    weight, and its pull, weight times error.
+    Then note the distance from the recorded vehicle: the frame's weight, and its pull, weight times error.
+
+    Parameters
+    ----------
+    s : float64, shape (WHOLE,)
+        The state, changed.
+    inverse : float
+        Of the desired speed (s/m).
+    travelled : float
+        Metres along the road in the step per m/s.
+    low, high : float
+        The corridor at the step's end (m).
+    rear, speed : float
+        Of the corridor's leader at the step's end (m, m/s).
+    target, lateral : float
+        Recorded position (m) and the fixed lateral error (m).
+    smoothing : float
+        Of the distance (m).
+    floor : float
+        Distance (m) below which a frame's weight grows no more.
+    counts : float
+        1 if the frame counts, else 0.
     """
     for j in range(L):
         v = s[V + j]
@@ -142,7 +214,19 @@ def step_with_tangents(s, inverse, travelled, low, high, rear, speed, target, la
 
 @njit(cache=True, error_model="numpy")
 def measure_error(s, objective, loss, scale, target):  # type: ignore[no-untyped-def]
-    """Note every lane's error by another objective than the ADE, and the error's derivatives."""
+    """Note every lane's error by an objective other than ADE.
+
+    Parameters
+    ----------
+    s : float64, shape (WHOLE,)
+        The state; its error, weight and the error's derivatives are changed.
+    objective, loss : int
+        Codes of :mod:`idm_sumo.calibration.objective`.
+    scale : float
+        Of a robust loss, in the unit of the error.
+    target : float
+        What the objective compares with.
+    """
     for j in range(L):
         x, v, rear = s[X + j], s[V + j], s[REAR + j]
         error = o.measured(objective, x, v, rear) - target
@@ -156,7 +240,13 @@ def measure_error(s, objective, loss, scale, target):  # type: ignore[no-untyped
 
 @njit(cache=True, error_model="numpy", fastmath={"contract"}, forceinline=True)
 def add_frame(s):  # type: ignore[no-untyped-def]
-    """Add a frame to every lane's gradient and to its matrix of weighted products."""
+    """Add a frame to every lane's gradient and matrix.
+
+    Parameters
+    ----------
+    s : float64, shape (WHOLE,)
+        The state; the matrix sums weighted products of the error's derivatives.
+    """
     for j in range(L):
         pull, weight = s[PULL + j], s[WEIGHT + j]
         e0, e1, e2 = s[DE + j], s[DE + L + j], s[DE + 2 * L + j]
@@ -186,10 +276,24 @@ def add_frame(s):  # type: ignore[no-untyped-def]
 
 @njit(cache=True, error_model="numpy")
 def roll_with_derivatives(p, i, z, smoothing, floor, s):  # type: ignore[no-untyped-def]
-    """Roll out ``z``, shape ``(LANES, 5)``; mean costs, gradients and matrices by search coordinates end in ``s``.
+    """Roll out ``LANES`` parameter sets with all derivatives.
 
     The matrix is the mean over frames of weight times the product of the error's derivatives:
-    that of reweighted least squares. ``floor`` is the distance (m) below which a frame's weight grows no more.
+    that of reweighted least squares.
+
+    Parameters
+    ----------
+    p : Problem
+    i : int
+        The driver.
+    z : float64, shape (LANES, 5)
+        Search coordinates.
+    smoothing : float
+        Of the distance (m).
+    floor : float
+        Distance (m) below which a frame's weight grows no more.
+    s : float64, shape (WHOLE,)
+        The state; mean costs, gradients and matrices by search coordinates end in it.
     """
     objective = p.objective
     is_ade, inverse, frames = objective == o.ADE, 1.0 / p.desired_speed[i], 0
@@ -226,7 +330,20 @@ def roll_with_derivatives(p, i, z, smoothing, floor, s):  # type: ignore[no-unty
 
 @njit(cache=True, error_model="numpy")
 def costs_of(p, i, z, smoothing, values):  # type: ignore[no-untyped-def]
-    """Fill ``values`` with the mean cost of driver ``i`` at each row of search coordinates ``z``; NaN if no frame counts."""
+    """Fill the mean costs of one driver.
+
+    Parameters
+    ----------
+    p : Problem
+    i : int
+        The driver.
+    z : float64, shape (m, 5)
+        Search coordinates.
+    smoothing : float
+        Of the distance (m).
+    values : float64, shape (m,)
+        Filled; NaN if no frame counts.
+    """
     lanes = np.empty(PLAIN)
     for first in range(0, z.shape[0], L):
         roll_lanes(p, i, z, first, smoothing, lanes)

@@ -1,10 +1,10 @@
-r"""What a fit minimises: the error of a frame and what it costs, as compiled scalars.
+r"""What a fit minimises: a frame's error and its cost.
 
 The cost of a driver is the mean over its counted frames. With the *weight*
 :math:`w(e) = \rho'(e)/e` of a cost :math:`\rho`, iteratively reweighted least squares
 minimises any of them: :math:`\rho` lies below the parabola :math:`\tfrac12 w(e_k) e^2 + c`
 that touches it at :math:`e_k`, so a step that lowers the parabolas lowers the cost
-(Holland and Welsch, 1977; Lange, Hunter and Yang, 2000).
+(Holland and Welsch, 1977; Lange, Hunter and Yang, 2000). Compiled scalars.
 """
 
 from __future__ import annotations
@@ -24,15 +24,41 @@ LOSSES = {"squared": SQUARED, "huber": HUBER, "soft-l1": SOFT_L1}
 
 @njit(cache=True, error_model="numpy")
 def distance(error: float, lateral: float, smoothing: float) -> float:
-    r"""Return :math:`\sqrt{e_x^2 + e_y^2 + \epsilon^2}` (m): the ADE's cost of one frame at :math:`\epsilon = 0`."""
+    r"""Return the smoothed distance from the recorded vehicle.
+
+    :math:`\sqrt{e_x^2 + e_y^2 + \epsilon^2}` (m), the ADE's cost of one frame at :math:`\epsilon = 0`.
+
+    Parameters
+    ----------
+    error, lateral, smoothing : float
+        :math:`e_x, e_y, \epsilon` (m).
+
+    Returns
+    -------
+    float
+    """
     return sqrt(error * error + lateral * lateral + smoothing * smoothing)
 
 
 @njit(cache=True, error_model="numpy")
 def robust_cost(error: float, loss: int, scale: float) -> float:
-    r"""Return the cost of an error: :math:`\tfrac12 e^2`, linear beyond ``scale`` if the loss is robust.
+    r"""Return the cost of an error.
 
+    :math:`\tfrac12 e^2`, linear beyond ``scale`` if the loss is robust.
     Huber: :math:`s|e| - s^2/2` beyond :math:`s`; soft L1: :math:`s\sqrt{e^2 + s^2} - s^2`.
+
+    Parameters
+    ----------
+    error : float
+        In the objective's unit.
+    loss : int
+        ``SQUARED``, ``HUBER`` or ``SOFT_L1``.
+    scale : float
+        :math:`s`, in the objective's unit.
+
+    Returns
+    -------
+    float
     """
     if loss == SQUARED:
         return 0.5 * error * error
@@ -43,7 +69,23 @@ def robust_cost(error: float, loss: int, scale: float) -> float:
 
 @njit(cache=True, error_model="numpy")
 def robust_weight(error: float, loss: int, scale: float) -> float:
-    """Return the weight of an error: the derivative of :func:`robust_cost` divided by the error."""
+    """Return the weight of an error.
+
+    The derivative of :func:`robust_cost` divided by the error.
+
+    Parameters
+    ----------
+    error : float
+        In the objective's unit.
+    loss : int
+        ``SQUARED``, ``HUBER`` or ``SOFT_L1``.
+    scale : float
+        In the objective's unit.
+
+    Returns
+    -------
+    float
+    """
     if loss == SQUARED:
         return 1.0
     if loss == HUBER:
@@ -53,7 +95,22 @@ def robust_weight(error: float, loss: int, scale: float) -> float:
 
 @njit(cache=True, error_model="numpy")
 def measured(objective: int, x: float, speed: float, rear: float) -> float:
-    """Return what an objective compares: position (m), gap (m), speed (m/s) or the gap's logarithm."""
+    """Return what an objective compares.
+
+    Parameters
+    ----------
+    objective : int
+        ``ADE``, ``GAP``, ``SPEED`` or ``LOG_GAP``.
+    x, speed : float
+        Front bumper (m), m/s.
+    rear : float
+        The leader's rear bumper (m).
+
+    Returns
+    -------
+    float
+        Position (m), gap (m), speed (m/s) or the gap's logarithm.
+    """
     if objective == ADE:
         return x
     if objective == SPEED:
@@ -64,7 +121,19 @@ def measured(objective: int, x: float, speed: float, rear: float) -> float:
 
 @njit(cache=True, error_model="numpy")
 def measured_partials(objective: int, x: float, rear: float) -> tuple[float, float]:
-    """Return the derivatives of :func:`measured` by position and speed (the leader held)."""
+    """Return the derivatives of :func:`measured`, the leader held.
+
+    Parameters
+    ----------
+    objective : int
+        ``ADE``, ``GAP``, ``SPEED`` or ``LOG_GAP``.
+    x, rear : float
+        Front bumper and the leader's rear bumper (m).
+
+    Returns
+    -------
+    by_x, by_speed : float
+    """
     if objective == ADE:
         return 1.0, 0.0
     if objective == SPEED:

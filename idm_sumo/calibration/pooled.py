@@ -1,4 +1,7 @@
-"""One parameter set for many drivers: the smallest mean ADE that no knowledge of the driver allows."""
+"""One parameter set for many drivers.
+
+Its mean ADE is the smallest that is possible without knowing the driver.
+"""
 
 from __future__ import annotations
 
@@ -39,7 +42,7 @@ def pooled(
     scenes: Scenes | Sequence[Scenes], *, objective: str = "ade", loss: str | None = None,
     desired_speed: float | None = None,
 ) -> IDMParameters:  # fmt: skip
-    """Return the one parameter set with the smallest mean objective over all drivers together.
+    """Fit one parameter set to all drivers together.
 
     Parameters
     ----------
@@ -48,6 +51,11 @@ def pooled(
         As for :func:`~idm_sumo.calibration.table.calibrate`.
     desired_speed : float, optional
         m/s; by default the road's speed limit.
+
+    Returns
+    -------
+    IDMParameters
+        With the smallest mean objective.
 
     Raises
     ------
@@ -74,30 +82,74 @@ def pooled(
 
 
 def usable_windows(problem: Problem, scenes: Scenes) -> npt.NDArray[np.bool_]:
-    """Return which windows can be fitted at all."""
+    """Return which windows can be fitted at all.
+
+    Parameters
+    ----------
+    problem : Problem
+    scenes : Scenes
+        What it was prepared from.
+
+    Returns
+    -------
+    bool, shape (windows,)
+    """
     first = scenes.start
     state = status.statuses(problem, scenes.speed[:, first : first + scenes.window.horizon + 1])
     return np.asarray(~np.isin(state.astype(str), list(status.WITHOUT_FIT)))
 
 
 class Together:
-    """Several problems as one: the mean over all their usable windows."""
+    """Several problems as one, over all their usable windows."""
 
     def __init__(self, problems: list[Problem], usable: list[npt.NDArray[np.bool_]]) -> None:
         self.parts = list(zip(problems, usable, strict=True))
         self.windows = sum(int(u.sum()) for u in usable)
 
     def screen(self, designs: Floats) -> Floats:
-        """Return the mean cost at every design point."""
+        """Return the mean cost at every design point.
+
+        Parameters
+        ----------
+        designs : float64, shape (m, 5)
+            Search coordinates.
+
+        Returns
+        -------
+        float64, shape (m,)
+        """
         total = sum(costs_of_designs(problem, designs, 0.0)[use].sum(axis=0) for problem, use in self.parts)
         return np.asarray(total / self.windows)
 
     def cost(self, z: Floats) -> float:
-        """Return the mean cost."""
+        """Return the mean cost.
+
+        Parameters
+        ----------
+        z : float64, shape (5,)
+            Search coordinates.
+
+        Returns
+        -------
+        float
+        """
         return float(self.screen(z[None, :])[0])
 
     def derivatives(self, z: Floats) -> tuple[float, Floats, Floats]:
-        """Return the mean cost, its gradient and Gauss-Newton matrix, smoothed."""
+        """Return the mean cost and its derivatives, smoothed.
+
+        Parameters
+        ----------
+        z : float64, shape (5,)
+            Search coordinates.
+
+        Returns
+        -------
+        value : float
+        gradient : float64, shape (5,)
+        matrix : float64, shape (5, 5)
+            Of Gauss and Newton.
+        """
         value, gradient, normal = 0.0, np.zeros(PARAMETERS), np.zeros((PARAMETERS, PARAMETERS))
         for problem, use in self.parts:
             all_z = np.ascontiguousarray(np.broadcast_to(z, (len(use), PARAMETERS)))
@@ -107,7 +159,10 @@ class Together:
 
 
 def _refine(together: Together, start: Floats) -> Floats:
-    """Refine one start by damped Gauss-Newton steps over all drivers, the best of a fan of dampings at a time."""
+    """Refine one start by damped Gauss-Newton steps.
+
+    Over all drivers, the best of a fan of dampings at a time.
+    """
     z, damping, best = start, 1e-1, np.inf
     for _ in range(ITERATIONS):
         _, gradient, normal = together.derivatives(z)

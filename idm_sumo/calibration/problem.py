@@ -1,4 +1,4 @@
-"""From scenes to what the compiled rollout reads: one record of arrays, prepared once."""
+"""Scenes as the compiled rollout reads them, prepared once."""
 
 from __future__ import annotations
 
@@ -25,14 +25,16 @@ LOSS_SCALE = {GAP: 1.0, SPEED: 0.5, LOG_GAP: 0.1}  # m, m/s, -: where the robust
 
 
 class Problem(NamedTuple):
-    """Drivers to calibrate, ``n`` of them over ``h`` simulated frames. A record that numba understands.
+    """Drivers to calibrate, as compiled code reads them.
+
+    ``n`` drivers over ``h`` simulated frames.
 
     Attributes
     ----------
     start_x, start_speed, desired_speed : float64, shape (n,)
         Front bumper (m) and speed (m/s) at the start; :math:`v_0` (m/s).
     own, first_cell : int64, shape (n,)
-        The twin's number; the traffic's cell at the start.
+        The recorded vehicle's number; the traffic's cell at the start.
     forward : float64, shape (n, h)
         Metres along the road per metre driven, in each step (1 but for the heading).
     target, lateral : float64, shape (n, h)
@@ -42,7 +44,7 @@ class Problem(NamedTuple):
         The frames that count.
     behind, ahead, rear, leader_speed : float64, shape (n, h + 1)
         The corridor: while the front is in ``behind <= x < ahead`` (m), the leader is the
-        recorded twin's, with its rear bumper (m) and speed (m/s). Elsewhere the traffic is searched.
+        recorded vehicle's, with its rear bumper (m) and speed (m/s). Elsewhere the traffic is searched.
     offsets, x, speed, length, vehicle
         As in :class:`~idm_sumo.scenes.traffic.Traffic`.
     objective, loss : int
@@ -123,7 +125,7 @@ def prepare(
         gap = corridor[2][:, 1:] - x[:, 1:]
         target = np.log(np.maximum(gap, SMALLEST_GAP)) if code == LOG_GAP else gap
         counted &= np.isfinite(gap)
-        if scenes.leader_source == LEADER_FROM_LANE:  # the gap of a twin that left the lane is not this lane's
+        if scenes.leader_source == LEADER_FROM_LANE:  # the gap of one that left the lane is not this lane's
             counted &= scenes.road.lane_at(np.nan_to_num(y[:, 1:])) == scenes.lane[:, None]
     counted &= np.isfinite(target)
     if code == ADE:
@@ -156,7 +158,7 @@ def _desired_speeds(desired_speed: npt.ArrayLike, vehicles: int) -> Floats:
 
 
 def _counted(scenes: Scenes, mask: npt.NDArray[np.bool_] | None) -> npt.NDArray[np.bool_]:
-    """Return which simulated frames count, by the mask and by what is recorded."""
+    """Return which simulated frames count: recorded and not masked."""
     if mask is not None and mask.shape != scenes.x.shape:
         raise InputError(f"mask: shape {mask.shape} is not that of the scenes, {scenes.x.shape} (vehicles, frames)")
     simulated = slice(scenes.start + 1, scenes.start + scenes.window.horizon + 1)
@@ -169,7 +171,10 @@ def _fill_corridor(  # type: ignore[no-untyped-def]
     first, last, x, first_cell, own, offsets, traffic_x, traffic_length, traffic_speed, traffic_vehicle,
     behind, ahead, rear, leader_speed,
 ):  # fmt: skip
-    """Note between which two cars the recorded twin drives; an empty corridor where it is not recorded."""
+    """Note between which two vehicles the recorded vehicle drives.
+
+    The corridor is empty where the vehicle is not recorded.
+    """
     for i in range(first, last):
         for k in range(x.shape[1]):
             cell = first_cell[i] + k
@@ -190,10 +195,11 @@ def _fill_corridor(  # type: ignore[no-untyped-def]
 
 @njit(cache=True, nogil=True)
 def _drive_laterally(first, last, start, y, speed, length, lane_y, forward, lateral):  # type: ignore[no-untyped-def]
-    """Steer along the lane with the recorded speeds: what is lateral hardly depends on the IDM's parameters.
+    """Steer along the lane with the recorded speeds.
 
-    Fills the metres along the road per metre driven, and the lateral error (m) against the
-    recorded twin. Where a speed is not recorded the last known one is kept.
+    What is lateral hardly depends on the IDM's parameters. Fills the metres along the road per metre
+    driven, and the lateral error (m) against the recorded vehicle. Where a speed is not recorded the
+    last known one is kept.
     """
     for i in range(first, last):
         front_x, front_y, psi = start[i]
@@ -215,7 +221,18 @@ def _drive_laterally(first, last, start, y, speed, length, lane_y, forward, late
 
 
 def only(problem: Problem, drivers: Integers) -> Problem:
-    """Return the problem of some of the drivers; the traffic stays whole."""
+    """Return the problem of some of the drivers.
+
+    Parameters
+    ----------
+    problem : Problem
+    drivers : int64, shape (m,)
+        Places of the drivers. The traffic stays whole.
+
+    Returns
+    -------
+    Problem
+    """
     return problem._replace(**{name: getattr(problem, name)[drivers] for name in PER_DRIVER})
 
 

@@ -24,7 +24,23 @@ DIFFERENCE = 1e-6  # in search coordinates: the step of the finite differences
 
 @njit(cache=True)
 def value_and_difference_gradient(p, i, z):  # type: ignore[no-untyped-def]
-    """Return the cost and its gradient by forward differences (backward at the upper bound)."""
+    """Return the cost and its gradient by finite differences.
+
+    Forward differences, backward at the upper bound.
+
+    Parameters
+    ----------
+    p : Problem
+    i : int
+        The driver.
+    z : float64, shape (5,)
+        Search coordinates.
+
+    Returns
+    -------
+    value : float
+    gradient : float64, shape (5,)
+    """
     trials, values, step = np.empty((PARAMETERS + 1, PARAMETERS)), np.empty(PARAMETERS + 1), np.empty(PARAMETERS)
     trials[:] = z
     for j in range(PARAMETERS):
@@ -36,7 +52,21 @@ def value_and_difference_gradient(p, i, z):  # type: ignore[no-untyped-def]
 
 @njit(cache=True)
 def value_and_gradient(p, i, z):  # type: ignore[no-untyped-def]
-    """Return the cost and its gradient by forward sensitivities."""
+    """Return the cost and its gradient by forward sensitivities.
+
+    Parameters
+    ----------
+    p : Problem
+    i : int
+        The driver.
+    z : float64, shape (5,)
+        Search coordinates.
+
+    Returns
+    -------
+    value : float
+    gradient : float64, shape (5,)
+    """
     gradient = np.empty(PARAMETERS)
     value = cost_and_derivatives(p, i, z, 0.0, gradient, np.empty((PARAMETERS, PARAMETERS)))
     return value, gradient
@@ -51,13 +81,15 @@ def l_bfgs_b(
     first: int = 0,
     derivatives: bool = False,
 ) -> tuple[Floats, Floats]:
-    """Fit drivers ``which`` by scipy's L-BFGS-B from random starts within the bounds.
+    """Fit drivers by scipy's L-BFGS-B from random starts.
 
     Parameters
     ----------
     problem : Problem
     which : int64, shape (m,)
+        The drivers.
     starts, seed : int
+        Starts within the bounds, and the seed that draws them.
     first : int
         Number of the problem's first driver in the campaign: every driver has its own random starts.
     derivatives : bool

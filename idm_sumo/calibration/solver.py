@@ -1,8 +1,8 @@
-r"""Projected, reweighted Gauss-Newton, a tournament of starts: the compiled fit of one driver.
+"""The compiled fit of one driver: a tournament of starts.
 
-Why this solver. A rollout is cheap (microseconds), and eight with their exact sensitivities side
-by side (:mod:`idm_sumo.calibration.lanes`) take little more, so second-order information is
-nearly free. The ADE is a sum of distances, not of squares: *iteratively reweighted* least
+Projected, reweighted Gauss-Newton. Why this solver: a rollout is cheap (microseconds), and eight with
+their exact sensitivities side by side (:mod:`idm_sumo.calibration.lanes`) take little more, so
+second-order information is nearly free. The ADE is a sum of distances, not of squares: *iteratively reweighted* least
 squares turns it into squares that touch it from above, so its steps are never too long, and
 the lateral error keeps most distances away from their kink. It is not convex and jumps where
 the leader perceived changes, so a fixed design of starts is screened by plain evaluation
@@ -55,7 +55,17 @@ ROWS = LAST + PARAMETERS
 
 
 def design_of_starts(points: int) -> Floats:
-    """Return ``points`` search coordinates: the textbook's driver and a Sobol sequence over the bounds, fixed."""
+    """Return a fixed design of starts.
+
+    Parameters
+    ----------
+    points : int
+
+    Returns
+    -------
+    float64, shape (points, 5)
+        Search coordinates: the textbook's driver, then a Sobol sequence over the bounds.
+    """
     sobol = qmc.Sobol(PARAMETERS, scramble=True, rng=20050615).random_base2(max(points - 1, 1).bit_length())
     spread = LOWER + np.clip(sobol[: points - 1] * (1.0 + 2.0 * OVERSHOOT) - OVERSHOOT, 0.0, 1.0) * (UPPER - LOWER)
     return np.ascontiguousarray(np.vstack([np.clip(to_search(idm.TEXTBOOK), LOWER, UPPER), spread]))
@@ -63,7 +73,15 @@ def design_of_starts(points: int) -> Floats:
 
 @njit(cache=True)
 def first_of(values, order):  # type: ignore[no-untyped-def]
-    """Fill ``order`` with the places of the smallest ``values``, smallest first; NaN is never one of them."""
+    """Find the places of the smallest values.
+
+    Parameters
+    ----------
+    values : float64, shape (m,)
+        NaN is never one of the smallest.
+    order : int64
+        Filled with places of ``values``, the smallest first; -1 where there is none.
+    """
     for place in range(order.shape[0]):
         least = -1
         for row in range(values.shape[0]):
@@ -77,7 +95,21 @@ def first_of(values, order):  # type: ignore[no-untyped-def]
 
 @njit(cache=True, error_model="numpy")
 def keep(rolled, trials, lane, known, c):  # type: ignore[no-untyped-def]
-    """Note the trial in ``lane`` as candidate ``c``."""
+    """Note a trial as a candidate.
+
+    Parameters
+    ----------
+    rolled : float64, shape (WHOLE,)
+        State of :func:`~idm_sumo.calibration.lanes.roll_with_derivatives`.
+    trials : float64, shape (LANES, 5)
+        Search coordinates.
+    lane : int
+        Of the trial.
+    known : float64, shape (ROWS, LANES)
+        What is known of the candidates, changed.
+    c : int
+        The candidate.
+    """
     known[VALUE, c] = rolled[lanes.TOTAL + lane]
     for j in range(PARAMETERS):
         known[Z + j, c], known[SLOPE + j, c] = trials[lane, j], rolled[lanes.GRADIENT + j * LANES + lane]
@@ -87,7 +119,15 @@ def keep(rolled, trials, lane, known, c):  # type: ignore[no-untyped-def]
 
 @njit(cache=True)
 def keep_better(known, candidates):  # type: ignore[no-untyped-def]
-    """Put the better half of twice as many candidates first."""
+    """Put the better half of the candidates first.
+
+    Parameters
+    ----------
+    known : float64, shape (ROWS, LANES)
+        What is known of the candidates, changed.
+    candidates : int
+        How many stay, of twice as many.
+    """
     for c in range(candidates):
         for other in range(c + 1, 2 * candidates):
             if known[VALUE, other] < known[VALUE, c]:
@@ -97,7 +137,18 @@ def keep_better(known, candidates):  # type: ignore[no-untyped-def]
 
 @njit(cache=True, error_model="numpy")
 def propose(known, candidates, stage, work, trials):  # type: ignore[no-untyped-def]
-    """Fill ``trials``, every candidate's next ``LANES // candidates``."""
+    """Fill every candidate's next trials.
+
+    Parameters
+    ----------
+    known : float64, shape (ROWS, LANES)
+        What is known of the candidates.
+    candidates, stage : int
+    work : float64, shape (STEPS,)
+        Storage of :func:`~idm_sumo.calibration.steps.step_lanes`.
+    trials : float64, shape (LANES, 5)
+        Filled with search coordinates, ``LANES // candidates`` a candidate.
+    """
     each = LANES // candidates
     for lane in range(LANES):
         c = lane // each
@@ -117,7 +168,27 @@ def propose(known, candidates, stage, work, trials):  # type: ignore[no-untyped-
 
 @njit(cache=True, error_model="numpy")
 def accept(rolled, trials, first, each, stage, known, c):  # type: ignore[no-untyped-def]
-    """Move candidate ``c`` to its best trial if that is better; say whether it is worth going on."""
+    """Move a candidate to its best trial if better.
+
+    Parameters
+    ----------
+    rolled : float64, shape (WHOLE,)
+        State of :func:`~idm_sumo.calibration.lanes.roll_with_derivatives`.
+    trials : float64, shape (LANES, 5)
+        Search coordinates.
+    first, each : int
+        The candidate's first lane, and how many it has.
+    stage : int
+    known : float64, shape (ROWS, LANES)
+        What is known of the candidates, changed.
+    c : int
+        The candidate.
+
+    Returns
+    -------
+    bool
+        Whether it is worth going on.
+    """
     best, value = -1, known[VALUE, c]
     for t in range(each):
         if rolled[lanes.TOTAL + first + t] < value:
@@ -137,7 +208,28 @@ def accept(rolled, trials, first, each, stage, known, c):  # type: ignore[no-unt
 
 @njit(cache=True, error_model="numpy")
 def play(p, i, known, candidates, stage, rolled, work, trials):  # type: ignore[no-untyped-def]
-    """Play one stage's rounds; say whether every candidate came to rest."""
+    """Play the rounds of one stage.
+
+    Parameters
+    ----------
+    p : Problem
+    i : int
+        The driver.
+    known : float64, shape (ROWS, LANES)
+        What is known of the candidates, changed.
+    candidates, stage : int
+    rolled : float64, shape (WHOLE,)
+        Storage of the rollouts.
+    work : float64, shape (STEPS,)
+        Storage of the steps.
+    trials : float64, shape (LANES, 5)
+        Storage of the trials.
+
+    Returns
+    -------
+    bool
+        Whether every candidate came to rest.
+    """
     each, left, going = LANES // candidates, ROUNDS[stage], True
     while going and left > 0:
         left -= 1
@@ -151,7 +243,25 @@ def play(p, i, known, candidates, stage, rolled, work, trials):  # type: ignore[
 
 @njit(cache=True, error_model="numpy")
 def fit(p, i, designs, z):  # type: ignore[no-untyped-def]
-    """Fit driver ``i``: fill ``z``; return its cost and whether the search came to rest."""
+    """Fit one driver.
+
+    Parameters
+    ----------
+    p : Problem
+    i : int
+        The driver.
+    designs : float64, shape (m, 5)
+        Starts in search coordinates.
+    z : float64, shape (5,)
+        Filled with search coordinates.
+
+    Returns
+    -------
+    cost : float
+        In the objective's unit.
+    rested : bool
+        Whether the search came to rest within its rounds.
+    """
     rolled, work, trials = np.empty(WHOLE), np.empty(STEPS), np.empty((LANES, PARAMETERS))
     known, screened, order = np.zeros((ROWS, LANES)), np.empty(designs.shape[0]), np.empty(LANES, dtype=np.int64)
     costs_of(p, i, designs, 0.0, screened)
@@ -183,15 +293,23 @@ def _fit(first, last, p, which, designs, z, value, rested):  # type: ignore[no-u
 def fit_all(
     problem: Problem, which: npt.NDArray[np.int64], designs: Floats
 ) -> tuple[Floats, Floats, npt.NDArray[np.bool_]]:
-    """Fit drivers ``which``.
+    """Fit some of the drivers.
+
+    Parameters
+    ----------
+    problem : Problem
+    which : int64, shape (m,)
+        The drivers.
+    designs : float64, shape (starts, 5)
+        Starts in search coordinates.
 
     Returns
     -------
-    z : float64, shape (len(which), 5)
+    z : float64, shape (m, 5)
         Search coordinates.
-    value : float64, shape (len(which),)
+    value : float64, shape (m,)
         The objective.
-    rested : bool, shape (len(which),)
+    rested : bool, shape (m,)
         Whether the search came to rest within its rounds.
     """
     m = len(which)

@@ -1,4 +1,7 @@
-"""What can be said of a driver's window before any fit: a status, never an exception."""
+"""The status of a driver's window, known before any fit.
+
+Never an exception: whatever is recorded has a status.
+"""
 
 from __future__ import annotations
 
@@ -26,12 +29,31 @@ WITHOUT_FIT = frozenset({START_MISSING, TOO_FEW})
 
 
 def leader_frames(problem: Problem) -> npt.NDArray[np.int64]:
-    """Return in how many simulated frames somebody is ahead of the recorded twin, shape ``(n,)``."""
+    """Return in how many simulated frames somebody is ahead.
+
+    Parameters
+    ----------
+    problem : Problem
+
+    Returns
+    -------
+    int64, shape (n,)
+        Ahead of the recorded vehicle, in its lane.
+    """
     return np.asarray(np.isfinite(problem.rear[:, 1:]).sum(axis=1))
 
 
 def leader_changes(problem: Problem) -> npt.NDArray[np.int64]:
-    """Return how often the leader ahead of the twin becomes another, shape ``(n,)``."""
+    """Return how often the recorded vehicle's leader changes.
+
+    Parameters
+    ----------
+    problem : Problem
+
+    Returns
+    -------
+    int64, shape (n,)
+    """
     with np.errstate(invalid="ignore"):
         moved = np.diff(problem.rear, axis=1)
         driven = 0.1 * 0.5 * (problem.leader_speed[:, 1:] + problem.leader_speed[:, :-1])
@@ -41,13 +63,17 @@ def leader_changes(problem: Problem) -> npt.NDArray[np.int64]:
 
 
 def statuses(problem: Problem, speed: npt.NDArray[np.float64]) -> npt.NDArray[np.object_]:
-    """Return the status of every window, shape ``(n,)``.
+    """Return the status of every window.
 
     Parameters
     ----------
     problem : Problem
     speed : float64, shape (n, h + 1)
         Recorded speed from the start on (m/s).
+
+    Returns
+    -------
+    str objects, shape (n,)
     """
     frames = problem.target.shape[1]
     result = np.full(len(problem.start_x), OK, dtype=object)

@@ -1,4 +1,7 @@
-"""The damped Gauss-Newton step inside the bounds, for several parameter sets side by side."""
+"""The damped Gauss-Newton step inside the bounds.
+
+For several parameter sets side by side.
+"""
 
 from __future__ import annotations
 
@@ -31,6 +34,11 @@ def step_lanes(s):  # type: ignore[no-untyped-def]
 
     Coordinates at a bound towards which the descent points stay there; those that the step
     takes over a bound are put on it and the others are solved again (Bertsekas, 1982).
+
+    Parameters
+    ----------
+    s : float64, shape (STEPS,)
+        Matrices, gradients, starts and dampings; the rest is changed.
     """
     for j in range(L):
         for m in range(PARAMETERS):
@@ -47,7 +55,20 @@ def step_lanes(s):  # type: ignore[no-untyped-def]
 
 
 def steps_from(z: Floats, gradient: Floats, normal: Floats, dampings: Floats) -> Floats:
-    """Return where the steps from one place with ``LANES`` dampings end, shape ``(LANES, 5)``."""
+    """Return the ends of steps with several dampings.
+
+    Parameters
+    ----------
+    z : float64, shape (5,)
+        Where they start, in search coordinates.
+    gradient : float64, shape (5,)
+    normal : float64, shape (5, 5)
+    dampings : float64, shape (LANES,)
+
+    Returns
+    -------
+    float64, shape (LANES, 5)
+    """
     rows = np.zeros((STEPS // L, L))
     triangle = normal[np.tril_indices(PARAMETERS)]
     rows[: DAMPING // L] = np.concatenate([triangle, gradient, z])[:, None]
@@ -58,10 +79,16 @@ def steps_from(z: Floats, gradient: Floats, normal: Floats, dampings: Floats) ->
 
 @njit(cache=True, error_model="numpy", fastmath={"contract"})
 def solve_free(s):  # type: ignore[no-untyped-def]
-    r"""Solve every lane's system for its free coordinates; those that hit a bound are free no more.
+    r"""Solve every lane's system for its free coordinates.
 
     By :math:`LDL^\top`, written out so that the lanes fill vectors. A coordinate that is not
-    free has a row of the identity and its known move for a right side.
+    free has a row of the identity and its known move for a right side. Coordinates that hit a bound
+    are free no more.
+
+    Parameters
+    ----------
+    s : float64, shape (STEPS,)
+        As for :func:`step_lanes`, changed.
     """
     for j in range(L):
         m00, m10, m11, m20, m21 = s[j], s[L + j], s[2 * L + j], s[3 * L + j], s[4 * L + j]

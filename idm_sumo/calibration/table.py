@@ -115,7 +115,7 @@ def calibrate(
 
 
 def _check(limit: Floats, mask: npt.NDArray[np.bool_] | None, scenes: Scenes) -> None:
-    """Raise for arrays of the wrong shape before they are cut."""
+    """Raise for arrays of the wrong shape, before cutting them."""
     if limit.shape not in ((), (len(scenes),)):
         raise InputError(f"desired_speed: shape {limit.shape} is neither () nor that of the {len(scenes)} windows")
     if mask is not None and mask.shape != scenes.x.shape:
@@ -123,7 +123,7 @@ def _check(limit: Floats, mask: npt.NDArray[np.bool_] | None, scenes: Scenes) ->
 
 
 def _run(work: partial[pd.DataFrame], tasks: Iterator[tuple[object, ...]], jobs: int | None) -> Iterator[pd.DataFrame]:
-    """Yield the chunks' tables in order, from this process or from several."""
+    """Yield the chunks' tables in order."""
     if jobs is None or jobs <= 1:
         return (work(*task) for task in tasks)
     threads = max(1, numba.get_num_threads() // jobs)
@@ -142,7 +142,7 @@ def _calibrate_chunk(
     piece: slice, scenes: Scenes, limit: Floats, mask: npt.NDArray[np.bool_] | None, *,
     objective: str, loss: str | None, solver: str, starts: int | None, seed: int,
 ) -> pd.DataFrame:  # fmt: skip
-    """Fit the windows ``piece`` of a campaign, of which ``scenes`` holds just these."""
+    """Fit a piece of a campaign; ``scenes`` holds just that."""
     problem = prepare(scenes, objective=objective, loss=loss, desired_speed=limit, mask=mask)
     state = status.statuses(problem, scenes.speed[:, scenes.start : scenes.start + scenes.window.horizon + 1])
     which = np.flatnonzero(~np.isin(state.astype(str), list(status.WITHOUT_FIT)))
@@ -154,7 +154,7 @@ def _calibrate_chunk(
 def _fit(
     problem: Problem, which: Integers, name: str, starts: int | None, seed: int, first: int
 ) -> tuple[Floats, Floats, npt.NDArray[np.bool_]]:
-    """Return search coordinates, objective and whether the solver came to rest."""
+    """Return search coordinates, objective and whether the search rested."""
     if name == GAUSS_NEWTON:
         z, value, rested = solver.fit_all(problem, which, solver.design_of_starts(starts or solver.STARTS))
         return z, value, rested
@@ -171,7 +171,7 @@ def _as_table(
     value: Floats,
     limit: Floats,
 ) -> pd.DataFrame:
-    """Put fits and what is known of them into rows, NaN for windows without a fit."""
+    """Return one row a window, NaN without a fit."""
     n = len(scenes)
     found = identifiability.identify(only(problem, which), z)
     theta = _spread(from_search(z), which, n)
@@ -203,11 +203,26 @@ def _spread(values: Floats, which: Integers, n: int) -> Floats:
 
 
 def full_ade(scenes: Scenes, problem: Problem, theta: Floats, desired_speed: npt.ArrayLike | None) -> Floats:
-    """Return the ADE (m) of the full two-dimensional replay over the counted frames, NaN without parameters.
+    """Return the ADE (m) of the full two-dimensional replay.
 
     It differs from the objective by tenths of a millimetre; by centimetres, or once in thousands of
     drivers decimetres, where a car drives so close to the border between two leaders that the
     millimetres between the two rollouts decide whom it follows.
+
+    Parameters
+    ----------
+    scenes : Scenes
+    problem : Problem
+        Prepared from them; says which frames count.
+    theta : float64, shape (windows, 5)
+        ``a, b, T, d0, d1`` in SI units.
+    desired_speed : array_like, shape (windows,) or (), optional
+        m/s; by default the road's speed limit.
+
+    Returns
+    -------
+    float64, shape (windows,)
+        NaN without parameters.
     """
     driven = drive_idm(scenes, np.where(np.isnan(theta), idm.TEXTBOOK, theta), desired_speed=desired_speed)
     frames = slice(scenes.start + 1, scenes.start + scenes.window.horizon + 1)

@@ -1,4 +1,6 @@
-r"""SUMO's IDM has no :math:`d_1\sqrt{v/v_0}`: three ways to do without it, and what each costs.
+r"""Three ways to do without ``d1``, and what each costs.
+
+SUMO's IDM has no :math:`d_1\sqrt{v/v_0}`.
 
 ``refit``
     Four parameters calibrated with :math:`d_1 = 0`, under the integration that will drive them.
@@ -41,7 +43,9 @@ SMALLEST_DROP = 1e-3  # relative: a sweep that gains less halves the step
 
 
 def linearise(parameters: npt.ArrayLike, mean_speed: npt.ArrayLike, desired_speed: npt.ArrayLike) -> Floats:
-    r"""Return parameters without ``d1`` that want the same gap at, and about, the mean speed.
+    r"""Return parameters without ``d1``, linearised at the mean speed.
+
+    They want the same gap at, and about, the mean speed.
 
     .. math:: d_0' = d_0 + \tfrac12 d_1\sqrt{\bar v/v_0},\qquad T' = T + \frac{d_1}{2\sqrt{\bar v v_0}}
 
@@ -51,6 +55,11 @@ def linearise(parameters: npt.ArrayLike, mean_speed: npt.ArrayLike, desired_spee
         ``a, b, T, d0, d1``.
     mean_speed, desired_speed : array_like, shape (n,) or ()
         m/s; a mean speed below 1 m/s counts as that.
+
+    Returns
+    -------
+    float64, shape (n, 5)
+        The last column is 0.
     """
     theta = np.array(parameters, dtype=np.float64)
     v, v0 = np.maximum(np.asarray(mean_speed, dtype=np.float64), SLOWEST), np.asarray(desired_speed, dtype=np.float64)
@@ -61,7 +70,17 @@ def linearise(parameters: npt.ArrayLike, mean_speed: npt.ArrayLike, desired_spee
 
 
 def mean_speeds(scenes: Scenes) -> Floats:
-    """Return every driver's recorded mean speed (m/s) over its simulated window, shape ``(vehicles,)``."""
+    """Return every driver's recorded mean speed (m/s).
+
+    Parameters
+    ----------
+    scenes : Scenes
+
+    Returns
+    -------
+    float64, shape (vehicles,)
+        Over the simulated window.
+    """
     speed = scenes.speed[:, scenes.start : scenes.start + scenes.window.horizon + 1]
     known = np.isfinite(speed)
     with np.errstate(invalid="ignore"):
@@ -71,7 +90,7 @@ def mean_speeds(scenes: Scenes) -> Floats:
 def refit(
     problem: Problem, parameters: npt.ArrayLike, mean_speed: npt.ArrayLike, *, integration: str = "euler"
 ) -> tuple[Floats, Floats]:
-    """Calibrate ``a, b, T, d0`` with ``d1 = 0`` under one of SUMO's integrations.
+    """Calibrate four parameters with ``d1 = 0``.
 
     Starts are the given drivers without their ``d1``, linearised, and the best of a fixed
     design; each is refined by a compass search on the ADE itself.
@@ -92,6 +111,11 @@ def refit(
         The last column is 0.
     ade : float64, shape (n,)
         m, NaN where no frame counts.
+
+    Raises
+    ------
+    InputError
+        If there is no such integration.
     """
     theta = integrators.as_parameters(problem, parameters)
     linear = linearise(theta, mean_speed, problem.desired_speed)
@@ -104,7 +128,10 @@ def refit(
 
 
 def _to_search(parameters: npt.ArrayLike) -> Floats:
-    """Return the search coordinates, shape ``(..., 4)``, of parameters of shape ``(..., 5)``, whose ``d1`` they lack."""
+    """Return the search coordinates, without ``d1``, of parameters.
+
+    Shapes ``(..., 5)`` and ``(..., 4)``.
+    """
     values = np.asarray(parameters, dtype=np.float64)
     return np.concatenate([np.log(values[..., :2]), values[..., 2:3] / T_UNIT, values[..., 3:4] / D_UNIT], axis=-1)
 
@@ -120,16 +147,16 @@ def _from_search(z):  # type: ignore[no-untyped-def]
 
 @njit(cache=True)
 def _ade(p, i, z, scheme):  # type: ignore[no-untyped-def]
-    """Return the ADE (m) of driver ``i`` at search coordinates ``z``."""
+    """Return one driver's ADE (m) at search coordinates ``z``."""
     return integrators.ade_one(p, i, _from_search(z), scheme)
 
 
 @njit(cache=True)
 def _compass_search(p, i, z, scheme):  # type: ignore[no-untyped-def]
-    """Lower the ADE along the axes of the search coordinates, in place, in steps that halve when none leads down.
+    """Lower the ADE along the axes, in place.
 
-    After a sweep that moved, the whole move is made once more (Hooke and Jeeves, 1961), which
-    follows narrow valleys that lie across the axes.
+    In steps that halve when none leads down. After a sweep that moved, the whole move is made once more
+    (Hooke and Jeeves, 1961), which follows narrow valleys that lie across the axes.
     """
     value, step = _ade(p, i, z, scheme), FIRST_STEP
     while step > LAST_STEP:
@@ -153,9 +180,10 @@ def _compass_search(p, i, z, scheme):  # type: ignore[no-untyped-def]
 
 @njit(cache=True, nogil=True)
 def _refit_all(first, last, found, p, own, design, scheme):  # type: ignore[no-untyped-def]
-    """Write the best parameters of the drivers ``first`` up to ``last`` into their rows of ``found``, shape (n, 5).
+    """Write the best parameters of some drivers into ``found``.
 
-    Starts are its own, shape (n, s, 4), and the best ``STARTS`` of the design, shape (points, 4).
+    Of the drivers ``first`` up to ``last``; ``found`` has shape ``(n, 5)``. Starts are the drivers' own,
+    shape ``(n, s, 4)``, and the best ``STARTS`` of the design, shape ``(points, 4)``.
     """
     for i in range(first, last):
         screened = np.empty(design.shape[0])
@@ -173,7 +201,9 @@ def _refit_all(first, last, found, p, own, design, scheme):  # type: ignore[no-u
 
 def refit_table(drivers: pd.DataFrame, scenes: Scenes | Sequence[Scenes], *, integration: str = "euler",
                 desired_speed: float | None = None) -> pd.DataFrame:  # fmt: skip
-    """Return the columns that let a driver table be exported: the refit, its ADE, the mean speed.
+    """Return the columns with which drivers can be exported.
+
+    The refit, its ADE and the mean speed.
 
     Parameters
     ----------
@@ -210,9 +240,20 @@ def refit_table(drivers: pd.DataFrame, scenes: Scenes | Sequence[Scenes], *, int
     return pd.concat(tables, ignore_index=True)
 
 
-def jam_distance_costs(drivers: pd.DataFrame, scenes: Scenes | Sequence[Scenes], *, integration: str = "euler",
+def without_d1_costs(drivers: pd.DataFrame, scenes: Scenes | Sequence[Scenes], *, integration: str = "euler",
                        desired_speed: float | None = None) -> pd.DataFrame:  # fmt: skip
-    """Say what each way to do without ``d1`` costs every driver over its calibration window.
+    """Return what each way to do without ``d1`` costs.
+
+    Parameters
+    ----------
+    drivers : pandas.DataFrame
+        As :func:`idm_sumo.calibration.table.calibrate` returns them.
+    scenes : Scenes or sequence of Scenes
+        What they were calibrated to.
+    integration : {"euler", "ballistic"}
+        What SUMO will use.
+    desired_speed : float, optional
+        m/s; by default the drivers' own (``desired_speed_m_s``), else the road's speed limit.
 
     Returns
     -------
@@ -220,7 +261,13 @@ def jam_distance_costs(drivers: pd.DataFrame, scenes: Scenes | Sequence[Scenes],
         ``period, vehicle, first_frame``; ``ade_m`` (five parameters, the paper's
         integration), ``ade_exact_m`` (five parameters, SUMO's), ``ade_refit_m``,
         ``ade_linearised_m`` and ``ade_dropped_m`` (``d1`` left out without a replacement), in
-        metres, by the compiled kernel; :mod:`idm_sumo.sumo.export.parity` proves that SUMO drives the same.
+        metres over the calibration window, by the compiled kernel;
+        :mod:`idm_sumo.sumo.export.parity` proves that SUMO drives the same.
+
+    Raises
+    ------
+    InputError
+        If a window has no driver in the table.
     """
     fitted = drivers
     if not refitted_for(drivers, integration):
@@ -243,21 +290,53 @@ def jam_distance_costs(drivers: pd.DataFrame, scenes: Scenes | Sequence[Scenes],
 
 
 def refitted_for(drivers: pd.DataFrame, integration: str) -> bool:
-    """Return whether a driver table holds refits made for an integration."""
+    """Return whether drivers hold refits for an integration.
+
+    Parameters
+    ----------
+    drivers : pandas.DataFrame
+    integration : {"euler", "ballistic"}
+
+    Returns
+    -------
+    bool
+    """
     return REFIT_INTEGRATION in drivers and bool((drivers[REFIT_INTEGRATION] == integration).all())
 
 
 def cost_summary(costs: pd.DataFrame) -> pd.DataFrame:
-    """Return one row a choice: mean and median ADE (m), the mean difference from five parameters, and its 90th percentile."""
+    """Return one row a choice: its ADE and its cost.
+
+    Parameters
+    ----------
+    costs : pandas.DataFrame
+        Of :func:`without_d1_costs`.
+
+    Returns
+    -------
+    pandas.DataFrame
+        ``choice``, mean and median ADE (m), the mean difference from five parameters, its
+        90th percentile, and the number of drivers.
+    """
     names = [name for name in costs.columns if name.startswith("ade_")]
     extra = costs[names].sub(costs["ade_m"], axis=0)
     return pd.DataFrame({
         "choice": [name.removeprefix("ade_").removesuffix("m").removesuffix("_") or "calibrated" for name in names],
         "ade_m": costs[names].mean().to_numpy(), "ade_median_m": costs[names].median().to_numpy(),
-        "cost_m": extra.mean().to_numpy(), "cost_p90_m": extra.quantile(0.9).to_numpy(), "drivers": int(costs["ade_m"].notna().sum()),
+        "cost_m": extra.mean().to_numpy(), "cost_p90_m": extra.quantile(0.9).to_numpy(),
+        "drivers": int(costs["ade_m"].notna().sum()),
     })  # fmt: skip
 
 
 def as_list(scenes: Scenes | Sequence[Scenes]) -> list[Scenes]:
-    """Return one or several periods' scenes as a list."""
+    """Return one or several periods' scenes as a list.
+
+    Parameters
+    ----------
+    scenes : Scenes or sequence of Scenes
+
+    Returns
+    -------
+    list of Scenes
+    """
     return [scenes] if isinstance(scenes, Scenes) else list(scenes)

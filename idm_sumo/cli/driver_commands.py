@@ -136,7 +136,7 @@ def calibrate(options: argparse.Namespace) -> None:
     options : argparse.Namespace
     """
     from idm_sumo.calibration import calibrate as fit
-    from idm_sumo.calibration.without_d1 import jam_distance_costs, refit_table
+    from idm_sumo.calibration.without_d1 import refit_table, without_d1_costs
     from idm_sumo.prediction.driving_code import driving_code
 
     found = shared.scenes_of(options, shared.window_of(options, options.every))
@@ -152,7 +152,7 @@ def calibrate(options: argparse.Namespace) -> None:
             progress=_named("calibrating", report),
         )
     fits = _beside(fits, refit_table(fits, scenes))
-    table = _beside(fits, jam_distance_costs(fits, scenes), driving_code(scenes))
+    table = _beside(fits, without_d1_costs(fits, scenes), driving_code(scenes))
     write(table, options.output)
     _note_faster(table)
     for reason, count in found.left_out.items():

@@ -12,6 +12,7 @@ import pytest
 ROOT = Path(__file__).parents[2]
 ROOMS = (
     "idm_sumo/scenes",
+    "idm_sumo/calibration",
     "idm_sumo/models",
     "idm_sumo/irl",
     "idm_sumo/evaluation",

@@ -11,7 +11,7 @@ import pytest
 from idm_sumo.calibration import calibrate, integrators
 from idm_sumo.calibration.departures import departures
 from idm_sumo.calibration.problem import prepare
-from idm_sumo.calibration.without_d1 import cost_summary, jam_distance_costs, refit_table
+from idm_sumo.calibration.without_d1 import cost_summary, refit_table, without_d1_costs
 from idm_sumo.models import idm
 from idm_sumo.recordings import columns as c
 from idm_sumo.recordings.cleaning import clean
@@ -173,7 +173,7 @@ def test_what_could_not_be_calibrated_costs_nan_and_is_not_driven(traffic: Scene
     drivers.loc[3, "status"] = "too few frames"
     refitted = refit_table(drivers, traffic)
     assert refitted["a_refit"].isna().tolist() == (drivers.index == 3).tolist()
-    costs = jam_distance_costs(drivers, traffic)
+    costs = without_d1_costs(drivers, traffic)
     assert costs.drop(index=3).notna().all(axis=None)
     assert costs.loc[3].drop(["period", "vehicle", "first_frame"]).isna().all()
     both = drivers.merge(refitted, on=["period", "vehicle", "first_frame"])
@@ -308,7 +308,7 @@ def test_parity_of_every_real_driver(calibrated: tuple[list[Scenes], pd.DataFram
 @pytest.mark.parametrize("integration", SCHEMES)
 def test_what_the_choices_cost_on_real_drivers(calibrated: tuple[list[Scenes], pd.DataFrame], integration: str) -> None:
     scenes, drivers = calibrated
-    costs = jam_distance_costs(drivers, scenes, integration=integration)
+    costs = without_d1_costs(drivers, scenes, integration=integration)
     cost = cost_summary(costs).set_index("choice")["cost_m"]
     assert cost["refit"] < cost["linearised"] < cost["dropped"]
     assert cost["refit"] < 0.05
