@@ -4,7 +4,7 @@ from idm_sumo.roads.i80 import I80
 from idm_sumo.roads.road import Road, SideLane
 from idm_sumo.roads.us101 import US101
 
-__all__ = ["BUILT_IN", "DEFAULT", "Road", "SideLane", "road_at"]
+__all__ = ["BUILT_IN", "DEFAULT", "US101", "Road", "SideLane", "road_at"]
 
 DEFAULT = US101  # of files that do not name their road
 BUILT_IN = {road.name: road for road in (US101, I80)}
