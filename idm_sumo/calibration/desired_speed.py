@@ -42,7 +42,7 @@ def estimate_desired_speeds(scenes: Scenes) -> Floats:
     problem = prepare(scenes)
     usable = np.flatnonzero(usable_windows(problem, scenes) & (driven > 0.0))
     if not len(usable):
-        return np.maximum(driven, scenes.road.speed_limit)
+        return np.asarray(np.maximum(driven, scenes.road.speed_limit))
     some = usable[np.unique(np.linspace(0, len(usable) - 1, WINDOWS).astype(np.int64))]
     part, starts = only(problem, some), design_of_starts(STARTS)
 

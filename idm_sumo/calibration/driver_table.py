@@ -17,7 +17,10 @@ from idm_sumo.runtime import inputs, parquet
 from idm_sumo.runtime.errors import InputError
 from idm_sumo.runtime.limits import DESIRED_SPEED as DESIRED_SPEEDS
 from idm_sumo.simulation.driver_parameters import DESIRED_SPEED as DESIRED_SPEED
-from idm_sumo.simulation.driver_parameters import FIRST_FRAME, KEYS, PARAMETERS, key_columns
+from idm_sumo.simulation.driver_parameters import FIRST_FRAME as FIRST_FRAME
+from idm_sumo.simulation.driver_parameters import KEYS as KEYS
+from idm_sumo.simulation.driver_parameters import PARAMETERS as PARAMETERS
+from idm_sumo.simulation.driver_parameters import key_columns as key_columns
 
 STATUS, OK = "status", "ok"  # what became of the fit; absent in tables made by hand
 HAS = "has_what_some_have"  # 1 if a driver has those causes of an extended model, too, that only some have, else 0

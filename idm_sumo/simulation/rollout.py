@@ -82,9 +82,10 @@ class Trajectories:
     @classmethod
     def of(cls, scenes: Scenes) -> Trajectories:
         """Return storage for the windows of ``scenes`` over their horizon."""
-        keys = {"period": scenes.period, "vehicle": scenes.vehicle, "first_frame": scenes.first_frame,
-                "start_frame": scenes.first_frame + scenes.start}  # fmt: skip
-        return replace(cls.empty(len(scenes), scenes.window.horizon), **keys)
+        return replace(
+            cls.empty(len(scenes), scenes.window.horizon), period=scenes.period, vehicle=scenes.vehicle,
+            first_frame=scenes.first_frame, start_frame=scenes.first_frame + scenes.start,
+        )  # fmt: skip
 
     @classmethod
     def empty(cls, vehicles: int, steps: int) -> Trajectories:

@@ -9,7 +9,7 @@ from idm_sumo.calibration import kernel
 from idm_sumo.calibration.objective import CODES, LOSSES
 from idm_sumo.calibration.problem import prepare
 from idm_sumo.models import idm
-from idm_sumo.roads import US101
+from idm_sumo.roads.us101 import US101
 from idm_sumo.runtime.errors import InputError
 from idm_sumo.scenes.windows import Window, build_scenes
 from idm_sumo.simulation.rollout import drive_idm

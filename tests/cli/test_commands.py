@@ -13,7 +13,7 @@ import pytest
 from idm_sumo.cli import main
 from idm_sumo.models.effects import Cause, ExtendedModel
 from idm_sumo.models.idm import TEXTBOOK
-from idm_sumo.roads import US101
+from idm_sumo.roads.us101 import US101
 from tests.helpers.ngsim_files import official
 from tests.helpers.platoons import platoon_recording
 

@@ -11,7 +11,7 @@ from idm_sumo.recordings.cleaning import clean
 from idm_sumo.recordings.columns import FRAME_STEP
 from idm_sumo.recordings.reading import read_recording
 from idm_sumo.recordings.smoothing import smooth
-from idm_sumo.roads import US101
+from idm_sumo.roads.us101 import US101
 from idm_sumo.scenes.windows import Window, build_scenes
 from idm_sumo.simulation.rollout import drive_constant_velocity, drive_idm
 from tests.helpers.builders import Car, scenes, trajectories

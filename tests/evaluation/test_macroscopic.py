@@ -10,8 +10,7 @@ from idm_sumo.evaluation import macroscopic as m
 from idm_sumo.evaluation import waves
 from idm_sumo.recordings import columns as c
 from idm_sumo.recordings.columns import FRAME_STEP
-from idm_sumo.roads import US101
-from idm_sumo.roads.us101 import OFF_RAMP, ON_RAMP
+from idm_sumo.roads.us101 import OFF_RAMP, ON_RAMP, US101
 from tests.helpers.builders import Car, recording
 
 

@@ -4,7 +4,7 @@ import pytest
 
 from idm_sumo.evaluation.metrics import displacement, is_critical, score, standard_error_name, summary
 from idm_sumo.models.idm import TEXTBOOK
-from idm_sumo.roads import US101
+from idm_sumo.roads.us101 import US101
 from idm_sumo.scenes.windows import Window
 from idm_sumo.simulation.rollout import drive_constant_velocity, drive_idm
 from tests.helpers.builders import Car, scenes, trajectories

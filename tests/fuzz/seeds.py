@@ -7,7 +7,7 @@ import pandas as pd
 
 from idm_sumo.models.idm import IDMParameters
 from idm_sumo.recordings import columns as c
-from idm_sumo.roads import US101
+from idm_sumo.roads.us101 import US101
 from tests.helpers import ngsim_files
 
 FRAMES = 30

@@ -17,7 +17,7 @@ from idm_sumo.diagnosis.sizes import Tried
 from idm_sumo.diagnosis.smoother import local_cubic
 from idm_sumo.recordings import columns as c
 from idm_sumo.recordings.recording import Recording
-from idm_sumo.roads import US101
+from idm_sumo.roads.us101 import US101
 
 DRIVERS, EACH = 30, 3
 

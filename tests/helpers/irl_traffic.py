@@ -6,7 +6,7 @@ import numpy as np
 
 from idm_sumo.irl.policy import drive_policy
 from idm_sumo.irl.simulation import actions_of
-from idm_sumo.roads import US101
+from idm_sumo.roads.us101 import US101
 from idm_sumo.scenes.windows import Scenes, Window
 from idm_sumo.simulation.rollout import Trajectories
 from tests.helpers.builders import Car, scenes

@@ -8,7 +8,7 @@ from scipy.signal import savgol_filter
 
 from idm_sumo.models import idm
 from idm_sumo.recordings import columns as c
-from idm_sumo.roads import US101
+from idm_sumo.roads.us101 import US101
 from idm_sumo.scenes.traffic import sort_into_cells
 from idm_sumo.scenes.windows import LEADER_OF_RECORDED, Scenes, Window
 

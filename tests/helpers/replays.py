@@ -7,7 +7,7 @@ import pandas as pd
 
 from idm_sumo.recordings import columns as c
 from idm_sumo.recordings.columns import FRAME_STEP
-from idm_sumo.roads import US101
+from idm_sumo.roads.us101 import US101
 from idm_sumo.simulation.rollout import Trajectories
 
 DRIVER = (1.4, 1.8, 1.1, 2.0, 1.0)

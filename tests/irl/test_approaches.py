@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from idm_sumo.irl.approaches import closest_approaches
-from idm_sumo.roads import US101
+from idm_sumo.roads.us101 import US101
 from idm_sumo.simulation.rollout import drive_constant_velocity
 from tests.helpers.builders import Car, scenes
 

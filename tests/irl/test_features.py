@@ -13,7 +13,7 @@ from idm_sumo.irl import features as f
 from idm_sumo.irl.episodes import episodes_of
 from idm_sumo.irl.ground import Ground
 from idm_sumo.recordings.columns import FRAME_STEP
-from idm_sumo.roads import US101
+from idm_sumo.roads.us101 import US101
 from tests.helpers.builders import Car, scenes
 
 GROUND = Ground.of(US101)

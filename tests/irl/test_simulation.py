@@ -10,7 +10,7 @@ from idm_sumo.irl.episodes import episodes_of
 from idm_sumo.irl.policy import Policy, drive_policy
 from idm_sumo.irl.reward import ALIVE, PENALTY, WORST, Reward
 from idm_sumo.recordings.columns import FRAME_STEP
-from idm_sumo.roads import US101
+from idm_sumo.roads.us101 import US101
 from idm_sumo.scenes.windows import Scenes
 from idm_sumo.simulation.rollout import drive_constant_velocity
 from idm_sumo.sumo.replay.actions import replay_controls

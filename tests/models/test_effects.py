@@ -21,7 +21,7 @@ from idm_sumo.models.effects import (
 )
 from idm_sumo.models.effects.reaction_delay import REMEMBERED, acted_on, follow_another, recall
 from idm_sumo.models.idm import IDMParameters
-from idm_sumo.roads import US101
+from idm_sumo.roads.us101 import US101
 from idm_sumo.runtime.errors import InputError
 
 DRIVER = (1.2, 1.8, 1.3, 2.0, 0.4)

@@ -2,7 +2,7 @@ import numpy as np
 import pytest
 
 from idm_sumo.prediction.driving_code import SLOWEST, driving_code, features_of
-from idm_sumo.roads import US101
+from idm_sumo.roads.us101 import US101
 from idm_sumo.runtime.errors import InputError
 from idm_sumo.scenes.perception import leaders_along
 from tests.helpers.builders import Car, scenes

@@ -10,7 +10,7 @@ from idm_sumo.evaluation.metrics import displacement
 from idm_sumo.prediction import MovingHorizon, RolloutPredictor, first_second, recent
 from idm_sumo.prediction.driver_prediction import predict_through_rollout
 from idm_sumo.prediction.moving_horizon import past
-from idm_sumo.roads import US101
+from idm_sumo.roads.us101 import US101
 from idm_sumo.runtime.errors import InputError
 from idm_sumo.scenes.windows import Window
 from idm_sumo.simulation.rollout import drive_idm

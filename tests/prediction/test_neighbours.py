@@ -12,8 +12,8 @@ from idm_sumo.models import idm
 from idm_sumo.models.idm import LOWER, TEXTBOOK, UPPER
 from idm_sumo.prediction import KNNPredictor, average_parameters, first_gap_parameters
 from idm_sumo.prediction.driving_code import FEATURES, driving_code
-from idm_sumo.roads import US101
 from idm_sumo.roads.units import FOOT
+from idm_sumo.roads.us101 import US101
 from idm_sumo.runtime.errors import InputError
 from idm_sumo.simulation.rollout import drive_idm
 from tests.helpers.builders import Car, scenes

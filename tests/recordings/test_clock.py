@@ -4,7 +4,7 @@ import pytest
 from idm_sumo.recordings.accounting import Ledger
 from idm_sumo.recordings.readers.ngsim import to_recording
 from idm_sumo.recordings.recording import Recording
-from idm_sumo.roads import US101
+from idm_sumo.roads.us101 import US101
 from idm_sumo.runtime.errors import InputError
 from tests.helpers import ngsim_files
 

@@ -4,7 +4,7 @@ from hypothesis import strategies as st
 
 from idm_sumo.recordings import columns as c
 from idm_sumo.recordings.leaders import leader_from_headway, row_ahead, row_of
-from idm_sumo.roads import US101
+from idm_sumo.roads.us101 import US101
 from tests.helpers.builders import Car, recording
 
 POSITIONS = st.lists(

@@ -4,7 +4,7 @@ import pytest
 
 from idm_sumo.recordings.cleaning import JUMP, LEADER_JUMP, clean
 from idm_sumo.recordings.on_road import check_foreign_lanes, check_lane_widths, check_on_road, foreign_edges
-from idm_sumo.roads import US101
+from idm_sumo.roads.us101 import US101
 from idm_sumo.runtime.errors import InputError
 from tests.helpers.builders import Car, recording
 

@@ -3,7 +3,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from idm_sumo.roads import US101
+from idm_sumo.roads.us101 import US101
 from idm_sumo.scenes.traffic import NOBODY, build_traffic, leader_row, sort_into_cells
 from tests.helpers.builders import Car, recording
 

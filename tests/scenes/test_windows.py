@@ -7,7 +7,7 @@ import pytest
 from idm_sumo.evaluation.metrics import score
 from idm_sumo.models.idm import TEXTBOOK
 from idm_sumo.recordings.recording import Recording
-from idm_sumo.roads import US101
+from idm_sumo.roads.us101 import US101
 from idm_sumo.runtime.errors import InputError
 from idm_sumo.scenes.windows import LEADER_FROM_LANE, LEADER_OF_RECORDED, TOO_SHORT, Window, build_scenes
 from idm_sumo.simulation.rollout import drive_idm

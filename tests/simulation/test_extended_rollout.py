@@ -8,7 +8,7 @@ from idm_sumo.models.effects import CATALOGUE, Cause, ExtendedModel
 from idm_sumo.models.idm import TEXTBOOK
 from idm_sumo.recordings.columns import FRAME_STEP
 from idm_sumo.recordings.recording import Recording
-from idm_sumo.roads import US101
+from idm_sumo.roads.us101 import US101
 from idm_sumo.scenes.windows import Window, build_scenes
 from idm_sumo.simulation.extended_rollout import drive_extended
 from idm_sumo.simulation.rollout import drive_idm

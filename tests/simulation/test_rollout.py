@@ -6,7 +6,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from idm_sumo.models.idm import LOWER, TEXTBOOK, UPPER, IDMParameters, equilibrium_gap
-from idm_sumo.roads import US101
+from idm_sumo.roads.us101 import US101
 from idm_sumo.scenes.windows import Window
 from idm_sumo.simulation.rollout import drive_constant_velocity, drive_idm
 from tests.helpers.builders import Car, scenes

@@ -12,9 +12,8 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from idm_sumo.roads import US101
 from idm_sumo.roads.units import FOOT
-from idm_sumo.roads.us101 import OFF_RAMP, ON_RAMP
+from idm_sumo.roads.us101 import OFF_RAMP, ON_RAMP, US101
 from idm_sumo.runtime.errors import InputError
 from idm_sumo.sumo import network
 

@@ -5,7 +5,7 @@ import sys
 import pytest
 
 from idm_sumo.recordings.columns import FRAME_STEP
-from idm_sumo.roads import US101
+from idm_sumo.roads.us101 import US101
 from idm_sumo.runtime.errors import InputError
 from idm_sumo.sumo import network
 from idm_sumo.sumo.session import load_libsumo, simulation

@@ -5,7 +5,7 @@ from __future__ import annotations
 import hashlib
 from pathlib import Path
 
-from idm_sumo.roads import US101
+from idm_sumo.roads.us101 import US101
 from idm_sumo.runtime.cache import cache_folder
 from idm_sumo.runtime.files import new_folder
 from idm_sumo.runtime.ownership import is_whole

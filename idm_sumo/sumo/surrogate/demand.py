@@ -10,8 +10,7 @@ import numpy as np
 import pandas as pd
 
 from idm_sumo.recordings.columns import CAR, MOTORCYCLE, TRUCK
-from idm_sumo.roads import US101
-from idm_sumo.roads.us101 import OFF_RAMP
+from idm_sumo.roads.us101 import OFF_RAMP, US101
 from idm_sumo.sumo import network
 
 # Vehicles that the real recording counted in its three periods of 15 minutes.

@@ -10,8 +10,8 @@ import numpy.typing as npt
 import pandas as pd
 
 from idm_sumo.recordings.readers.layouts import OFFICIAL
-from idm_sumo.roads import US101
 from idm_sumo.roads.units import FOOT
+from idm_sumo.roads.us101 import US101
 from idm_sumo.sumo.surrogate.demand import PERIODS
 from idm_sumo.sumo.surrogate.noise import speed_and_acceleration, starts_of
 from idm_sumo.sumo.surrogate.traffic import Trajectories

@@ -12,7 +12,7 @@ import numpy.typing as npt
 import pyarrow.parquet as pq
 
 from idm_sumo.recordings.columns import FRAME_STEP
-from idm_sumo.roads import US101
+from idm_sumo.roads.us101 import US101
 from idm_sumo.runtime.siblings import scratch
 from idm_sumo.sumo import network
 from idm_sumo.sumo.session import simulation

@@ -22,7 +22,7 @@ from idm_sumo.diagnosis import CauseFound, Diagnosis, Estimate, Gain, Power, Reg
 from idm_sumo.diagnosis.result import Law, LawCompared, OtherLaw
 from idm_sumo.models.effects import Cause, ExtendedModel
 from idm_sumo.models.idm import TEXTBOOK
-from idm_sumo.roads import US101
+from idm_sumo.roads.us101 import US101
 from tests.helpers import runs
 from tests.helpers.pairs import pair
 

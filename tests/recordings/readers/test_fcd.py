@@ -9,7 +9,7 @@ import pytest
 
 from idm_sumo.recordings import columns as c
 from idm_sumo.recordings.reading import read_recording
-from idm_sumo.roads import US101
+from idm_sumo.roads.us101 import US101
 from idm_sumo.runtime.errors import InputError
 
 libsumo = pytest.importorskip("libsumo")

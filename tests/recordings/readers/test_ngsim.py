@@ -6,8 +6,8 @@ from idm_sumo.recordings import columns as c
 from idm_sumo.recordings.accounting import Accounting, Ledger
 from idm_sumo.recordings.readers.ngsim import to_recording
 from idm_sumo.recordings.recording import Recording
-from idm_sumo.roads import US101
 from idm_sumo.roads.units import FOOT
+from idm_sumo.roads.us101 import US101
 from idm_sumo.runtime.errors import InputError
 from tests.helpers import ngsim_files
 

@@ -9,7 +9,7 @@ import pytest
 from idm_sumo.models.effects import CATALOGUE, Cause, ExtendedModel
 from idm_sumo.models.idm import TEXTBOOK
 from idm_sumo.recordings.columns import FRAME_STEP
-from idm_sumo.roads import US101
+from idm_sumo.roads.us101 import US101
 from idm_sumo.sumo.export.routes import Exported, export_routes
 from idm_sumo.sumo.session import simulation
 from tests.helpers.exports import drivers, sumo

@@ -18,8 +18,7 @@ from idm_sumo.recordings.cleaning import clean
 from idm_sumo.recordings.reading import read_recording
 from idm_sumo.recordings.recording import Recording
 from idm_sumo.recordings.smoothing import smooth
-from idm_sumo.roads import US101
-from idm_sumo.roads.us101 import OFF_RAMP, ON_RAMP
+from idm_sumo.roads.us101 import OFF_RAMP, ON_RAMP, US101
 from idm_sumo.scenes.windows import Scenes, Window, build_scenes
 from idm_sumo.sumo.export.native import drive_natively, drive_on_our_network
 from idm_sumo.sumo.export.parity import parity, types_of

@@ -14,7 +14,7 @@ from idm_sumo.models import idm
 from idm_sumo.recordings import columns as c
 from idm_sumo.recordings.columns import FRAME_STEP
 from idm_sumo.recordings.recording import Recording
-from idm_sumo.roads import US101
+from idm_sumo.roads.us101 import US101
 from idm_sumo.runtime.errors import InputError
 from idm_sumo.scenes.windows import Window, build_scenes
 from idm_sumo.sumo import network, session

@@ -8,9 +8,8 @@ import pyarrow.parquet as pq
 import pytest
 
 from idm_sumo.recordings.readers.layouts import OFFICIAL
-from idm_sumo.roads import US101
 from idm_sumo.roads.units import FOOT
-from idm_sumo.roads.us101 import OFF_RAMP, ON_RAMP
+from idm_sumo.roads.us101 import OFF_RAMP, ON_RAMP, US101
 from idm_sumo.runtime.errors import InputError
 from idm_sumo.sumo.surrogate import make as surrogate
 from idm_sumo.sumo.surrogate import noise as surrogate_noise
