@@ -11,7 +11,7 @@ from idm_sumo.models.idm import LOWER, UPPER
 from idm_sumo.recordings.recording import Recording
 from idm_sumo.scenes.windows import Scenes
 from idm_sumo.simulation.extended_rollout import drive_extended
-from idm_sumo.simulation.surroundings import Others, Twin, what_is_seen
+from idm_sumo.simulation.surroundings import RecordedDrivers, TrafficDetails, what_is_seen
 
 
 def nearest(
@@ -48,7 +48,7 @@ def nearest(
 
 
 def _off(
-    scenes: Scenes, seen: tuple[Others, Twin], model: ExtendedModel, theta: npt.NDArray[np.float64]
+    scenes: Scenes, seen: tuple[TrafficDetails, RecordedDrivers], model: ExtendedModel, theta: npt.NDArray[np.float64]
 ) -> npt.NDArray[np.float64]:
     """Return the distance (m) from the recording, frame by frame."""
     driven = drive_extended(scenes, seen, model, theta, desired_speed=model.desired_speed)
@@ -60,7 +60,7 @@ def _ade(off: npt.NDArray[np.float64]) -> float:
 
 
 def fit_extended(
-    scenes: Scenes, seen: tuple[Others, Twin], model: ExtendedModel, start: npt.NDArray[np.float64]
+    scenes: Scenes, seen: tuple[TrafficDetails, RecordedDrivers], model: ExtendedModel, start: npt.NDArray[np.float64]
 ) -> npt.NDArray[np.float64]:
     """Fit one driver of an extended model to its recording.
 
@@ -68,7 +68,7 @@ def fit_extended(
     ----------
     scenes : Scenes
         One driver.
-    seen : (Others, Twin)
+    seen : (TrafficDetails, RecordedDrivers)
         What it sees.
     model : ExtendedModel
     start : ndarray, shape (1, 5)

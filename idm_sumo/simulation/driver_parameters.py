@@ -1,4 +1,7 @@
-"""Who drives how: from a driver table, or an array, to the arrays that the rollouts read."""
+"""Parameters and desired speeds as the rollouts read them.
+
+From a driver table, whose rows are found by their keys, or from an array.
+"""
 
 from __future__ import annotations
 
@@ -20,7 +23,17 @@ KEYS = (c.PERIOD, c.VEHICLE)
 
 
 def key_columns(drivers: pd.DataFrame) -> list[str]:
-    """Return the columns that tell drivers apart: period, vehicle and, if given, the window's first frame."""
+    """Return the columns that tell drivers apart.
+
+    Parameters
+    ----------
+    drivers : pandas.DataFrame
+
+    Returns
+    -------
+    list of str
+        Period, vehicle and, if given, the window's first frame.
+    """
     return [*KEYS, *([FIRST_FRAME] if FIRST_FRAME in drivers else [])]
 
 
@@ -88,13 +101,24 @@ def parameters_of(drivers: pd.DataFrame, scenes: Scenes) -> Floats:
 def desired_speeds_of(
     drivers: pd.DataFrame, scenes: Scenes, desired_speed: npt.ArrayLike | None = None
 ) -> npt.ArrayLike | None:
-    """Return what drivers want to drive (m/s): as given, else the table's, else None.
+    """Return what drivers want to drive (m/s).
 
     Parameters
     ----------
     drivers : pandas.DataFrame
     scenes : Scenes
     desired_speed : array_like, shape (windows,) or (), optional
+        m/s.
+
+    Returns
+    -------
+    float64, shape (windows,), or as given, or None
+        As given, else the table's, else None.
+
+    Raises
+    ------
+    InputError
+        If a window has no driver in the table.
     """
     if desired_speed is not None or DESIRED_SPEED not in drivers:
         return desired_speed

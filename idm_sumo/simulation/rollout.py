@@ -1,4 +1,7 @@
-"""The ``kernel`` back end of replay: many modelled vehicles, each in its own recorded traffic."""
+"""The ``kernel`` back end of replay.
+
+Many modelled vehicles, each in its own recorded traffic.
+"""
 
 from __future__ import annotations
 
@@ -81,7 +84,17 @@ class Trajectories:
 
     @classmethod
     def of(cls, scenes: Scenes) -> Trajectories:
-        """Return storage for the windows of ``scenes`` over their horizon."""
+        """Return storage for the windows of scenes.
+
+        Parameters
+        ----------
+        scenes : Scenes
+
+        Returns
+        -------
+        Trajectories
+            Over their horizon.
+        """
         return replace(
             cls.empty(len(scenes), scenes.window.horizon), period=scenes.period, vehicle=scenes.vehicle,
             first_frame=scenes.first_frame, start_frame=scenes.first_frame + scenes.start,
@@ -89,7 +102,16 @@ class Trajectories:
 
     @classmethod
     def empty(cls, vehicles: int, steps: int) -> Trajectories:
-        """Return storage for ``vehicles`` over ``steps`` steps, numbered from 0."""
+        """Return storage for vehicles that are numbered from 0.
+
+        Parameters
+        ----------
+        vehicles, steps : int
+
+        Returns
+        -------
+        Trajectories
+        """
         state, control = (vehicles, steps + 1), (vehicles, steps)
         return cls(
             x=np.empty(state), y=np.empty(state), heading=np.empty(state), speed=np.empty(state),
@@ -101,13 +123,33 @@ class Trajectories:
 
     @classmethod
     def joined(cls, parts: Sequence[Trajectories]) -> Trajectories:
-        """Put trajectories of the same length one behind the other."""
+        """Join trajectories of the same length.
+
+        Parameters
+        ----------
+        parts : sequence of Trajectories
+
+        Returns
+        -------
+        Trajectories
+            The vehicles of all parts, in order.
+        """
         return cls(
             **{field.name: np.concatenate([getattr(part, field.name) for part in parts]) for field in fields(cls)}
         )
 
     def rows(self, which: slice | npt.NDArray[np.int64]) -> Trajectories:
-        """Return some of the vehicles."""
+        """Return some of the vehicles.
+
+        Parameters
+        ----------
+        which : slice or int64 array
+            Places of the vehicles.
+
+        Returns
+        -------
+        Trajectories
+        """
         return Trajectories(**{field.name: getattr(self, field.name)[which] for field in fields(self)})
 
 
@@ -117,7 +159,9 @@ def drive_idm(
     *,
     desired_speed: npt.ArrayLike | None = None,
 ) -> Trajectories:
-    """Drive every vehicle by IDM and pure pursuit from its start over the horizon.
+    """Drive every vehicle by IDM and pure pursuit.
+
+    From its start over the horizon.
 
     Parameters
     ----------
@@ -152,7 +196,18 @@ def drive_idm(
 
 
 def drive_constant_velocity(scenes: Scenes) -> Trajectories:
-    """Keep speed and heading of the start: zero acceleration, zero steering, no eyes."""
+    """Keep speed and heading of the start.
+
+    Zero acceleration, zero steering; no leader is perceived.
+
+    Parameters
+    ----------
+    scenes : Scenes
+
+    Returns
+    -------
+    Trajectories
+    """
     n, steps = len(scenes), scenes.window.horizon
     first = scenes.start
     heading, speed = scenes.heading[:, first, None], scenes.speed[:, first, None]
@@ -164,13 +219,33 @@ def drive_constant_velocity(scenes: Scenes) -> Trajectories:
         heading=heading * whole, speed=speed * whole,
         acceleration=np.zeros((n, steps)), steering=np.zeros((n, steps)),
         gap=np.full((n, steps + 1), np.inf), leader=np.full((n, steps + 1), NOBODY),
-        period=scenes.period, vehicle=scenes.vehicle, first_frame=scenes.first_frame, start_frame=scenes.first_frame + first,
+        period=scenes.period, vehicle=scenes.vehicle,
+        first_frame=scenes.first_frame, start_frame=scenes.first_frame + first,
     )  # fmt: skip
 
 
 @njit(cache=True)
 def perceive(cell, front, own, offsets, x, length, vehicle):  # type: ignore[no-untyped-def]
-    """Return the leader's row (or ``NOBODY``) and the gap to it (m, infinite without one)."""
+    """Return the leader's row and the gap to it.
+
+    Parameters
+    ----------
+    cell : int
+        Of the traffic.
+    front : float
+        Front bumper (m).
+    own : int
+        Number of the modelled vehicle.
+    offsets, x, length, vehicle
+        As in :class:`~idm_sumo.scenes.traffic.Traffic`.
+
+    Returns
+    -------
+    row : int
+        ``NOBODY`` without a leader.
+    gap : float
+        Bumper to bumper (m), infinite without a leader.
+    """
     row = leader_row(offsets, x, vehicle, cell, front, own)
     if row == NOBODY:
         return row, np.inf
@@ -179,7 +254,30 @@ def perceive(cell, front, own, offsets, x, length, vehicle):  # type: ignore[no-
 
 @njit(cache=True)
 def control(x, y, heading, speed, gap, leader_speed, theta, desired_speed, length, lane_y):  # type: ignore[no-untyped-def]
-    """Return acceleration (m/s²) and steering (rad) of a modelled driver; ``x, y`` is the centre of mass."""
+    """Return acceleration and steering of a modelled driver.
+
+    Parameters
+    ----------
+    x, y : float
+        Centre of mass (m).
+    heading, speed : float
+        rad, m/s.
+    gap, leader_speed : float
+        m, m/s.
+    theta : float64, shape (5,)
+        ``a, b, T, d0, d1`` in SI units.
+    desired_speed : float
+        m/s.
+    length : float
+        Of the vehicle (m).
+    lane_y : float
+        The lane's middle (m).
+
+    Returns
+    -------
+    acceleration, steering : float
+        m/s², rad.
+    """
     approach_rate = speed - leader_speed
     acceleration = idm.acceleration(
         speed, approach_rate, gap, theta[0], theta[1], theta[2], theta[3], theta[4], desired_speed
@@ -189,7 +287,25 @@ def control(x, y, heading, speed, gap, leader_speed, theta, desired_speed, lengt
 
 @njit(cache=True)
 def steer(y, heading, speed, length, lane_y):  # type: ignore[no-untyped-def]
-    """Return the steering (rad) that leads the centre of mass at ``y`` (m) to the middle of the lane."""
+    """Return the steering (rad) towards the lane's middle.
+
+    Pure pursuit, see :mod:`idm_sumo.models.steering`.
+
+    Parameters
+    ----------
+    y : float
+        Centre of mass (m).
+    heading, speed : float
+        rad, m/s.
+    length : float
+        Of the vehicle (m).
+    lane_y : float
+        The lane's middle (m).
+
+    Returns
+    -------
+    float
+    """
     axles = bicycle.wheelbase(length)
     heading_x, heading_y = np.cos(heading), np.sin(heading)
     rear_y = y - bicycle.REAR_SHARE * axles * heading_y

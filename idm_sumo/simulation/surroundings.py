@@ -1,7 +1,8 @@
-"""What an extended driver sees in a replay: the traffic around its simulated place, and what its recorded twin knew.
+"""What an extended driver sees in a replay.
 
-Everything but own place and speed is recorded: leader, second leader, neighbours and follower are those at the
-simulated place, and the moments of cut-ins and of the own lane change those of the twin.
+The traffic around its simulated place, and what its recorded vehicle knew. Everything but own place
+and speed is recorded: leader, second leader, neighbours and follower are those at the simulated
+place, and the moments of cut-ins and of the own lane change those of the recorded vehicle.
 """
 
 from __future__ import annotations
@@ -32,8 +33,10 @@ Integers = npt.NDArray[np.int64]
 NOBODY_YET = -2  # number of the leader before anybody was looked at
 
 
-class Others(NamedTuple):
-    """Of each row of the scenes' traffic, shape (rows,): what :class:`~idm_sumo.scenes.traffic.Traffic` does not hold.
+class TrafficDetails(NamedTuple):
+    """What is known of the traffic's rows beyond places.
+
+    Of each row of the scenes' traffic, shape ``(rows,)``: what :class:`~idm_sumo.scenes.traffic.Traffic` does not hold.
 
     Attributes
     ----------
@@ -51,8 +54,8 @@ class Others(NamedTuple):
     who: Integers
 
 
-class Twin(NamedTuple):
-    """Of each window, what its recorded vehicle brings along.
+class RecordedDrivers(NamedTuple):
+    """What the recorded vehicle of each window brings along.
 
     Attributes
     ----------
@@ -60,8 +63,8 @@ class Twin(NamedTuple):
         Of the window's start since the first frame of the period (s).
     own_class : float64, shape (windows,)
     jump, since, accepted : float64, shape (windows,)
-        By how much the last leader change up to the start shortened the gap (m), the time since and the time headway right after
-        it (s); NaN for none.
+        By how much the last leader change up to the start shortened the gap (m), the time since and the
+        time headway right after it (s); NaN for none.
     cut_in, own_change : float64, shape (windows,)
         Seconds from the start to the next vehicle inserted ahead, and to the own lane change; NaN for none.
     driven, moments : float64, shape (windows,)
@@ -79,26 +82,38 @@ class Twin(NamedTuple):
     moments: Floats
 
 
-def what_is_seen(recording: Recording, scenes: Scenes) -> tuple[Others, Twin]:
-    """Return what extended drivers can see beyond the scenes' traffic.
+def what_is_seen(recording: Recording, scenes: Scenes) -> tuple[TrafficDetails, RecordedDrivers]:
+    """Return what extended drivers see beyond the scenes' traffic.
 
     Parameters
     ----------
     recording : Recording
         The period the scenes were cut from.
     scenes : Scenes
+        Of one period.
+
+    Returns
+    -------
+    others : TrafficDetails
+    recorded : RecordedDrivers
+
+    Raises
+    ------
+    InputError
+        If the scenes are of several periods.
     """
     scenes.check_one_period()
     table = recording.table
     known = _leaders(recording, scenes)
-    return _others(table, scenes, known), _twin(table, scenes, known.who, known.gap)
+    return _details(table, scenes, known), _recorded(table, scenes, known.who, known.gap)
 
 
 class _Known(NamedTuple):
-    """Of every recorded row its leader's number (0 none) and gap (m), and whose row of the traffic it is.
+    """Of every recorded row its leader, and the traffic's motion.
 
-    The others, acceleration, whether it goes on from the row before, and class, are those of the vehicle that stands in the
-    traffic: the row's own where the vehicles ahead are recorded, its leader's where the headway is all that is known.
+    ``who`` (0 for none) and ``gap`` (m) are the leader's. The others, acceleration, whether it goes on
+    from the row before, and class, are those of the vehicle that stands in the traffic: the row's own
+    where the vehicles ahead are recorded, its leader's where the headway is all that is known.
     """
 
     who: Integers
@@ -137,7 +152,7 @@ def _perceive_all(cell, front, own, offsets, x, length, vehicle):  # type: ignor
 
 
 def _rows(table: pd.DataFrame, vehicle: Integers, frame: Integers) -> Integers:
-    """Return the row of each vehicle and frame in a period's table, -1 for none."""
+    """Return the rows of vehicles and frames, -1 for none."""
     stride = np.int64(1) << 32
     code = table[c.VEHICLE].to_numpy() * stride + table[c.FRAME].to_numpy()
     wanted = vehicle * stride + frame
@@ -145,27 +160,27 @@ def _rows(table: pd.DataFrame, vehicle: Integers, frame: Integers) -> Integers:
     return np.where(code[place] == wanted, place, -1).astype(np.int64)
 
 
-def _others(table: pd.DataFrame, scenes: Scenes, known: _Known) -> Others:
+def _details(table: pd.DataFrame, scenes: Scenes, known: _Known) -> TrafficDetails:
     """Look up every row of the traffic in the table."""
     t, acceleration, kind = scenes.traffic, known.acceleration, known.kind
     of_late = running_mean(acceleration, known.goes_on, LATELY)
     group, frame = np.divmod(np.repeat(np.arange(len(t.offsets) - 1), np.diff(t.offsets)), t.frames)
     if scenes.leader_source == LEADER_FROM_LANE:
         row = _rows(table, t.vehicle, frame + t.first_frame)
-        return Others(acceleration[row], of_late[row], kind[row], t.vehicle)
+        return TrafficDetails(acceleration[row], of_late[row], kind[row], t.vehicle)
     vehicle, first = np.full((2, int(group.max(initial=0)) + 1), -1, dtype=np.int64)
     window = scenes.cell // t.frames
     used = window < len(vehicle)  # a window without any leader has no row
     vehicle[window[used]], first[window[used]] = scenes.vehicle[used], scenes.first_frame[used]
     row = _rows(table, vehicle[group], first[group] + frame)
-    return Others(
+    return TrafficDetails(
         np.where(row >= 0, acceleration[row], 0.0), np.where(row >= 0, of_late[row], 0.0),
         np.where(row >= 0, kind[row], np.nan), np.where(row >= 0, known.who[row], 0),
     )  # fmt: skip
 
 
-def _twin(table: pd.DataFrame, scenes: Scenes, who: Integers, gap: Floats) -> Twin:
-    """Look up the past and the coming events of each window's vehicle."""
+def _recorded(table: pd.DataFrame, scenes: Scenes, who: Integers, gap: Floats) -> RecordedDrivers:
+    """Look up each window's past and coming events."""
     start = _rows(table, scenes.vehicle, scenes.first_frame + scenes.start)
     vehicle, frame = table[c.VEHICLE].to_numpy(), table[c.FRAME].to_numpy()
     follows = np.concatenate([[False], (np.diff(vehicle) == 0) & (np.diff(frame) == 1)])
@@ -179,7 +194,7 @@ def _twin(table: pd.DataFrame, scenes: Scenes, who: Integers, gap: Floats) -> Tw
     speed = table[c.SPEED].to_numpy()
     sums = np.concatenate([[0.0], np.cumsum(speed)])
     first = np.searchsorted(vehicle, scenes.vehicle)
-    return Twin(
+    return RecordedDrivers(
         time=(frame[start] - frame.min()) * FRAME_STEP,
         own_class=np.where(scenes.vehicle_class > 0, scenes.vehicle_class, np.nan).astype(np.float64),
         jump=np.where(none, np.nan, jump[last]),
@@ -193,13 +208,19 @@ def _twin(table: pd.DataFrame, scenes: Scenes, who: Integers, gap: Floats) -> Tw
 
 
 def _latest(event: npt.NDArray[np.bool_], vehicle: Integers) -> Integers:
-    """Return for each row the last row up to it with an event of the same vehicle, or -1."""
+    """Return each row's last row with an event.
+
+    Of the same vehicle, up to that row, itself included; -1 for none.
+    """
     row = np.maximum.accumulate(np.where(event, np.arange(len(event)), -1))
     return np.where((row >= 0) & (vehicle[row] == vehicle), row, -1).astype(np.int64)
 
 
 def _until(event: npt.NDArray[np.bool_], vehicle: Integers, frame: Integers, start: Integers) -> Floats:
-    """Return the seconds from each start to the vehicle's next event, NaN for none."""
+    """Return the seconds to the vehicle's next event.
+
+    From each start; NaN for none.
+    """
     rows = np.flatnonzero(event)
     if not len(rows):
         return np.full(len(start), np.nan)
@@ -211,7 +232,24 @@ def _until(event: npt.NDArray[np.bool_], vehicle: Integers, frame: Integers, sta
 
 @njit(cache=True)
 def behind(offsets, x, vehicle, cell, front, own):  # type: ignore[no-untyped-def]
-    """Return the row of the last vehicle of ``cell`` whose front is not ahead of ``front`` (m), or ``NOBODY``."""
+    """Return the row of the follower, or ``NOBODY``.
+
+    The last vehicle of the cell whose front is not ahead.
+
+    Parameters
+    ----------
+    offsets, x, vehicle
+        As in :class:`~idm_sumo.scenes.traffic.Traffic`.
+    cell : int
+    front : float
+        Front bumper (m).
+    own : int
+        Number of the modelled vehicle.
+
+    Returns
+    -------
+    int
+    """
     row, first = first_ahead(offsets, x, cell, front) - 1, offsets[cell]
     while row >= first and vehicle[row] == own:
         row -= 1
@@ -220,7 +258,23 @@ def behind(offsets, x, vehicle, cell, front, own):  # type: ignore[no-untyped-de
 
 @njit(cache=True)
 def mean_speed_near(offsets, x, speed, vehicle, cell, front, own):  # type: ignore[no-untyped-def]
-    """Return the mean speed (m/s) of the vehicles of ``cell`` within ``BESIDE`` of ``front`` (m), NaN for none."""
+    """Return the mean speed (m/s) within ``BESIDE`` of a position.
+
+    Parameters
+    ----------
+    offsets, x, speed, vehicle
+        As in :class:`~idm_sumo.scenes.traffic.Traffic`.
+    cell : int
+    front : float
+        Front bumper (m).
+    own : int
+        Number of the modelled vehicle.
+
+    Returns
+    -------
+    float
+        NaN without anybody there.
+    """
     total, count = 0.0, 0
     for row in range(offsets[cell], offsets[cell + 1]):
         if abs(x[row] - front) <= BESIDE and vehicle[row] != own:
@@ -231,7 +285,23 @@ def mean_speed_near(offsets, x, speed, vehicle, cell, front, own):  # type: igno
 
 @njit(cache=True)
 def next_speed(offsets, x, speed, vehicle, cell, front, own):  # type: ignore[no-untyped-def]
-    """Return the speed (m/s) of the next vehicle of ``cell`` up to ``AHEAD`` of ``front`` (m), NaN for none."""
+    """Return the speed (m/s) of the next vehicle ahead.
+
+    Parameters
+    ----------
+    offsets, x, speed, vehicle
+        As in :class:`~idm_sumo.scenes.traffic.Traffic`.
+    cell : int
+    front : float
+        Front bumper (m).
+    own : int
+        Number of the modelled vehicle.
+
+    Returns
+    -------
+    float
+        NaN without anybody up to ``AHEAD`` of the position.
+    """
     row = first_ahead(offsets, x, cell, front)
     while row < offsets[cell + 1] and vehicle[row] == own:
         row += 1
@@ -240,13 +310,42 @@ def next_speed(offsets, x, speed, vehicle, cell, front, own):  # type: ignore[no
 
 @njit(cache=True)
 def slower(one, other):  # type: ignore[no-untyped-def]
-    """Return the lower of two speeds, of which either may be unknown (NaN)."""
+    """Return the lower of two speeds.
+
+    Parameters
+    ----------
+    one, other : float
+        m/s; either may be unknown (NaN).
+
+    Returns
+    -------
+    float
+    """
     return other if other == other and not other >= one else one
 
 
 @njit(cache=True)
 def slower_beside(offsets, x, speed, vehicle, cell, frames, lane, front, own):  # type: ignore[no-untyped-def]
-    """Return, of the adjacent lanes, the lower mean speed (m/s) near and that of the slower next one; NaN without anybody there."""
+    """Return the lower speeds of the adjacent lanes.
+
+    Parameters
+    ----------
+    offsets, x, speed, vehicle
+        As in :class:`~idm_sumo.scenes.traffic.Traffic`.
+    cell, frames : int
+        The own lane's cell, and cells per lane.
+    lane : int
+        Main lane.
+    front : float
+        Front bumper (m).
+    own : int
+        Number of the modelled vehicle.
+
+    Returns
+    -------
+    mean, next : float
+        The lower mean speed near and that of the slower next vehicle (m/s); NaN without anybody there.
+    """
     mean, next_one = np.nan, np.nan
     lanes = (len(offsets) - 1) // frames
     for side in (-1, 1):
@@ -262,7 +361,40 @@ def look(  # type: ignore[no-untyped-def]
     offsets, x, speed, length, vehicle, others, cell, frames, lane, alone, own, own_length, front, row, gap, t,
     own_class, jump, since, accepted, until_cut_in, until_own_change, mean_speed,
 ):  # fmt: skip
-    """Return what a driver with its front at ``front`` (m) and its leader in ``row`` sees; ``alone``: in a lane of its own."""
+    """Return what a driver sees at its simulated place.
+
+    Parameters
+    ----------
+    offsets, x, speed, length, vehicle
+        As in :class:`~idm_sumo.scenes.traffic.Traffic`.
+    others : TrafficDetails
+    cell, frames : int
+        The own lane's cell, and cells per lane.
+    lane : int
+        Main lane.
+    alone : bool
+        Whether the driver has a lane of its own, with nobody beside or behind.
+    own, own_length : int, float
+        Number and length (m) of the modelled vehicle.
+    front : float
+        Front bumper (m).
+    row, gap : int, float
+        The leader's row, or ``NOBODY``, and the gap to it (m).
+    t : float
+        Since the first frame of the period (s).
+    own_class : float
+    jump, since, accepted : float
+        By how much the last leader change shortened the gap (m), the time since and the time headway
+        right after it (s); NaN for none.
+    until_cut_in, until_own_change : float
+        s; NaN for none.
+    mean_speed : float
+        Of the driver up to now (m/s).
+
+    Returns
+    -------
+    Stimuli
+    """
     leader_acceleration, leader_acceleration_mean, leader_class = 0.0, 0.0, np.nan
     second_gap, second_speed, rear_gap = np.inf, np.nan, np.nan
     adjacent_speed, next_adjacent_speed = np.nan, np.nan

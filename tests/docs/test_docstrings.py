@@ -13,6 +13,7 @@ ROOT = Path(__file__).parents[2]
 ROOMS = (
     "idm_sumo/scenes",
     "idm_sumo/calibration",
+    "idm_sumo/simulation",
     "idm_sumo/models",
     "idm_sumo/irl",
     "idm_sumo/evaluation",

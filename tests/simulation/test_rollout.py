@@ -97,7 +97,7 @@ def test_in_the_middle_of_a_lane_a_car_stays_there_exactly():
 
 
 def test_the_leader_is_perceived_in_the_lane_of_the_start_at_the_simulated_position():
-    # The twin overtakes vehicle 2 after a lane change; the model stays and keeps following 2.
+    # The recorded vehicle overtakes vehicle 2 after a lane change; the model stays and keeps following 2.
     y = np.where(np.arange(40) < 10, US101.lane_center(3), US101.lane_center(2))
     some = scenes(Car(1, y=y, speed=20.0), Car(2, x=15.0, speed=8.0), Car(3, x=40.0, lane=2, speed=20.0))
     driven = drive_idm(some, TEXTBOOK)
@@ -115,7 +115,7 @@ def test_drivers_are_independent_and_take_their_own_parameters():
             np.testing.assert_array_equal(getattr(together, name)[i], getattr(alone, name)[0])
 
 
-def test_a_simulation_starts_where_the_twin_is():
+def test_a_simulation_starts_where_the_recorded_vehicle_is():
     some = scenes(Car(1, x=3.0, speed=7.0, heading=0.05), Car(2, x=30.0))
     for driven in (drive_idm(some, TEXTBOOK), drive_constant_velocity(some)):
         assert driven.x.shape == (1, 21)
@@ -135,7 +135,7 @@ def test_constant_velocity_is_a_straight_line_at_constant_speed(speed, heading):
     assert np.all(driven.acceleration == 0)
 
 
-def test_the_twins_leader_is_followed_where_only_its_headway_is_known():
+def test_the_recorded_leader_is_followed_where_only_its_headway_is_known():
     headway = np.full(40, 20.0)
     lone = scenes(Car(1, speed=10.0, headway=headway), has_leader_rows=False)
     length = US101.car_length

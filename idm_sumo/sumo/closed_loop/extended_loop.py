@@ -24,7 +24,7 @@ from idm_sumo.roads import Road
 from idm_sumo.scenes.traffic import NOBODY
 from idm_sumo.simulation.extended_rollout import meet
 from idm_sumo.simulation.rollout import perceive
-from idm_sumo.simulation.surroundings import NOBODY_YET, Others, look
+from idm_sumo.simulation.surroundings import NOBODY_YET, TrafficDetails, look
 
 Floats = npt.NDArray[np.float64]
 Integers = npt.NDArray[np.int64]
@@ -73,7 +73,7 @@ class Present(NamedTuple):
         Main lane, 1 leftmost.
     offsets : int64, shape (main lanes + 1,)
         Where the vehicles of each lane begin.
-    others : Others
+    others : TrafficDetails
         What is seen of them, arrays of shape (n,).
     """
 
@@ -83,7 +83,7 @@ class Present(NamedTuple):
     length: Floats
     lane: Integers
     offsets: Integers
-    others: Others
+    others: TrafficDetails
 
 
 class Models(NamedTuple):
@@ -202,7 +202,7 @@ class ModelDrivers:
         lanes = self._road.main_lanes
         offsets = np.zeros(lanes + 1, dtype=np.int64)
         np.cumsum(np.bincount(lane - 1, minlength=lanes), out=offsets[1:])
-        others = Others(*self._accelerations(place, speed), self._class[place], place + 1)
+        others = TrafficDetails(*self._accelerations(place, speed), self._class[place], place + 1)
         present = Present(place, x, speed, self._length[place], lane, offsets, others)
         return np.asarray(_decide_all(present, self._models, self._memory, step * FRAME_STEP))
 
