@@ -1,4 +1,4 @@
-"""IDM parameters of a driver that was observed for a second."""
+"""IDM parameters of drivers observed for a second."""
 
 from idm_sumo.prediction.moving_horizon import MovingHorizon, recent
 from idm_sumo.prediction.neighbours import KNNPredictor, average_parameters, first_gap_parameters, predict_drivers

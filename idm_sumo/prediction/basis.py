@@ -1,4 +1,4 @@
-"""Functions of the first second in which the predicted parameters are linear."""
+"""Functions of the first second that predict parameters linearly."""
 
 from __future__ import annotations
 
@@ -11,8 +11,8 @@ from idm_sumo.models import idm
 Floats = npt.NDArray[np.float64]
 
 NAMES = (
-    "speed", "log gap", "time gap", "approach rate", "acceleration", "leader's acceleration", "imbalance", "position", "lane",
-    "offset", "lateral speed", "lateral motion", "distance from middle",
+    "speed", "log gap", "time gap", "approach rate", "acceleration", "leader's acceleration", "imbalance", "position",
+    "lane", "offset", "lateral speed", "lateral motion", "distance from middle",
 )  # fmt: skip
 (V, LOG_GAP, HEADWAY, RATE, ACC, LEADER_ACC, IMBALANCE, AT) = range(8)
 SQUARED = (HEADWAY, V, LOG_GAP, RATE, IMBALANCE)
@@ -35,21 +35,27 @@ def _pooled_acceleration(v, rate, gap, theta, desired_speed, out):  # type: igno
 
 
 def plain(codes: Floats, pooled: idm.IDMParameters, desired_speed: float) -> Floats:
-    r"""Return what is told apart in a first second, shape ``(drivers, 13)``, in the order of :data:`NAMES`.
+    r"""Return what is told apart in a first second.
 
     Parameters
     ----------
-    codes : array, shape (drivers, 10)
+    codes : float64, shape (drivers, 10)
         :func:`~idm_sumo.prediction.observation.first_second`; a driver without leader gets nonsense here and
         the population elsewhere.
     pooled : IDMParameters
     desired_speed : float
         m/s.
 
+    Returns
+    -------
+    float64, shape (drivers, 13)
+        In the order of :data:`NAMES`, SI units.
+
     Notes
     -----
-    Two tell how the driver differs from the pooled one: the time gap that would make the observed gap its equilibrium,
-    :math:`(d - d_0 - d_1\sqrt{v/v_0})/v`, and the imbalance, its acceleration less the pooled IDM's in the same situation.
+    Two tell how the driver differs from the pooled one: the time gap that would make the observed gap its
+    equilibrium, :math:`(d - d_0 - d_1\sqrt{v/v_0})/v`, and the imbalance, its acceleration less the pooled
+    IDM's in the same situation.
     """
     v, gap, rate, acc, leader_acc, at, lane, offset, lateral, _ = np.nan_to_num(codes).T
     d = np.maximum(gap, LEAST_GAP)
@@ -60,11 +66,21 @@ def plain(codes: Floats, pooled: idm.IDMParameters, desired_speed: float) -> Flo
     _pooled_acceleration(np.ascontiguousarray(v), np.ascontiguousarray(rate), d, theta, float(desired_speed), expected)
     imbalance = np.clip(acc - expected, -MOST_IMBALANCE, MOST_IMBALANCE)
     return np.column_stack([
-        v, np.log(d), headway, rate, acc, leader_acc, imbalance, at, lane, offset, lateral, np.abs(lateral), np.abs(offset),
+        v, np.log(d), headway, rate, acc, leader_acc, imbalance, at, lane, offset, lateral,
+        np.abs(lateral), np.abs(offset),
     ])  # fmt: skip
 
 
 def expand(standard: Floats) -> Floats:
-    """Return standardised values with their squares and products beside them, shape ``(drivers, 28)``."""
+    """Return standardised values with their squares and products.
+
+    Parameters
+    ----------
+    standard : float64, shape (drivers, 13)
+
+    Returns
+    -------
+    float64, shape (drivers, 28)
+    """
     more = [standard[:, j] ** 2 for j in SQUARED] + [standard[:, j] * standard[:, k] for j, k in TOGETHER]
     return np.column_stack([standard, *more])

@@ -1,4 +1,7 @@
-"""A table of drivers predicted through the rollout: parameters, their spread, and what they are based on."""
+"""A table of drivers predicted through the rollout.
+
+Parameters, their spread, and what they are based on.
+"""
 
 from __future__ import annotations
 
@@ -51,15 +54,35 @@ def predict_through_rollout(scenes: Scenes, predictor: RolloutPredictor | Moving
 
 
 def typical_desired_speed(drivers: pd.DataFrame) -> float | None:
-    """Return the median desired speed (m/s) of a driver table, None where it has none.
+    """Return the median desired speed (m/s) of drivers.
 
     A driver that is yet to be predicted is taken to want what drivers want; one second of it does not tell.
+
+    Parameters
+    ----------
+    drivers : pandas.DataFrame
+        A driver table.
+
+    Returns
+    -------
+    float or None
+        None where the table has no desired speeds.
     """
     return float(drivers[DESIRED_SPEED].median()) if DESIRED_SPEED in drivers else None
 
 
 def drivers_of(scenes: Scenes, table: pd.DataFrame) -> Scenes:
-    """Return the windows of the drivers that a driver table names.
+    """Return the windows of a driver table's drivers.
+
+    Parameters
+    ----------
+    scenes : Scenes
+    table : pandas.DataFrame
+        ``period, vehicle`` of the drivers.
+
+    Returns
+    -------
+    Scenes
 
     Raises
     ------

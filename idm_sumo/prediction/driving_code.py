@@ -1,6 +1,6 @@
-r"""The driving code: what the paper observes of a driver to predict its IDM parameters.
+"""The driving code that the paper predicts from.
 
-Three means over the observed frames:
+What is observed of a driver to predict its IDM parameters: three means over the observed frames.
 
 ``nu``
     speed. Where the paper says what was computed it says "velocity", where it motivates
@@ -39,13 +39,18 @@ SLOWEST = 1.0  # m/s, at walking pace a time headway would grow beyond all bound
 
 
 def features_of(symbols: Iterable[str], *, speed: str = "own") -> tuple[str, ...]:
-    """Return the columns of a driving code that the paper's symbols stand for.
+    """Return the columns that the paper's symbols stand for.
 
     Parameters
     ----------
     symbols : iterable of {"nu", "omega", "tau"}
     speed : {"own", "relative"}
         What ``nu`` stands for: mean speed or mean approach rate.
+
+    Returns
+    -------
+    tuple of str
+        Columns of a driving code.
 
     Raises
     ------
@@ -97,7 +102,10 @@ def driving_code(scenes: Scenes, frames: int | None = None) -> pd.DataFrame:
 
 
 def _mean_where(which: npt.NDArray[np.bool_], values: npt.NDArray[np.float64]) -> npt.NDArray[np.float64]:
-    """Return the means of each row over some of its values, NaN where there are none."""
+    """Return each row's mean over some of its values.
+
+    NaN where there are none.
+    """
     count = which.sum(axis=1)
     total = np.where(which, values, 0.0).sum(axis=1)
     return np.asarray(np.divide(total, count, out=np.full(len(count), np.nan), where=count > 0))

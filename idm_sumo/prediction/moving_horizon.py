@@ -1,14 +1,16 @@
-r"""Watching a driver for longer: its observed past, driven through the rollout, moves what the last second foretells.
+r"""Prediction of drivers that are watched for longer.
 
-A moving-horizon estimate (Rao, Rawlings and Lee, 2001). What is foretold from the last second is the prior,
-:math:`u \sim N(\hat u, \Sigma)` in the logarithms of the parameters, with the covariance that remains of drivers left out; the
-data are the closed-loop rollout over the last observed frames,
+The observed past, driven through the rollout, moves what is predicted from the last second: a
+moving-horizon estimate (Rao, Rawlings and Lee, 2001). The prediction from the last second is the prior,
+:math:`u \sim N(\hat u, \Sigma)` in the logarithms of the parameters, with the covariance that remains
+of drivers left out; the data are the closed-loop rollout over the last observed frames,
 
 .. math:: \min_u\; s\,n\log c(u) + \tfrac12 (u - \hat u)^\top\Sigma^{-1}(u - \hat u),
 
-with the rollout's mean distance :math:`c` and the number :math:`n` of independent frames its errors are worth, as in
-:mod:`idm_sumo.calibration.hierarchical`. The errors of a model that is wrong are no noise, and drivers change; how much the past
-counts is therefore one number, the strength :math:`s`, learned by what follows in drivers left out. At 0 the past says nothing.
+with the rollout's mean distance :math:`c` and the number :math:`n` of independent frames its errors
+are worth, as in :mod:`idm_sumo.calibration.hierarchical`. The errors of a model that is wrong are no
+noise, and drivers change; how much the past counts is therefore one number, the strength :math:`s`,
+learned by what follows in drivers left out. At 0 the past says nothing.
 """
 
 from __future__ import annotations
@@ -43,14 +45,15 @@ MOST_WINDOWS = 400  # that the strength is learned from
 
 
 class MovingHorizon(BaseEstimator):  # type: ignore[misc]
-    """A predictor that goes on learning from the driver in front of it as frames arrive.
+    """A predictor that learns from the driver as frames arrive.
 
     Parameters
     ----------
     predictor : RolloutPredictor
-        Fitted; tells what to expect of a driver from its last second.
+        Fitted; predicts a driver from its last second.
     strengths : sequence of float
-        How much the past may count; the one after which training drivers that were left out are driven best is taken.
+        How much the past may count. The one after which training drivers that were left out are driven
+        best is taken.
     seed : int
         Of the windows that are learned from if there are many.
 
@@ -67,9 +70,20 @@ class MovingHorizon(BaseEstimator):  # type: ignore[misc]
         self.seed = seed
 
     def fit(self, scenes: Scenes | Sequence[Scenes], y: None = None) -> MovingHorizon:
-        """Learn the strength from windows with a long observed past, such as ``Window(observed=200, every=60)``.
+        """Learn the strength from windows with a long past.
 
         Training drivers of the predictor are predicted by the fold that left them out.
+
+        Parameters
+        ----------
+        scenes : Scenes or sequence of Scenes
+            Windows with a long observed past, such as ``Window(observed=200, every=60)``.
+        y : None
+            For scikit-learn's protocol; not used.
+
+        Returns
+        -------
+        MovingHorizon
 
         Raises
         ------
@@ -82,8 +96,8 @@ class MovingHorizon(BaseEstimator):  # type: ignore[misc]
         watched = sorted(n for n in {longest, *WATCHED} if self.predictor.observed_ < n <= longest)
         if not watched:
             raise InputError(
-                f"moving horizon: the windows are observed for {longest} frames; to learn from the past it needs more than the "
-                f"{self.predictor.observed_} of the predictor"
+                f"moving horizon: the windows are observed for {longest} frames; to learn from the past "
+                f"it needs more than the {self.predictor.observed_} of the predictor"
             )
         some = self._some(every)
         errors = {n: np.concatenate([self._errors(one, n) for one in some]).mean(axis=0) for n in watched}
@@ -92,18 +106,35 @@ class MovingHorizon(BaseEstimator):  # type: ignore[misc]
         return self
 
     def predict(self, scenes: Scenes, frames: int | None = None) -> Floats:
-        """Return the parameters, shape ``(windows, 5)``; see :meth:`predict_with_spread`."""
-        return self.predict_with_spread(scenes, frames).theta
-
-    def predict_with_spread(self, scenes: Scenes, frames: int | None = None) -> Prediction:
-        """Return what is foreseen of drivers after ``frames`` frames.
+        """Return the predicted parameters of drivers.
 
         Parameters
         ----------
         scenes : Scenes
         frames : int, optional
-            How many of the observed frames, the last ones, are used; all by default. With no more than the predictor was
-            fitted to, the prediction is the predictor's.
+            As for :meth:`predict_with_spread`.
+
+        Returns
+        -------
+        float64, shape (windows, 5)
+            ``a, b, T, d0, d1`` in SI units.
+
+        Raises
+        ------
+        InputError
+            If the windows have fewer frames before the simulation.
+        """
+        return self.predict_with_spread(scenes, frames).theta
+
+    def predict_with_spread(self, scenes: Scenes, frames: int | None = None) -> Prediction:
+        """Predict drivers from their last frames.
+
+        Parameters
+        ----------
+        scenes : Scenes
+        frames : int, optional
+            How many of the observed frames, the last ones, are used; all by default. With no more than the
+            predictor was fitted to, the prediction is the predictor's.
 
         Returns
         -------
@@ -121,7 +152,25 @@ class MovingHorizon(BaseEstimator):  # type: ignore[misc]
         return self._moved(scenes, n, prior)
 
     def predict_left_out(self, scenes: Scenes, frames: int | None = None) -> Prediction:
-        """Return the same for drivers of whom some trained the predictor: from the fold that left them out."""
+        """Predict drivers of whom some trained the predictor.
+
+        Each by the fold that left it out.
+
+        Parameters
+        ----------
+        scenes : Scenes
+        frames : int, optional
+            As for :meth:`predict_with_spread`.
+
+        Returns
+        -------
+        Prediction
+
+        Raises
+        ------
+        InputError
+            If the windows have fewer frames before the simulation.
+        """
         check_is_fitted(self)
         n = scenes.start + 1 if frames is None else frames
         return self._moved(scenes, n, self.predictor.predict_left_out(recent(scenes, self._seen(n))))
@@ -150,7 +199,10 @@ class MovingHorizon(BaseEstimator):  # type: ignore[misc]
         return which, Watched(only(problem, which), logarithms(prior.theta[which]), self.predictor.covariance_)
 
     def _errors(self, scenes: Scenes, frames: int) -> Floats:
-        """Return the ADE (m) of what follows, shape ``(windows, strengths)``, of drivers left out."""
+        """Return the ADE (m) of what follows.
+
+        Of drivers left out; shape ``(windows, strengths)``.
+        """
         latest = recent(scenes, self.predictor.observed_)
         prior = self.predictor.predict_left_out(latest)
         which, watched = self._watched(scenes, frames, prior)
@@ -161,7 +213,7 @@ class MovingHorizon(BaseEstimator):  # type: ignore[misc]
         return costs(prepare(latest, desired_speed=self.predictor.desired_speed), to_search(tried), 0.0)
 
     def _some(self, every: list[Scenes]) -> list[Scenes]:
-        """Return windows that can be driven, at most so many in all."""
+        """Return windows that can be driven, at most ``MOST_WINDOWS``."""
         speed, found = self.predictor.desired_speed, []
         for one in every:
             latest = recent(one, self.predictor.observed_)
@@ -175,7 +227,7 @@ class MovingHorizon(BaseEstimator):  # type: ignore[misc]
 
 
 class Watched:
-    """Drivers whose past has been seen: what was expected of them, and what their rollouts say.
+    """Drivers whose past has been observed.
 
     Parameters
     ----------
@@ -192,9 +244,19 @@ class Watched:
         self.population = Population(mean, covariance, len(mean), 0)
 
     def given(self, strength: float) -> tuple[Floats, Floats]:
-        """Return the most likely logarithms and their covariance, shapes ``(drivers, 5)`` and ``(drivers, 5, 5)``.
+        """Return the most likely logarithms and their covariance.
 
         Searched from what was expected and from the driver's own fit to its past.
+
+        Parameters
+        ----------
+        strength : float
+            How much the past counts.
+
+        Returns
+        -------
+        u : float64, shape (drivers, 5)
+        covariance : float64, shape (drivers, 5, 5)
         """
         self.part.frames = strength * self.frames
         self.part.settle(self.population, (self.mean, self.own), STEPS)
@@ -202,7 +264,17 @@ class Watched:
 
 
 def recent(scenes: Scenes, frames: int) -> Scenes:
-    """Return the same windows with only the last ``frames`` frames before the simulation observed.
+    """Return the windows with only the last frames observed.
+
+    Parameters
+    ----------
+    scenes : Scenes
+    frames : int
+        Observed before the simulation.
+
+    Returns
+    -------
+    Scenes
 
     Raises
     ------
@@ -214,9 +286,23 @@ def recent(scenes: Scenes, frames: int) -> Scenes:
 
 
 def past(scenes: Scenes, frames: int, desired_speed: float | None = None) -> tuple[Scenes, Problem]:
-    """Return the last observed frames as windows to be driven from the first of them to the simulation's start.
+    """Return the last observed frames as windows to be driven.
 
-    Where leaders come from the lane, what counts ends where the driver leaves the lane it is in at first.
+    From the first of them to the simulation's start. Where leaders come from the lane, what counts ends
+    where the driver leaves the lane it is in at first.
+
+    Parameters
+    ----------
+    scenes : Scenes
+    frames : int
+        Observed before the simulation.
+    desired_speed : float, optional
+        m/s; by default the road's speed limit.
+
+    Returns
+    -------
+    before : Scenes
+    problem : Problem
 
     Raises
     ------

@@ -1,4 +1,7 @@
-"""IDM parameters of a driver that was observed for a second: the paper's KNN and plain baselines."""
+"""The paper's KNN prediction and plain baselines.
+
+IDM parameters of drivers that were observed for a second.
+"""
 
 from __future__ import annotations
 
@@ -29,7 +32,7 @@ LEFT_OUT_PARTS = 10  # a library driver is predicted by the nine tenths it is no
 
 
 class KNNPredictor(RegressorMixin, MultiOutputMixin, BaseEstimator):  # type: ignore[misc]
-    """Average the parameters of the ``n_neighbors`` training drivers with the nearest driving codes.
+    """Average the training drivers with the nearest driving codes.
 
     Codes are standardised by the training drivers' means and deviations; a missing value
     (no leader seen) takes the training mean, so that it neither attracts nor repels.
@@ -65,6 +68,10 @@ class KNNPredictor(RegressorMixin, MultiOutputMixin, BaseEstimator):  # type: ig
         y : array, shape (drivers, 5)
             Their IDM parameters ``a, b, T, d0, d1``.
 
+        Returns
+        -------
+        KNNPredictor
+
         Raises
         ------
         InputError
@@ -84,12 +91,38 @@ class KNNPredictor(RegressorMixin, MultiOutputMixin, BaseEstimator):  # type: ig
         return self
 
     def predict(self, X: pd.DataFrame | npt.ArrayLike) -> Floats:
-        """Return the predicted parameters, shape ``(drivers, 5)``, of drivers with these codes."""
+        """Return the predicted parameters of drivers.
+
+        Parameters
+        ----------
+        X : pandas.DataFrame or array, shape (drivers, features)
+            Driving codes.
+
+        Returns
+        -------
+        float64, shape (drivers, 5)
+            ``a, b, T, d0, d1`` in SI units.
+
+        Raises
+        ------
+        InputError
+            If a feature is missing.
+        """
         codes = self._checked(X)
         return np.asarray(self.pipeline_.predict(codes))
 
     def missing(self, X: pd.DataFrame | npt.ArrayLike) -> npt.NDArray[np.int64]:
-        """Return how many values of each feature :meth:`predict` would fill in for these codes."""
+        """Return how many values of each feature are filled in.
+
+        Parameters
+        ----------
+        X : pandas.DataFrame or array, shape (drivers, features)
+            Driving codes that :meth:`predict` would be given.
+
+        Returns
+        -------
+        int64, shape (features,)
+        """
         return np.asarray(np.isnan(self._checked(X)).sum(axis=0))
 
     def _checked(self, X: pd.DataFrame | npt.ArrayLike) -> Floats:
@@ -112,17 +145,27 @@ class KNNPredictor(RegressorMixin, MultiOutputMixin, BaseEstimator):  # type: ig
 
 
 def _has_names(table: pd.DataFrame) -> bool:
-    """Return whether scikit-learn takes the columns' labels for names of features."""
+    """Return whether scikit-learn takes labels for names of features."""
     return all(isinstance(name, str) for name in table.columns)
 
 
 def average_parameters(theta: npt.ArrayLike) -> IDMParameters:
-    """Return the plain average of many drivers' parameters, shape ``(drivers, 5)``: the paper's "IDM Ave."."""
+    """Return the average of drivers, the paper's "IDM Ave.".
+
+    Parameters
+    ----------
+    theta : array_like, shape (drivers, 5)
+        ``a, b, T, d0, d1`` in SI units.
+
+    Returns
+    -------
+    IDMParameters
+    """
     return IDMParameters(*np.asarray(theta, dtype=np.float64).mean(axis=0).tolist())
 
 
 def first_gap_parameters(scenes: Scenes, pooled: IDMParameters, *, desired_speed: float | None = None) -> Floats:
-    r"""Return pooled parameters in which every driver keeps the gap it starts with.
+    r"""Return pooled parameters that keep each driver's first gap.
 
     The baseline without any learning about drivers. Only ``T`` differs: it makes the gap at
     the start of the simulation the equilibrium gap at the speed of the start,
@@ -133,9 +176,16 @@ def first_gap_parameters(scenes: Scenes, pooled: IDMParameters, *, desired_speed
     Where no ``T`` does it (no leader, at standstill, at or above the desired speed) the
     pooled one stays.
 
+    Parameters
+    ----------
+    scenes : Scenes
+    pooled : IDMParameters
+    desired_speed : float, optional
+        m/s; by default the road's speed limit.
+
     Returns
     -------
-    array, shape (vehicles, 5)
+    float64, shape (vehicles, 5)
     """
     start = slice(scenes.start, scenes.start + 1)
     gap = leaders_along(scenes, scenes.x[:, start], scenes.y[:, start], scenes.start).gap[:, 0]
@@ -150,7 +200,7 @@ def first_gap_parameters(scenes: Scenes, pooled: IDMParameters, *, desired_speed
 
 
 def predict_drivers(scenes: Scenes, library: pd.DataFrame, *, observed: int, neighbours: int) -> pd.DataFrame:
-    """Predict the drivers of ``scenes`` from their first frames and a table of calibrated drivers.
+    """Predict drivers from their first frames and calibrated drivers.
 
     A driver that is in the library itself (same period and vehicle) is predicted without its
     own row: the library is left out in ten parts, as in cross-validation.
@@ -204,7 +254,7 @@ def predict_drivers(scenes: Scenes, library: pd.DataFrame, *, observed: int, nei
 
 
 def _usable(library: pd.DataFrame) -> pd.DataFrame:
-    """Return the library's drivers with finite parameters and a driving code."""
+    """Return the drivers with finite parameters and driving code."""
     if absent := [name for name in FEATURES.values() if name not in library.columns]:
         raise InputError(f"driver table has no column {absent[0]!r}; write it with `idm-sumo calibrate`")
     finite = np.isfinite(library[list(IDMParameters._fields)].to_numpy(np.float64)).all(axis=1)

@@ -1,4 +1,7 @@
-"""How far positions will be from a predicted rollout: scale, intervals, coverage and CRPS."""
+"""How far positions will be from a predicted rollout.
+
+Scale, intervals, coverage and CRPS.
+"""
 
 from __future__ import annotations
 
@@ -18,7 +21,9 @@ LEVELS = np.concatenate([[0.01, 0.025], np.arange(0.05, 0.96, 0.05), [0.975, 0.9
 
 @dataclass(frozen=True)
 class ResidualNoise:
-    """Quantiles of recorded less predicted positions in units of each driver's scale.
+    """Quantiles of residuals in units of each driver's scale.
+
+    A residual is a recorded less a predicted position.
 
     Attributes
     ----------
@@ -30,18 +35,51 @@ class ResidualNoise:
 
     @classmethod
     def fit(cls, residuals: Floats, scale: Floats) -> ResidualNoise:
-        """Learn from drivers that the prediction has not seen; both of shape ``(windows, steps)``, in m."""
+        """Learn from drivers that the prediction has not seen.
+
+        Parameters
+        ----------
+        residuals, scale : float64, shape (windows, steps)
+            m.
+
+        Returns
+        -------
+        ResidualNoise
+        """
         return cls(np.nanquantile(residuals / scale, LEVELS, axis=0))
 
     def interval(self, share: float, scale: Floats) -> tuple[Floats, Floats]:
-        """Return lower and upper end (m, from the rollout) of the middle ``share`` of positions."""
+        """Return the ends of the middle share of positions.
+
+        Parameters
+        ----------
+        share : float
+            Of the positions between the ends.
+        scale : float64, shape (windows, steps)
+            m.
+
+        Returns
+        -------
+        lower, upper : float64, shape (windows, steps)
+            m, from the rollout.
+        """
         ends = [self._quantile(0.5 - 0.5 * share), self._quantile(0.5 + 0.5 * share)]
         return ends[0] * scale, ends[1] * scale
 
     def crps(self, residuals: Floats, scale: Floats) -> Floats:
-        """Return the continuous ranked probability score (m) of each window and step.
+        """Return the continuous ranked probability score (m).
 
-        Twice the mean quantile (pinball) loss over the levels (Gneiting and Raftery, 2007), the levels' spacing as weights.
+        Twice the mean quantile (pinball) loss over the levels (Gneiting and Raftery, 2007), the levels'
+        spacing as weights.
+
+        Parameters
+        ----------
+        residuals, scale : float64, shape (windows, steps)
+            m.
+
+        Returns
+        -------
+        float64, shape (windows, steps)
         """
         edges = np.concatenate([[0.0], 0.5 * (LEVELS[1:] + LEVELS[:-1]), [1.0]])
         total = np.zeros(residuals.shape)
@@ -56,7 +94,9 @@ class ResidualNoise:
 
 @dataclass(frozen=True)
 class ObservedScale:
-    """A factor on the scale by what is observed, such as speed and gap: slow traffic is foreseen better than fast.
+    """A factor on the scale by what is observed.
+
+    Such as speed and gap: slow traffic is predicted better than fast.
 
     Attributes
     ----------
@@ -68,9 +108,21 @@ class ObservedScale:
 
     @classmethod
     def fit(cls, features: Floats, residuals: Floats, scale: Floats) -> ObservedScale:
-        """Learn from drivers left out: the regression of the logarithm of the absolute residual in units of the scale.
+        """Learn from drivers left out.
 
-        Shapes ``(windows, features)`` and twice ``(windows, steps)``; the weights are means over the steps.
+        The regression of the logarithm of the absolute residual in units of the scale; the weights are
+        means over the steps.
+
+        Parameters
+        ----------
+        features : float64, shape (windows, features)
+            Standardised.
+        residuals, scale : float64, shape (windows, steps)
+            m.
+
+        Returns
+        -------
+        ObservedScale
         """
         steps = np.arange(min(BETWEEN, residuals.shape[1]) - 1, residuals.shape[1], BETWEEN)
         size = np.log(np.abs(residuals / scale)[:, steps] + FLOOR)
@@ -78,7 +130,17 @@ class ObservedScale:
         return cls(np.mean(found, axis=0) if found else np.zeros(features.shape[1]))
 
     def factor(self, features: Floats) -> Floats:
-        """Return the factor of every window, shape ``(windows, 1)``."""
+        """Return the factor of every window.
+
+        Parameters
+        ----------
+        features : float64, shape (windows, features)
+            Standardised.
+
+        Returns
+        -------
+        float64, shape (windows, 1)
+        """
         return np.asarray(np.exp(features @ self.weights)[:, None])
 
 

@@ -1,4 +1,7 @@
-"""What one observed second tells of a driver: the state at its end, how it is changing, and where on the road."""
+"""What one observed second tells of a driver.
+
+The state at its end, how it is changing, and where on the road.
+"""
 
 from __future__ import annotations
 
@@ -92,14 +95,17 @@ def first_second(scenes: Scenes, frames: int | None = None) -> pd.DataFrame:
 
 
 def _same_leader(rear: Floats, speed: Floats) -> npt.NDArray[np.bool_]:
-    """Return in which frames the leader is the one of the last frame."""
+    """Return the frames whose leader is the last frame's."""
     jump = np.abs(np.diff(rear, axis=1) - speed[:, :-1] * FRAME_STEP) > NEW_LEADER
     changed_later = np.cumsum(jump[:, ::-1], axis=1)[:, ::-1] > 0
     return np.isfinite(rear) & np.pad(~changed_later, ((0, 0), (0, 1)), constant_values=True)
 
 
 def _slope(values: Floats) -> Floats:
-    """Return the least-squares slope (per second) of each row over its finite values, NaN with fewer than two."""
+    """Return each row's least-squares slope (per second).
+
+    Over its finite values; NaN with fewer than two.
+    """
     known = np.isfinite(values)
     count = known.sum(axis=1)
     enough = count >= FEWEST_FRAMES

@@ -1,4 +1,4 @@
-"""What is foreseen of drivers, as arrays and as a driver table."""
+"""Predicted drivers, as arrays and as a driver table."""
 
 from __future__ import annotations
 
@@ -20,7 +20,7 @@ LIKELY = 0.9  # of the drivers lie between the columns `*_low` and `*_high`
 
 
 class Prediction(NamedTuple):
-    """What is foreseen of drivers.
+    """Predicted drivers: parameters and how uncertain they are.
 
     Attributes
     ----------
@@ -43,7 +43,7 @@ class Prediction(NamedTuple):
     keys: pd.DataFrame | None = None
 
     def __repr__(self) -> str:
-        """Return one line: how many drivers, and how many by the population."""
+        """Return one line: drivers, and those as the population."""
         return f"<Prediction: {len(self.theta):,} drivers, {int((self.status != 'ok').sum()):,} as the population>"
 
     def to_pandas(self) -> pd.DataFrame:

@@ -1,4 +1,4 @@
-"""Parameters predicted from one second by weights that were fitted through the rollout."""
+"""Parameters predicted from one second, fitted through the rollout."""
 
 from __future__ import annotations
 
@@ -43,12 +43,16 @@ NOISE = 0.2  # m, times the root of the seconds: what positions are uncertain by
 
 
 class RolloutPredictor(BaseEstimator):  # type: ignore[misc]
-    """IDM parameters linear in functions of the first second, fitted to drive right (not to look like fitted parameters).
+    """Predict IDM parameters linearly from the first second.
 
-    Of scikit-learn's protocol it follows what needs no arrays: parameters are set at construction and by ``set_params``,
-    ``clone`` copies them, ``fit`` returns the predictor and what is learned ends in an underscore, ``predict`` takes rows of
-    features. It is fitted to scenes, not to ``X, y``, because drivers are learned by driving them; ``check_estimator``,
-    pipelines and grid searches over arrays therefore do not apply.
+    The weights are fitted so that the predicted drivers drive right, not so that their parameters look
+    like fitted ones.
+
+    Of scikit-learn's protocol it follows what needs no arrays: parameters are set at construction and by
+    ``set_params``, ``clone`` copies them, ``fit`` returns the predictor and what is learned ends in an
+    underscore, ``predict`` takes rows of features. It is fitted to scenes, not to ``X, y``, because
+    drivers are learned by driving them; ``check_estimator``, pipelines and grid searches over arrays
+    therefore do not apply.
 
     Parameters
     ----------
@@ -97,7 +101,18 @@ class RolloutPredictor(BaseEstimator):  # type: ignore[misc]
         self.one_for_all = one_for_all
 
     def fit(self, scenes: Scenes | Sequence[Scenes], y: None = None) -> RolloutPredictor:
-        """Learn from the windows of training drivers, best several a driver (``Window(every=20)``).
+        """Learn from the windows of training drivers.
+
+        Parameters
+        ----------
+        scenes : Scenes or sequence of Scenes
+            Best several windows a driver (``Window(every=20)``).
+        y : None
+            For scikit-learn's protocol; not used.
+
+        Returns
+        -------
+        RolloutPredictor
 
         Raises
         ------
@@ -122,13 +137,45 @@ class RolloutPredictor(BaseEstimator):  # type: ignore[misc]
         return self
 
     def predict(self, X: pd.DataFrame | npt.ArrayLike) -> Floats:
-        """Return the parameters, shape ``(drivers, 5)``, of drivers with these first seconds (``first_second``)."""
+        """Return the predicted parameters of drivers.
+
+        Parameters
+        ----------
+        X : pandas.DataFrame or array, shape (drivers, 10)
+            First seconds, see :func:`~idm_sumo.prediction.observation.first_second`.
+
+        Returns
+        -------
+        float64, shape (drivers, 5)
+            ``a, b, T, d0, d1`` in SI units.
+
+        Raises
+        ------
+        InputError
+            If a column is missing.
+        """
         code = self._codes(X)
         theta = from_search(at(self.center_, self._features(code), self.weights_))
         return np.asarray(np.where(self._known(code)[:, None], theta, np.asarray(self.pooled_)))
 
     def predict_with_spread(self, X: pd.DataFrame | npt.ArrayLike) -> Prediction:
-        """Return parameters, how uncertain they are, and which drivers get the population's and why."""
+        """Return predicted parameters and how uncertain they are.
+
+        Parameters
+        ----------
+        X : pandas.DataFrame or array, shape (drivers, 10)
+            First seconds, see :func:`~idm_sumo.prediction.observation.first_second`.
+
+        Returns
+        -------
+        Prediction
+            Its status says which drivers get the population's parameters, and why.
+
+        Raises
+        ------
+        InputError
+            If a column is missing.
+        """
         code = self._codes(X)
         status = self.status(code)
         known = (status == OK)[:, None, None]
@@ -136,7 +183,18 @@ class RolloutPredictor(BaseEstimator):  # type: ignore[misc]
         return Prediction(self.predict(code), covariance, status, self.desired_speed_)
 
     def predict_left_out(self, scenes: Scenes) -> Prediction:
-        """Return the same for scenes whose drivers may be among the training ones: each by weights that have not seen it."""
+        """Predict drivers of whom some may be training drivers.
+
+        Each by weights that have not seen it.
+
+        Parameters
+        ----------
+        scenes : Scenes
+
+        Returns
+        -------
+        Prediction
+        """
         code = first_second(scenes)
         prediction = self.predict_with_spread(code)
         own = pd.MultiIndex.from_arrays([scenes.period, scenes.vehicle])
@@ -149,16 +207,42 @@ class RolloutPredictor(BaseEstimator):  # type: ignore[misc]
         return prediction._replace(theta=theta, keys=scenes.keys())
 
     def status(self, X: pd.DataFrame | npt.ArrayLike) -> npt.NDArray[np.str_]:
-        """Return "ok", or why a driver is given the population's parameters."""
+        """Return "ok", or why the population stands in.
+
+        Parameters
+        ----------
+        X : pandas.DataFrame or array, shape (drivers, 10)
+            First seconds, see :func:`~idm_sumo.prediction.observation.first_second`.
+
+        Returns
+        -------
+        str, shape (drivers,)
+
+        Raises
+        ------
+        InputError
+            If a column is missing.
+        """
         code = self._codes(X)
         reasons = self._reasons(code)
         return np.asarray(np.select(list(reasons.values()), list(reasons), default=OK), dtype=np.str_)
 
     def scale(self, scenes: Scenes, prediction: Prediction) -> Floats:
-        """Return how uncertain (m) the positions are, shape ``(windows, horizon)``: what :attr:`noise_` multiplies.
+        """Return how uncertain (m) the predicted positions are.
 
-        The spread of the parameters through the rollout's derivatives, and noise that grows with the root of time; both more or
-        less by what is observed.
+        The spread of the parameters through the rollout's derivatives, and noise that grows with the root of
+        time; both more or less by what is observed.
+
+        Parameters
+        ----------
+        scenes : Scenes
+        prediction : Prediction
+            Of their drivers.
+
+        Returns
+        -------
+        float64, shape (windows, horizon)
+            What :attr:`noise_` multiplies.
         """
         problem = prepare(scenes, desired_speed=self.desired_speed)
         factor = self.observed_scale_.factor(self._scaling(self._codes(first_second(scenes))))
@@ -176,7 +260,7 @@ class RolloutPredictor(BaseEstimator):  # type: ignore[misc]
         return code
 
     def _standardise(self, code: Floats) -> None:
-        """Remember what is usual and how far the training drivers went."""
+        """Remember means, deviations and ranges of the training drivers."""
         usual = np.isfinite(code[:, 1]) & np.isfinite(code[:, 3])
         values = basis.plain(code[usual], self.pooled_, self.desired_speed_)
         self.mean_, self.deviation_ = values.mean(axis=0), np.maximum(values.std(axis=0), 1e-6)
@@ -190,12 +274,18 @@ class RolloutPredictor(BaseEstimator):  # type: ignore[misc]
         return np.asarray(np.clip((values - self.mean_) / self.deviation_, -FURTHEST, FURTHEST))
 
     def _scaling(self, code: Floats) -> Floats:
-        """Return what the scale depends on, standardised; 0, what is usual, of drivers that get the population's parameters."""
+        """Return what the scale depends on, standardised.
+
+        0, the training mean, for drivers that get the population's parameters.
+        """
         values = self._standard(basis.plain(code, self.pooled_, self.desired_speed_))[:, [basis.V, basis.LOG_GAP]]
         return np.asarray(np.where(self._known(code)[:, None], values, 0.0))
 
     def _features(self, code: Floats) -> Floats:
-        """Return the constant and the standardised features; a driver without a leader has none."""
+        """Return the constant and the standardised features.
+
+        A driver without a leader has none.
+        """
         more = basis.expand(self._standard(basis.plain(code, self.pooled_, self.desired_speed_)))
         more = np.clip((more - self.more_mean_) / self.more_deviation_, -FURTHEST, FURTHEST)
         return np.column_stack([np.ones(len(code)), more])
@@ -206,7 +296,10 @@ class RolloutPredictor(BaseEstimator):  # type: ignore[misc]
         return fit_weights(problems, features, self.center_, self.ridge)
 
     def _left_out(self, problems: list[Problem], features: list[Floats], driver: list[Integers]) -> list[Floats]:
-        """Return the search coordinates predicted for every training window by models that have not seen its driver."""
+        """Return search coordinates predicted for every training window.
+
+        By models that have not seen its driver.
+        """
         fold = np.random.default_rng(self.seed).permutation(self.drivers_) % self.folds
         self.fold_of_driver_: Integers = fold
         self.fold_weights_: list[Floats] = []
@@ -223,7 +316,7 @@ class RolloutPredictor(BaseEstimator):  # type: ignore[misc]
         return found
 
     def _learn_spread(self, problems: list[Problem], left_out: list[Floats], codes: Floats) -> None:
-        """Learn what remains unknown of parameters, then what positions are off by beyond that."""
+        """Learn what remains unknown of parameters and positions."""
         step = max(1, self.windows_ // SPREAD_WINDOWS)
         few = [only(problem, np.arange(0, len(z), step)) for problem, z in zip(problems, left_out, strict=True)]
         theta = [from_search(z[::step]) for z in left_out]
@@ -260,14 +353,20 @@ def _driveable(every: list[Scenes], desired_speed: float | None) -> list[Scenes]
 
 
 def _drivers(every: list[Scenes]) -> tuple[Integers, pd.MultiIndex]:
-    """Return the driver of every window, numbered from 0 over all periods, and the drivers' periods and vehicles."""
+    """Return every window's driver, and all drivers' keys.
+
+    Drivers are numbered from 0 over all periods; the keys are their periods and vehicles.
+    """
     keys = pd.concat([one.keys() for one in every])[[c.PERIOD, c.VEHICLE]]
     number, found = pd.factorize(pd.MultiIndex.from_frame(keys))
     return np.asarray(number, dtype=np.int64), pd.MultiIndex.from_tuples(list(found))
 
 
 def _scale(problem: Problem, theta: Floats, covariance: Floats) -> Floats:
-    """Return the standard deviation (m) of each position by the parameters' covariance and time."""
+    """Return each position's standard deviation (m).
+
+    By the parameters' covariance and time.
+    """
     z = to_search(theta)
     _, slopes = sensitivities(problem, z)
     by_log = slopes * ((theta + SHIFT) / slopes_at(z))[:, :, None]

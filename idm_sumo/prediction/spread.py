@@ -1,4 +1,4 @@
-"""How far drivers are from what was predicted of them: the covariance of parameters that remains."""
+"""The covariance of parameters that prediction leaves."""
 
 from __future__ import annotations
 
@@ -18,21 +18,39 @@ START = 0.5**2  # of the logarithms
 
 
 def logarithms(theta: npt.ArrayLike) -> Floats:
-    """Return ``log(a, b, T, d0, d1 + 1 m)``, in which drivers are taken to be normally distributed."""
+    """Return the logarithms of parameters.
+
+    Drivers are taken to be normally distributed in them.
+
+    Parameters
+    ----------
+    theta : array_like, shape (..., 5)
+        ``a, b, T, d0, d1`` in SI units.
+
+    Returns
+    -------
+    float64, shape (..., 5)
+        ``log(a, b, T, d0, d1 + 1 m)``, within the bounds of calibration.
+    """
     return np.asarray(np.clip(np.log(np.asarray(theta, dtype=np.float64) + SHIFT), LOWER, UPPER))
 
 
 def remaining_covariance(problems: Sequence[Problem], predicted: Sequence[Floats]) -> Floats:
-    """Return the covariance of the drivers' logarithms about their predicted ones, shape ``(5, 5)``.
+    """Return the covariance about the predicted parameters.
 
-    EM as in :mod:`idm_sumo.calibration.hierarchical`, each window with the mean that was predicted for it, so that what its
-    ten seconds do not determine is not taken for a difference between drivers.
+    EM as in :mod:`idm_sumo.calibration.hierarchical`, each window with the mean that was predicted for it,
+    so that what its ten seconds do not determine is not taken for a difference between drivers.
 
     Parameters
     ----------
     problems : sequence of Problem
     predicted : sequence of arrays, shape (windows, 5)
         Parameters ``a, b, T, d0, d1``.
+
+    Returns
+    -------
+    float64, shape (5, 5)
+        Of the drivers' logarithms.
     """
     parts, means = [Part.of(problem) for problem in problems], [logarithms(theta) for theta in predicted]
     for part, mean in zip(parts, means, strict=True):

@@ -1,6 +1,7 @@
-r"""Weights from features to parameters that make the *driven* positions right, not the parameters.
+r"""Weights from features to parameters, fitted through the rollout.
 
-A window's parameters are :math:`z_i = z_0 + W^\top\phi_i` in search coordinates. Averages of fitted parameters move along
+They make the *driven* positions right, not the parameters. A window's parameters are
+:math:`z_i = z_0 + W^\top\phi_i` in search coordinates. Averages of fitted parameters move along
 directions that the windows do not determine; here the windows' own rollout error decides,
 
 .. math:: \min_W \frac1n\sum_i \mathrm{ADE}_i(z_0 + W^\top\phi_i) + \frac\lambda2\lVert W\rVert^2,
@@ -32,7 +33,7 @@ FREE = 1e-6  # penalty of the constant
 
 @one_blas_thread
 def fit_weights(problems: Sequence[Problem], features: Sequence[Floats], center: Floats, ridge: float) -> Floats:
-    """Return the weights, shape ``(features, 5)``.
+    """Fit the weights from features to parameters.
 
     Parameters
     ----------
@@ -40,16 +41,23 @@ def fit_weights(problems: Sequence[Problem], features: Sequence[Floats], center:
         Windows to drive.
     features : sequence of arrays, shape (windows, features)
         Of the same windows; the first is the constant, which alone is not drawn to 0.
-    center : array, shape (5,)
+    center : float64, shape (5,)
         The pooled parameters in search coordinates.
     ridge : float
         How strongly weights are drawn to 0, the pooled parameters.
+
+    Returns
+    -------
+    float64, shape (features, 5)
     """
     return _descended(list(zip(problems, features, strict=True)), center, ridge)
 
 
 def _descended(parts: list[tuple[Problem, Floats]], center: Floats, ridge: float) -> Floats:
-    """Return the weights to which damped Gauss-Newton steps lead from the pooled driver."""
+    """Return the weights after damped Gauss-Newton steps.
+
+    From the pooled driver.
+    """
     penalty = np.full(parts[0][1].shape[1], ridge)
     penalty[0] = FREE
     weights, damping = np.zeros((len(penalty), PARAMETERS)), 0.1
@@ -68,7 +76,20 @@ def _descended(parts: list[tuple[Problem, Floats]], center: Floats, ridge: float
 
 
 def at(center: Floats, features: Floats, weights: Floats) -> Floats:
-    """Return the search coordinates of drivers with these features, inside the bounds."""
+    """Return the search coordinates of drivers with some features.
+
+    Parameters
+    ----------
+    center : float64, shape (5,)
+        The pooled parameters in search coordinates.
+    features : float64, shape (drivers, features)
+    weights : float64, shape (features, 5)
+
+    Returns
+    -------
+    float64, shape (drivers, 5)
+        Inside the bounds.
+    """
     return np.asarray(np.clip(center + features @ weights, LOWER, UPPER))
 
 
@@ -85,7 +106,10 @@ def _values(parts: list[tuple[Problem, Floats]], center: Floats, trials: Floats,
 def _derivatives(
     parts: list[tuple[Problem, Floats]], center: Floats, weights: Floats, penalty: Floats
 ) -> tuple[Floats, Floats]:
-    """Return gradient and Gauss-Newton matrix by the weights, row by row of ``W``; a bound holds a window's coordinate."""
+    """Return gradient and Gauss-Newton matrix by the weights.
+
+    Row by row of ``W``; a bound holds a window's coordinate.
+    """
     q, count = weights.shape[0], sum(len(phi) for _, phi in parts)
     gradient, matrix = np.zeros((q, PARAMETERS)), np.zeros((q, PARAMETERS, q, PARAMETERS))
     for problem, phi in parts:

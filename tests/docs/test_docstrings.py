@@ -14,6 +14,7 @@ ROOMS = (
     "idm_sumo/scenes",
     "idm_sumo/calibration",
     "idm_sumo/simulation",
+    "idm_sumo/prediction",
     "idm_sumo/models",
     "idm_sumo/irl",
     "idm_sumo/evaluation",

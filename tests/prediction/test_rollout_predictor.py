@@ -215,7 +215,7 @@ def test_a_scale_that_depends_on_what_is_seen_is_found():
     np.testing.assert_allclose(covered[1], 0.9, atol=0.02)
 
 
-def test_slow_drivers_are_foreseen_to_within_less_if_they_were_in_training(predictor, training):
+def test_slow_drivers_are_predicted_to_within_less_if_they_were_in_training(predictor, training):
     some, usual = training.subset(np.arange(4)), predictor.observed_scale_
     prediction = predictor.predict_with_spread(first_second(some))
     predictor.observed_scale_ = ObservedScale(np.zeros(2))
