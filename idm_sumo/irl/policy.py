@@ -108,7 +108,10 @@ class Policy:
 
 
 def _fault(layers: tuple[tuple[npt.NDArray[Any], npt.NDArray[Any]], ...], facts: Any) -> str:
-    """Return what is wrong with the layers of a network and its facts, or nothing."""
+    """Return what is wrong with a network and its facts.
+
+    The text is empty if nothing is.
+    """
     inputs = OBSERVATIONS
     for number, (weights, bias) in enumerate(layers):
         if weights.dtype.kind not in "fiu" or bias.dtype.kind not in "fiu":

@@ -136,6 +136,16 @@ def read_learners(folder: Path) -> Learners:
 def read_reward(path: Path) -> dict[str, Any]:
     """Return the learned reward of a folder of agents.
 
+    Parameters
+    ----------
+    path : Path
+        The folder's ``reward.json``.
+
+    Returns
+    -------
+    dict
+        As stored.
+
     Raises
     ------
     InputError

@@ -309,14 +309,20 @@ def _cause(entry: dict[str, object], name: str) -> Cause:
 
 
 def _real(value: object) -> float:
-    """Return a number of a file; texts and truth values are none."""
+    """Return a number of a file.
+
+    Raises TypeError for texts and truth values.
+    """
     if isinstance(value, bool) or not isinstance(value, int | float):
         raise TypeError(f"{shown(value)} is not a number")
     return float(value)
 
 
 def _bounds_of(parameter: str) -> tuple[float, float]:
-    """Return within which a base parameter lies: those of calibration, widened for the other laws."""
+    """Return the bounds of a base parameter.
+
+    They are those of calibration, widened for the other laws.
+    """
     return 0.0, WIDENED * float(getattr(UPPER, parameter, 0.0))
 
 
