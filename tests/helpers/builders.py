@@ -69,12 +69,12 @@ def trajectories(
     heading: npt.ArrayLike | None = None,
     speed: npt.ArrayLike | None = None,
 ) -> Trajectories:
-    """Take the recorded twin's path where no other is given; arrays of one row a driver."""
+    """Take the recorded vehicle's path where no other is given; arrays of one row a driver."""
     steps = some.window.horizon
     out = Trajectories.of(some)
     for name, given in (("x", x), ("y", y), ("heading", heading), ("speed", speed)):
-        twin = getattr(some, name)[:, some.start : some.start + steps + 1]
-        getattr(out, name)[:] = twin if given is None else given
+        recorded = getattr(some, name)[:, some.start : some.start + steps + 1]
+        getattr(out, name)[:] = recorded if given is None else given
     out.acceleration[:] = np.diff(out.speed, axis=1) / FRAME_STEP
     out.steering[:], out.gap[:], out.leader[:] = 0.0, np.inf, -1
     return out
