@@ -1,9 +1,9 @@
 """Run the commands of the documents' ``sh`` blocks, as printed: ``readme_commands.py [start-run|start-test|rest]``.
 
 ``start-run`` runs the first command of the README's section Start (the main job), ``start-test`` its other ones (the
-tests), ``rest`` the README's other commands and those of the pages in ``docs``; without any, all are run. A command that several pages show is run once. ``RECORDING`` stands
-for a file of the reader's; here it is a short surrogate. Blocks of another language (``console``) are not run: they need
-a network, an extra or hours.
+tests), ``rest`` the README's other commands and those of the pages in ``docs``; without any, all are run. A command
+that several pages show is run once. ``RECORDING`` stands for a file of the reader's; here it is a short surrogate.
+Blocks of another language (``console``) are not run: they need a network, an extra or hours.
 """
 
 from __future__ import annotations

@@ -139,7 +139,8 @@ def _model(one: Played, number: int) -> dict[str, Any]:
     driven = one.driven
     return {
         "key": one.key, "name": METHOD_NAMES.get(one.key, one.key.replace("_", " ")),
-        "colour": method_colour(one.key), "colour_dark": dark_colour(one.key), "dash": line_dash(number), "shown": one.shown,
+        "colour": method_colour(one.key), "colour_dark": dark_colour(one.key),
+        "dash": line_dash(number), "shown": one.shown,
         "x": numbers(driven.x[0]), "y": numbers(driven.y[0]), "h": numbers(driven.heading[0], 4),
         "v": numbers(driven.speed[0]), "gap": numbers(driven.gap[0]),
         "a": numbers(np.append(driven.acceleration[0], np.nan)),

@@ -61,7 +61,8 @@ def _add_calibrate(commands: Any) -> None:
     shared.window_arguments(parser)
     parser.add_argument(
         "--desired-speed", type=shared.desired_speed, metavar="V|auto",
-        help="v0 in m/s, kept in the table (default: the speed limit of the recorded road); auto: the one speed of the recording "
+        help="v0 in m/s, kept in the table (default: the speed limit of the recorded road); auto: the "
+             "one speed of the recording "
         "with which its drivers are fitted best, and for each driver at least the highest speed it is recorded at",
     )  # fmt: skip
     parser.add_argument(

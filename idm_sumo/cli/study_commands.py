@@ -61,7 +61,8 @@ def _add_replay(commands: Any) -> None:
     )
     shared.window_arguments(parser)
     parser.add_argument("--desired-speed", type=shared.real(limits.DESIRED_SPEED), metavar="V",
-                        help="v0 in m/s (default: that of --drivers, else the speed limit of the recorded road)")  # fmt: skip
+                        help="v0 in m/s (default: that of --drivers, else the speed limit of the "
+                             "recorded road)")  # fmt: skip
     parser.add_argument(
         "--backend", choices=("sumo", "kernel"), default="sumo", help="what carries the traffic (default sumo)"
     )

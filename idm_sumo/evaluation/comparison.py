@@ -192,7 +192,8 @@ def measure_traffic(recording: Recording) -> TrafficMeasures:
     """
     return TrafficMeasures(
         m.edie(recording), m.speed_by_position(recording), m.travel_times(recording), m.lane_changes(recording),
-        wave_speeds(recording), following(recording), m.vehicle_counts(recording), not recording.has_leader_rows, recording.road,
+        wave_speeds(recording), following(recording), m.vehicle_counts(recording),
+        not recording.has_leader_rows, recording.road,
     )  # fmt: skip
 
 

@@ -161,7 +161,8 @@ def _drive_chain(
     others = _others(scenes, behind)
     out = Trajectories.empty(len(begin), scenes.window.horizon)
     _chain(
-        theta, desired_speed, start, begin, length, float(scenes.road.lane_center(lane)), (lane - 1) * others.frames + scenes.start,
+        theta, desired_speed, start, begin, length, float(scenes.road.lane_center(lane)),
+        (lane - 1) * others.frames + scenes.start,
         others.offsets, others.x, others.speed, others.length, others.vehicle,
         out.x, out.y, out.heading, out.speed, out.acceleration, out.steering, out.gap,
     )  # fmt: skip

@@ -46,7 +46,8 @@ def clean(
        causing IDM to be blind to the true vehicle in front"). Their rows stay, as traffic.
        Needs recorded leaders, and the leaders' rows.
     4. Vehicles whose position moves farther within a frame than :data:`REACH` are removed: that is another
-       vehicle under their number. Those who drive behind one for ``leader_frames``, or whose leader, known by its headway only, does so are not modelled.
+       vehicle under their number. Those who drive behind one for ``leader_frames``, or whose leader, known by its
+       headway only, does so are not modelled.
 
     ``Total_Frames`` is not used: it disagrees with the rows of every vehicle in the files
     known to us, whose frames are unbroken.

@@ -79,7 +79,8 @@ def sound_clock(raw: pd.DataFrame, notes: list[str], source: str) -> pd.DataFram
         return raw
     if (standing := float((clock == 0).mean())) > STANDING:
         notes.append(
-            f"Global_Time stands still over {standing:.0%} of the frames (constant, or rounded by a spreadsheet); Frame_ID "
+            f"Global_Time stands still over {standing:.0%} of the frames (constant, or rounded by a "
+            f"spreadsheet); Frame_ID "
             "is used in its place"
         )
         return raw.drop(columns="Global_Time")
@@ -90,7 +91,8 @@ def sound_clock(raw: pd.DataFrame, notes: list[str], source: str) -> pd.DataFram
             return sound_clock(raw.assign(Global_Time=raw["Global_Time"] * ms), notes, source)
     if not abs(rate / FRAME_MS - 1.0) < NEAR:
         raise InputError(
-            f"{source}: Global_Time advances by {rate:g} a frame where {FRAME_MS} ms are needed; resample the recording to "
+            f"{source}: Global_Time advances by {rate:g} a frame where {FRAME_MS} ms are needed; "
+            f"resample the recording to "
             f"{FRAME_STEP} s, or leave Global_Time out"
         )
     off = np.abs(clock - FRAME_MS * frames)
@@ -118,7 +120,8 @@ def check_one_period(raw: pd.DataFrame, source: str) -> None:
     jumping, vehicles = rows.loc[jump, "Vehicle_ID"].nunique(), rows["Vehicle_ID"].nunique()
     if collide > COLLIDE * len(rows) or (jumping > REUSED * vehicles and jumping > 2):
         raise InputError(
-            f"{source}: without a clock, {collide} of {len(rows)} rows are second ones of a vehicle and frame and {jumping} of "
+            f"{source}: without a clock, {collide} of {len(rows)} rows are second ones of a vehicle and "
+            f"frame and {jumping} of "
             f"{vehicles} vehicles jump: several periods use the same numbers; {REMEDY}"
         )
 

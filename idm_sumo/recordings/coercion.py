@@ -154,6 +154,7 @@ def sizes(values: Floats, name: str, bounds: tuple[float, float], notes: list[st
     wrong = int((~good & ~np.isnan(values)).sum())
     if wrong:
         notes.append(
-            f"{wrong} of {len(values)} rows have a {name} that no vehicle has (0 or less, or above {high:g} m); they count as not recorded"
+            f"{wrong} of {len(values)} rows have a {name} that no vehicle has (0 or less, or above "
+            f"{high:g} m); they count as not recorded"
         )
     return np.where(good, values, np.nan)

@@ -50,7 +50,8 @@ def check_on_road(x: pd.Series, y: pd.Series, road: Road, source: str, *, networ
     off = outside(x, y, road, network=network)
     if off.mean() > MOST_OUTSIDE:
         raise InputError(
-            f"{source}: {off.mean():.0%} of the rows do not lie on {road.name} ({road.length:.0f} m, {road.main_lanes} main "
+            f"{source}: {off.mean():.0%} of the rows do not lie on {road.name} ({road.length:.0f} m, "
+            f"{road.main_lanes} main "
             f"lanes): x goes from {x.min():.1f} to {x.max():.1f} m, y from {y.min():.1f} to {y.max():.1f} m; it was "
             f"recorded on another road: {REMEDY}"
         )
@@ -96,7 +97,8 @@ def check_foreign_lanes(lanes: pd.Series, y: pd.Series, edges: list[str], road: 
     apart = float(middle.diff().dropna().median()) if len(middle) > 1 else road.widths[0]
     if len(middle) > fitting or abs(apart / road.widths[0] - 1.0) > WIDTH_TOLERANCE:
         raise InputError(
-            f"{source}: its edges ({some}) are not those of {road.name}, and neither do its lanes fit: {len(middle)} lanes "
+            f"{source}: its edges ({some}) are not those of {road.name}, and neither do its lanes fit: "
+            f"{len(middle)} lanes "
             f"{apart:.2f} m apart where {road.name} has {road.main_lanes} main lanes of {road.widths[0]:.2f} m; "
             f"{REMEDY}"
         )
@@ -127,6 +129,7 @@ def check_lane_widths(table: pd.DataFrame, road: Road, source: str, labelled: Co
     wide = float(road.lane_center(first) - road.lane_center(last)) / (last - first)
     if abs(apart / wide - 1.0) > WIDTH_TOLERANCE:
         raise InputError(
-            f"{source}: lanes {first} to {last} are {apart:.2f} m apart where those of {road.name} are {wide:.2f} m; it was "
+            f"{source}: lanes {first} to {last} are {apart:.2f} m apart where those of {road.name} are "
+            f"{wide:.2f} m; it was "
             "recorded on another road: {REMEDY}"
         )

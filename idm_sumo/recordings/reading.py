@@ -157,7 +157,8 @@ def _check_first_line(path: Path, line: str) -> None:
         cells = line.split(mark)
         if len(cells) > 2 and all(delimited.is_number(cell) for cell in cells):
             raise InputError(
-                f"{path}: row 1: numbers apart by {word}, without a header; the official text has blanks, the CSV a header"
+                f"{path}: row 1: numbers apart by {word}, without a header; the official text has "
+                f"blanks, the CSV a header"
             )
     if line.startswith("#Location"):
         raise layouts.unknown_layout([line.split(",")[0]], path.name)

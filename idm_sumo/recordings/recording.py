@@ -147,7 +147,8 @@ class Recording:
         if (duplicated := ordered.duplicated(list(c.KEYS))).any():
             row = ordered[duplicated].iloc[0]
             raise InputError(
-                f"{source or 'recording'}: vehicle {row[c.VEHICLE]} has frame {row[c.FRAME]} twice in period {row[c.PERIOD]}"
+                f"{source or 'recording'}: vehicle {row[c.VEHICLE]} has frame {row[c.FRAME]} twice in "
+                f"period {row[c.PERIOD]}"
             )
         return cls(ordered, road, source, notes, has_leader_rows)
 

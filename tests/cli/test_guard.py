@@ -116,7 +116,8 @@ def test_a_signal_at_any_time_ends_in_one_line(
 ) -> None:
     """Most of the time modules load; how far they are differs from machine to machine, the end does not."""
     process = subprocess.Popen(
-        [sys.executable, "-X", "importtime", "-m", "idm_sumo", "calibrate", str(recording), "-o", str(tmp_path / "d.csv")],
+        [sys.executable, "-X", "importtime", "-m", "idm_sumo", "calibrate", str(recording), "-o",
+        str(tmp_path / "d.csv")],
         cwd=ROOT, stderr=subprocess.PIPE, stdout=subprocess.DEVNULL, text=True,
     )  # fmt: skip
     assert process.stderr is not None
@@ -136,7 +137,8 @@ def test_a_signal_at_any_time_ends_in_one_line(
 def test_a_limit_on_memory_ends_in_one_line(recording: Path, tmp_path: Path) -> None:
     limit = 4 << 30
     done = subprocess.run(
-        [sys.executable, "-m", "idm_sumo", "calibrate", str(recording), "--horizon", "99999999999", "-o", str(tmp_path / "d.csv")],
+        [sys.executable, "-m", "idm_sumo", "calibrate", str(recording), "--horizon", "99999999999", "-o",
+        str(tmp_path / "d.csv")],
         cwd=ROOT, capture_output=True, text=True, check=False,
         preexec_fn=lambda: resource.setrlimit(resource.RLIMIT_AS, (limit, limit)),
     )  # fmt: skip

@@ -95,7 +95,7 @@ def judge(kind: Kind, path: Path) -> tuple[str, str]:
 def campaign(
     folder: Path, runs: int, seed: int = 0, kinds: tuple[Kind, ...] = KINDS
 ) -> list[tuple[str, str, str, int]]:
-    """Read ``runs`` inputs of each kind; return kind, end, fault and number of every one, and keep the faulty inputs."""
+    """Read ``runs`` inputs of each kind; return kind, end, fault and number of each, and keep the faulty inputs."""
     out = []
     for kind in kinds:
         for number in range(runs):

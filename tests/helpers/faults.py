@@ -10,7 +10,8 @@ from typing import Any
 
 import pytest
 
-CALLS = ("open", "close", "mkdir", "rmdir", "rename", "replace", "unlink", "link", "chmod", "fsync", "listdir", "scandir",
+CALLS = ("open", "close", "mkdir", "rmdir", "rename", "replace", "unlink", "link", "chmod", "fsync",
+"listdir", "scandir",
          "stat", "lstat", "readlink")  # fmt: skip
 
 

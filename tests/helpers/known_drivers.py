@@ -72,7 +72,8 @@ def scenes_of(
     cells, nobody = np.arange(n * frames), np.zeros(count, dtype=np.int64)
     traffic = sort_into_cells(cells[known], n * frames, columns, nobody, 0, frames)
     return Scenes(
-        period=np.full(n, "known"), window=window, road=US101, vehicle=np.arange(1, n + 1), first_frame=np.zeros(n, dtype=np.int64),
+        period=np.full(n, "known"), window=window, road=US101, vehicle=np.arange(1, n + 1),
+        first_frame=np.zeros(n, dtype=np.int64),
         lane=np.full(n, LANE), x=x, y=np.full((n, frames), center) if y is None else y, heading=np.zeros((n, frames)),
         speed=v, headway=leader_x - x, length=np.full(n, LENGTH), width=np.full(n, WIDTH),
         vehicle_class=np.full(n, 2), size_known=np.ones(n, dtype=np.bool_), cell=np.arange(n) * frames,

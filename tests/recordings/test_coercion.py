@@ -10,7 +10,8 @@ from idm_sumo.recordings.coercion import LARGEST, numbers, sizes, whole
 from idm_sumo.runtime.errors import InputError
 
 ANY = st.one_of(
-    st.integers(), st.floats(), st.text(), st.booleans(), st.binary(), st.none(), st.lists(st.integers()), st.decimals(),
+    st.integers(), st.floats(), st.text(), st.booleans(), st.binary(), st.none(), st.lists(st.integers()),
+    st.decimals(),
     st.dictionaries(st.text(), st.integers()),
 )  # fmt: skip
 

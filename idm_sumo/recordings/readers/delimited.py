@@ -41,7 +41,8 @@ def read_official(path: Path, ledger: Ledger, first: str) -> pd.DataFrame:
     """
     if len(first.split()) == STREET:
         raise InputError(
-            f"{path}: has {STREET} columns, NGSIM's layout of a street with junctions (Lankershim, Peachtree); lanes and "
+            f"{path}: has {STREET} columns, NGSIM's layout of a street with junctions (Lankershim, "
+            f"Peachtree); lanes and "
             f"leaders there are other than on a motorway: give one of {len(OFFICIAL)} columns"
         )
     try:

@@ -1,4 +1,7 @@
-"""Tables with NGSIM's names, in feet, to a :class:`~idm_sumo.recordings.recording.Recording`; beyond :mod:`idm_sumo.recordings.readers.pairs` nobody knows feet."""
+"""Tables with NGSIM's names, in feet.
+
+Beyond this module and :mod:`idm_sumo.recordings.readers.pairs` nobody knows feet.
+"""
 
 from __future__ import annotations
 
@@ -133,7 +136,8 @@ def _check_sizes(raw: pd.DataFrame, source: str, advice: str) -> None:
         size = cars[name][cars[name] > 0] if name in cars else pd.Series(dtype="float64")
         if len(size) and (median := float(size.median())) * FOOT < least:
             raise InputError(
-                f"{source}: {name} looks like metres: half of the vehicles are less than {median:.1f} ft {word}; {advice}"
+                f"{source}: {name} looks like metres: half of the vehicles are less than {median:.1f} ft "
+                f"{word}; {advice}"
             )
 
 

@@ -93,7 +93,8 @@ def _unit(raw: pd.DataFrame, source: str) -> tuple[float, str]:
         if CAR_LENGTHS[0] <= median * unit <= CAR_LENGTHS[1]:
             return unit, name
     raise InputError(
-        f"{source}: the median leader is {median:.1f} long, neither metres (about 4.5) nor feet (about 15); convert to metres"
+        f"{source}: the median leader is {median:.1f} long, neither metres (about 4.5) nor feet (about "
+        f"15); convert to metres"
     )
 
 
@@ -131,7 +132,8 @@ def _check_spacing(raw: pd.DataFrame, gap: pd.Series, unit: float, source: str) 
         apart = float((raw[SPACING] * unit - gap).abs().median())
         if apart > SPACING_TOLERANCE:
             raise InputError(
-                f"{source}: spacing differs from x_leader - x_follower - leader_length by {apart:.2f} m; x must be fronts, "
+                f"{source}: spacing differs from x_leader - x_follower - leader_length by {apart:.2f} m; "
+                f"x must be fronts, "
                 "spacing bumper to bumper"
             )
 
@@ -164,6 +166,7 @@ def _smoothness(recording: Recording) -> tuple[bool, str]:
     if shift > SMOOTH:
         return False, f"positions are noisy (our filter moves them by {1000 * shift:.0f} mm) and are smoothed"
     return True, (
-        f"positions are reconstructed already (our filter would move them by {1000 * shift:.2g} mm, raw ones by 26) and not "
+        f"positions are reconstructed already (our filter would move them by {1000 * shift:.2g} mm, raw "
+        f"ones by 26) and not "
         "smoothed again; whoever reconstructed them may have leaked a leader's future into its past"
     )

@@ -76,7 +76,8 @@ def named() -> Diagnosis:
                    RuledOut("hysteresis", 0.9, ())),
         untestable={"leader_class": "no classes were recorded"},
         power=(Power("reaction_delay", "tau", "s", 0.2, 0.93),),
-        model=model, base_model=ExtendedModel(TEXTBOOK, US101.speed_limit), residuals=table, drivers=drivers, scans=(scan,),
+        model=model, base_model=ExtendedModel(TEXTBOOK, US101.speed_limit), residuals=table, drivers=drivers,
+        scans=(scan,),
         excluded={"no leader for 12 s": 3}, notes=("a note",), seconds={"fit": 1.0},
     )  # fmt: skip
 
