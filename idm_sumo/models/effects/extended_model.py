@@ -225,7 +225,7 @@ class ExtendedModel:
             If the text has another format, or names an unknown cause or symbol, or a value is out of its bounds.
         """
         try:
-            whole = parse_json(text, name)
+            whole = parse_json(text, name, finite=False)  # bounds name what is not finite
             if whole["format"] != FORMAT:
                 raise InputError(
                     f"{name}: format is {whole['format']!r}, not {FORMAT!r}; write it again with `diagnose`"
