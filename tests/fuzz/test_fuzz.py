@@ -1,7 +1,9 @@
 from pathlib import Path
 
+import numpy as np
 import pytest
 
+from tests.fuzz import seeds
 from tests.fuzz.campaign import KINDS, Kind, campaign, judge
 from tests.fuzz.mutate import CELLS
 
@@ -12,6 +14,11 @@ RUNS = 60  # of each kind: about a minute in all
 def test_a_malformed_input_is_read_or_refused_in_one_line(tmp_path: Path, kind: Kind) -> None:
     faults = [(number, fault) for _, _, fault, number in campaign(tmp_path, RUNS, kinds=(kind,)) if fault]
     assert not faults
+
+
+def test_the_arrays_of_a_policy_are_sound_before_they_are_changed(tmp_path: Path) -> None:
+    np.savez(tmp_path / "policy.npz", **seeds.policy())
+    assert judge(KINDS[-1], tmp_path / "policy.npz") == ("sound", "")
 
 
 def test_the_judge_sees_exceptions_warnings_and_messages_that_are_no_line(tmp_path: Path) -> None:

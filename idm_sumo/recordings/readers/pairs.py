@@ -52,7 +52,8 @@ def to_recording(raw: pd.DataFrame, ledger: Ledger, *, road: Road, source: str) 
         If units or time steps are none we know, or the columns contradict each other.
     """
     ledger.total += len(raw)
-    raw = raw.assign(period=raw["period"].astype(str) if "period" in raw else "recording")
+    period = raw["period"].where(raw["period"].notna(), "(none)").astype(str) if "period" in raw else "recording"
+    raw = raw.assign(period=period)
     raw = raw.assign(**{name: numbers(raw[name], name, source) for name in PAIR_NUMBERS if name in raw})
     finite = [name for name in (*PAIRS, LENGTH, SPACING, "v_follower") if name in raw]
     raw = ledger.drop(raw, ~np.isfinite(raw[finite].to_numpy()).all(axis=1), "non-finite value")
