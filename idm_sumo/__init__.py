@@ -14,6 +14,7 @@ from idm_sumo.runtime.environment import find_places_for_caches
 if TYPE_CHECKING:
     from idm_sumo.calibration.table import calibrate as calibrate
     from idm_sumo.diagnosis.diagnose import diagnose as diagnose
+    from idm_sumo.evaluation.figures import plot_time_space as plot_time_space
     from idm_sumo.evaluation.metrics import score as score
     from idm_sumo.models.effects.extended_model import ExtendedModel as ExtendedModel
     from idm_sumo.models.idm import IDMParameters as IDMParameters
@@ -30,6 +31,7 @@ if TYPE_CHECKING:
     from idm_sumo.scenes.windows import build_scenes as build_scenes
     from idm_sumo.simulation.rollout import drive_idm as drive_idm
     from idm_sumo.sumo.export.routes import export_routes as export_routes
+    from idm_sumo.sumo.replay.one_vehicle import replay as replay
     from idm_sumo.sumo.surrogate.builtin import surrogate as surrogate
 
 __version__ = "0.2.0"
@@ -51,7 +53,9 @@ _HOMES = {
     "diagnose": "diagnosis.diagnose",
     "drive_idm": "simulation.rollout",
     "export_routes": "sumo.export.routes",
+    "plot_time_space": "evaluation.figures",
     "read_recording": "recordings.reading",
+    "replay": "sumo.replay.one_vehicle",
     "score": "evaluation.metrics",
     "smooth": "recordings.smoothing",
     "surrogate": "sumo.surrogate.builtin",

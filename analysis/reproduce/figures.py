@@ -2,21 +2,18 @@
 
 from __future__ import annotations
 
-from typing import Any
-
 import numpy as np
-import numpy.typing as npt
 import pandas as pd
-from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
+from idm_sumo.evaluation.figures import plot_time_space
 from idm_sumo.evaluation.metrics import displacement
 from idm_sumo.models.idm import LOWER, UPPER
 from idm_sumo.recordings.columns import FRAME_STEP
-from idm_sumo.scenes.windows import LEADER_FROM_LANE, Scenes
+from idm_sumo.scenes.windows import Scenes
 from idm_sumo.simulation.rollout import Trajectories
 
-from ..page.style import METHOD_COLOURS, METHOD_NAMES, RECORDED, TRAFFIC, new_figure
+from ..page.style import METHOD_COLOURS, METHOD_NAMES, new_figure
 from .paper import NEIGHBOURS
 from .study import Study
 
@@ -172,31 +169,7 @@ def time_space(scenes: Scenes, which: int, driven: dict[str, Trajectories]) -> F
         The recorded vehicle, the modelled ones, and the traffic of its lane.
     """
     figure, (ax,) = new_figure(7.5, 4.6)
-    steps = scenes.window.horizon + 1
-    seconds = np.arange(steps) * FRAME_STEP
-    recorded = scenes.x[which, scenes.start : scenes.start + steps]
-    low, high = recorded[0] - 25, recorded[-1] + 60
-    _draw_lane(ax, scenes, which, seconds, (low, high))
-    ax.plot(seconds, recorded, color=RECORDED, linewidth=2.2, label="recorded")
-    for name, trajectories in driven.items():
-        ax.plot(seconds, trajectories.x[which], color=METHOD_COLOURS[name], linewidth=1.4, label=METHOD_NAMES[name])
-    ax.set(xlabel="time since the start of the simulation (s)", ylabel="position along the road (m)", ylim=(low, high),
-           title=f"vehicle {scenes.vehicle[which]}, {scenes.period[which]}, lane {scenes.lane[which]}")  # fmt: skip
-    ax.legend(fontsize=8)
+    named = {METHOD_NAMES[name]: trajectories for name, trajectories in driven.items()}
+    colours = {METHOD_NAMES[name]: METHOD_COLOURS[name] for name in driven}
+    plot_time_space(scenes, named, which, ax=ax, colours=colours)
     return figure
-
-
-def _draw_lane(
-    ax: Axes, scenes: Scenes, which: int, seconds: npt.NDArray[np.floating[Any]], limits: tuple[float, float]
-) -> None:
-    """Draw the other vehicles of the driver's lane."""
-    t = scenes.traffic
-    points = []
-    for k, second in enumerate(seconds):
-        cell = scenes.cell[which] + scenes.start + k
-        rows = slice(t.offsets[cell], t.offsets[cell + 1])
-        others = t.x[rows][t.vehicle[rows] != scenes.vehicle[which]]
-        points += [(second, x) for x in others if limits[0] < x < limits[1]]
-    label = "other vehicles in its lane" if scenes.leader_source == LEADER_FROM_LANE else "its recorded leader"
-    where = np.array(points).reshape(-1, 2)
-    ax.scatter(where[:, 0], where[:, 1], s=2, color=TRAFFIC, label=label)

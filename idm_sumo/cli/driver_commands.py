@@ -188,11 +188,16 @@ def predict(options: argparse.Namespace) -> None:
     ----------
     options : argparse.Namespace
     """
+    import pandas as pd
+
     from idm_sumo.calibration.departures import departures
+    from idm_sumo.calibration.without_d1 import MEAN_SPEED
 
     foresee = _through_rollout(options) if options.method == "rollout" else _neighbours(options)
     found = shared.scenes_of(options, shared.window_of(options))
-    table = _beside(foresee(found.scenes), departures(found.scenes))
+    scenes = found.scenes
+    observed = pd.DataFrame({MEAN_SPEED: scenes.speed[:, : options.observed].mean(axis=1)})
+    table = _beside(foresee(scenes), departures(scenes), observed)
     write(table, options.output)
     for reason, count in found.left_out.items():
         note(f"{count} vehicle{'s' * (count != 1)} not predicted: {reason}")

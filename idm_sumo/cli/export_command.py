@@ -38,9 +38,8 @@ def add(commands: Any) -> None:
         "--without-d1",
         "--jam-distance",
         choices=("refit", "linearised", "none"),
-        default="refit",
-        help="what stands for d1, which SUMO's IDM lacks: a refit without it (default), its tangent at the "
-        "driver's mean speed, or nothing",
+        help="what stands for d1, which SUMO's IDM lacks: a refit without it, its tangent at the driver's mean "
+        "speed, or nothing (default: the refit, where the table has none the tangent)",
     )
     parser.add_argument(
         "--integration", choices=("euler", "ballistic"), default="euler", help="of the SUMO run (default euler)"

@@ -10,13 +10,14 @@ from sklearn.utils.estimator_checks import parametrize_with_checks
 
 from idm_sumo.models import idm
 from idm_sumo.models.idm import LOWER, TEXTBOOK, UPPER
-from idm_sumo.prediction import KNNPredictor, average_parameters, first_gap_parameters
+from idm_sumo.prediction import KNNPredictor, average_parameters, first_gap_parameters, predict_drivers
 from idm_sumo.prediction.driving_code import FEATURES, driving_code
 from idm_sumo.roads.units import FOOT
 from idm_sumo.roads.us101 import US101
 from idm_sumo.runtime.errors import InputError
 from idm_sumo.simulation.rollout import drive_idm
 from tests.helpers.builders import Car, scenes
+from tests.helpers.known_drivers import known_drivers
 
 NAMES = list(FEATURES.values())
 
@@ -154,3 +155,17 @@ def test_a_driver_in_equilibrium_stays_there():
 )  # fmt: skip
 def test_where_no_headway_does_it_the_pooled_one_stays(cars):
     np.testing.assert_array_equal(first_gap_parameters(scenes(*cars), POOLED), [POOLED])
+
+
+def test_the_library_tells_what_a_driver_wants_to_drive():
+    some, theta = known_drivers(30, seed=2)
+    library = some.keys().assign(**dict(zip(idm.IDMParameters._fields, theta.T, strict=True))).join(driving_code(some))
+    foreseen = predict_drivers(some, library.assign(desired_speed_m_s=0.1 * 311), observed=10, neighbours=7)
+    assert (foreseen["desired_speed_m_s"] == 0.1 * 311).all()
+    wanted = np.linspace(25.0, 40.0, len(library))
+    foreseen = predict_drivers(some, library.assign(desired_speed_m_s=wanted), observed=10, neighbours=7)
+    assert foreseen["desired_speed_m_s"].between(25.0, 40.0).all()
+    assert foreseen["desired_speed_m_s"].nunique() > 1
+    without = predict_drivers(some, library, observed=10, neighbours=7)
+    assert (without["desired_speed_m_s"] == US101.speed_limit).all()
+    np.testing.assert_array_equal(without["T"], foreseen["T"])

@@ -226,3 +226,12 @@ def test_slow_drivers_are_predicted_to_within_less_if_they_were_in_training(pred
     np.testing.assert_allclose(by_speed, by_speed[:, :1] * np.ones(by_speed.shape[1]))
     speed = first_second(some)[SPEED].to_numpy()
     np.testing.assert_array_equal(np.argsort(by_speed[:, 0]), np.argsort(speed))
+
+
+def test_a_prediction_is_a_driver_table_that_can_be_driven(predictor, training):
+    found = predictor.predict_left_out(training)
+    table = found.to_pandas()
+    assert check_drivers(table)[["period", "vehicle"]].equals(training.keys()[["period", "vehicle"]])
+    assert (table["desired_speed_m_s"] == predictor.desired_speed_).all()
+    np.testing.assert_array_equal(drive_idm(training, table).x, drive_idm(training, found.theta).x)
+    assert len(repr(found)) < 80

@@ -16,6 +16,7 @@ from idm_sumo.runtime.errors import InputError
 from idm_sumo.runtime.files import new_file
 from idm_sumo.sumo.export.run_recipe import EULER
 from idm_sumo.sumo.export.translation import (
+    chosen_without_d1,
     desired_speeds,
     driver_type,
     identifiers,
@@ -35,7 +36,7 @@ def export_distribution(
     drivers: pd.DataFrame,
     path: Path | str,
     *,
-    without_d1: str = "refit",
+    without_d1: str | None = None,
     representatives: int | None = None,
     name: str = NAME,
     maximum_speed: float = FASTEST,
@@ -55,7 +56,7 @@ def export_distribution(
         With ``length_m, width_m, vehicle_class`` where known.
     path : Path or str
         An additional file, ``FILE.add.xml``.
-    without_d1 : {"refit", "linearised", "none"}
+    without_d1 : {"refit", "linearised", "none"}, optional
         As of :func:`idm_sumo.sumo.export.routes.export_routes`.
     representatives : int, optional
         So many drivers, the ones nearest to the centres of k-means over the standardised
@@ -83,7 +84,8 @@ def export_distribution(
         If the drivers are impossible, or fewer than ``representatives``.
     """
     table, _ = with_parameters(drivers, source)
-    theta, _ = sumo_parameters(table, without_d1, desired_speeds(table, None, road, source), EULER, source)
+    table, way, _ = chosen_without_d1(table, None, without_d1, EULER)
+    theta, _ = sumo_parameters(table, way, desired_speeds(table, None, road, source), EULER, source)
     good = well_determined(table)
     table, theta = table[good].reset_index(drop=True), theta[good]
     if table.empty or (representatives is not None and not 1 <= representatives <= len(table)):

@@ -29,6 +29,7 @@ from idm_sumo.sumo.export import run_recipe
 from idm_sumo.sumo.export.companions import Companions
 from idm_sumo.sumo.export.extended_types import Expressed, express
 from idm_sumo.sumo.export.translation import (
+    chosen_without_d1,
     desired_speeds,
     driver_type,
     identifiers,
@@ -71,7 +72,7 @@ def export_routes(
     path: Path | str,
     *,
     departures: pd.DataFrame | Recording | Scenes | Sequence[Scenes] | None = None,
-    without_d1: str = "refit",
+    without_d1: str | None = None,
     integration: str = "euler",
     desired_speed: float | None = None,
     net_file: Path | str | None = None,
@@ -92,9 +93,11 @@ def export_routes(
     departures : pandas.DataFrame, Recording, Scenes or sequence of Scenes, optional
         When, where and as what the drivers enter (:mod:`idm_sumo.calibration.departures`); by default
         the drivers' own columns.
-    without_d1 : {"refit", "linearised", "none"}
+    without_d1 : {"refit", "linearised", "none"}, optional
         What stands for ``d1``, which SUMO's IDM lacks: the columns of
-        :func:`idm_sumo.calibration.without_d1.refit_table`; the tangent at ``mean_speed_m_s``; nothing.
+        :func:`idm_sumo.calibration.without_d1.refit_table`, made here where ``departures`` are the scenes of the
+        calibration; the tangent at ``mean_speed_m_s``; nothing. By default the refit where it is there or can be
+        made, else the tangent, and a note says so.
     integration : {"euler", "ballistic"}
         What the configuration asks of SUMO.
     desired_speed : float, optional
@@ -126,7 +129,8 @@ def export_routes(
     net = network.of(road)
     net_path = _checked_net(net, net_file, float(table[d.DESIRED_SPEED].max()))
     table = _with_departures(table, departures, source)
-    theta, notes = sumo_parameters(table, without_d1, table[d.DESIRED_SPEED].to_numpy(), integration, source)
+    table, way, way_notes = chosen_without_d1(table, departures, without_d1, integration)
+    theta, notes = sumo_parameters(table, way, table[d.DESIRED_SPEED].to_numpy(), integration, source)
     table, speed_notes = _not_above(table)
     table = table.assign(depart=_simulation_times(table), id=identifiers(table), **_places(net, table, source))
     order = np.lexsort((table["id"], table["depart"]))
@@ -136,7 +140,7 @@ def export_routes(
     root = _routes(net, table.iloc[order], held.of(order))
     files = _write(Path(path), root, net_path, integration)
     vehicles = table.iloc[order][[c.PERIOD, c.VEHICLE, "id", "depart"]].rename(columns={"depart": d.DEPART})
-    return Exported(*files, vehicles.reset_index(drop=True), fit_notes + notes + speed_notes + held.notes)
+    return Exported(*files, vehicles.reset_index(drop=True), fit_notes + way_notes + notes + speed_notes + held.notes)
 
 
 def _checked_net(own: RoadNetwork, net_file: Path | str | None, desired_speed: float) -> Path:

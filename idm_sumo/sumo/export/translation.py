@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from pathlib import Path
 from typing import Any
 from xml.etree.ElementTree import Element, ElementTree, indent
@@ -15,6 +16,7 @@ from idm_sumo.calibration import without_d1 as w
 from idm_sumo.recordings import columns as c
 from idm_sumo.roads import Road
 from idm_sumo.runtime.errors import InputError
+from idm_sumo.scenes.windows import Scenes
 from idm_sumo.sumo.export.vtypes import DriverType, identifier
 
 Floats = npt.NDArray[np.float64]
@@ -106,6 +108,50 @@ def checked_speeds(table: pd.DataFrame, given: npt.ArrayLike, source: str) -> Fl
         row = int(np.flatnonzero(bad)[0])
         raise InputError(f"{source}: row {row}: {d.DESIRED_SPEED} = {speeds[row]:g} is impossible; give a speed in m/s")
     return speeds
+
+
+def chosen_without_d1(
+    table: pd.DataFrame, source: object, without_d1: str | None, integration: str
+) -> tuple[pd.DataFrame, str, tuple[str, ...]]:
+    """Decide what stands for ``d1`` where nobody says it.
+
+    Parameters
+    ----------
+    table : pandas.DataFrame
+        Drivers with parameters.
+    source : object
+        Scenes of the calibration, or a list of them, from which a refit is made; anything else cannot tell.
+    without_d1 : str or None
+        As asked for.
+    integration : str
+        Of the refit.
+
+    Returns
+    -------
+    drivers : pandas.DataFrame
+        With the columns of the refit if there is one.
+    without_d1 : str
+    notes : tuple of str
+    """
+    if set(w.REFIT) <= set(table) or without_d1 not in (None, "refit"):
+        return table, without_d1 or "refit", ()
+    parts = [source] if isinstance(source, Scenes) else source
+    if isinstance(parts, Sequence) and parts and all(isinstance(part, Scenes) for part in parts):
+        return _refitted(table, parts, integration), "refit", ()
+    if without_d1 is not None or w.MEAN_SPEED not in table:
+        return table, "refit", ()  # whose columns are missing then
+    note = "d1, which SUMO lacks, is linearised at each driver's mean speed; give the calibration's scenes to refit it"
+    return table, "linearised", (note,) if (table["d1"] > 0.0).any() else ()
+
+
+def _refitted(table: pd.DataFrame, parts: Sequence[Scenes], integration: str) -> pd.DataFrame:
+    """Return the drivers with a refit to their windows."""
+    on = d.key_columns(table)
+    keys = pd.MultiIndex.from_frame(table[on])
+    some = [part.subset(np.asarray(pd.MultiIndex.from_frame(part.keys()[on]).isin(keys))) for part in parts]
+    refits = w.refit_table(table, [part for part in some if len(part)], integration=integration)
+    new = [name for name in refits if name not in table]
+    return table.merge(refits[[*on, *new]], on=on, how="left", validate="1:1")
 
 
 def sumo_parameters(

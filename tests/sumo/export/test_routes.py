@@ -8,8 +8,9 @@ import numpy as np
 import pandas as pd
 import pytest
 
+from idm_sumo.calibration import calibrate
 from idm_sumo.calibration.departures import departures
-from idm_sumo.calibration.without_d1 import linearise
+from idm_sumo.calibration.without_d1 import linearise, refit_table
 from idm_sumo.models import idm
 from idm_sumo.recordings import columns as c
 from idm_sumo.recordings.columns import FRAME_STEP
@@ -22,6 +23,8 @@ from idm_sumo.sumo.closed_loop.insertion import departure_delays
 from idm_sumo.sumo.export.courses import StraightRoads
 from idm_sumo.sumo.export.distribution import export_distribution
 from idm_sumo.sumo.export.routes import Exported, export_routes
+from tests.helpers.builders import Car
+from tests.helpers.builders import recording as of_cars
 from tests.helpers.exports import PERIODS, drivers, read_types, sumo
 
 
@@ -233,6 +236,23 @@ def test_departures_of_scenes_are_where_the_simulation_starts() -> None:
     assert (table["first_frame"], table["lane"]) == (200, 1)
     assert table["depart_s"] == pytest.approx(20.9)  # the last observed frame, the tenth
     assert table["x_m"] == pytest.approx(20.0 + 25.0 * 0.9)
+
+
+def test_drivers_are_exported_as_calibrate_returns_them(tmp_path: Path) -> None:
+    cars = [
+        Car(k, x=30.0 * k, lane=2, speed=12.0 + 0.4 * np.sin(0.1 * np.arange(60) + k), frames=60) for k in (1, 2, 3)
+    ]
+    scenes = build_scenes(of_cars(*cars), Window(observed=10, horizon=40))
+    table = calibrate(scenes).assign(d1=1.0)
+    alone = export_routes(table, tmp_path / "alone.rou.xml")
+    assert any("d1, which SUMO lacks, is linearised" in note for note in alone.notes)
+    assert sumo(alone.config_file).stderr == ""
+    refitted = export_routes(table, tmp_path / "refitted.rou.xml", departures=scenes)
+    assert not any("linearised" in note for note in refitted.notes)
+    fitted = refit_table(table, scenes).set_index("vehicle")
+    types = {element.attrib["id"]: element.attrib for element in parse(refitted.route_file).getroot().findall("vType")}
+    for vehicle, row in fitted.iterrows():
+        assert float(types[f"p1.{vehicle}"]["tau"]) == pytest.approx(row["T_refit"], rel=1e-12)
 
 
 # Bad input: one line, nothing written.
