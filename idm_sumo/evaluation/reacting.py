@@ -75,7 +75,8 @@ def score_with_reacting(
         behind = vehicles_behind(one, replayed.x[index], reacting)
         own = np.vstack([theta[index], parameters_of_followers(followers, one.traffic.vehicle[behind.row])])
         driven, traffic = _drive_chain(one, behind, own, limit)
-        rows.append(score(replace(one, traffic=traffic), driven).assign(followers=len(behind.row)))
+        around = replace(one, traffic=traffic, cell=(one.lane - 1) * traffic.frames)
+        rows.append(score(around, driven).assign(followers=len(behind.row)))
     return pd.concat(rows, ignore_index=True)
 
 
