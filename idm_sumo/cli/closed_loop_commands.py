@@ -11,7 +11,6 @@ from idm_sumo.cli import options as shared
 from idm_sumo.cli import outputs
 from idm_sumo.cli.console import progress_bar, say, study_module, text_table
 from idm_sumo.runtime import limits
-from idm_sumo.runtime.errors import InputError
 
 SHOWN = [
     "recording",
@@ -207,8 +206,6 @@ def interactive(options: argparse.Namespace) -> None:
     ----------
     options : argparse.Namespace
     """
-    if options.seeds < 1 or options.replay_bias < 0:
-        raise InputError("--seeds must be 1 or more and --replay-bias 0 or more")
     module = study_module("closed_loop.run")
     single = options.gui or options.ego is not None  # one population is all that can be watched or driven among
     types = tuple(dict.fromkeys(options.types or (TYPES[:1] if single else TYPES)))

@@ -136,7 +136,7 @@ def _is_text(kind: pa.DataType) -> bool:
 def _check_type(field: pa.Field, path: Path) -> None:
     kind = field.type.value_type if pa.types.is_dictionary(field.type) else field.type
     number = pa.types.is_integer(kind) or pa.types.is_floating(kind) or pa.types.is_decimal(kind)
-    if not (number or _is_text(kind) or pa.types.is_null(kind)):
+    if not (number or _is_text(kind) or pa.types.is_null(kind) or pa.types.is_boolean(kind)):
         raise InputError(f"{path}: column {field.name!r} holds {kind}; give numbers or text")
 
 

@@ -124,12 +124,12 @@ def test_reward_is_linear_and_penalties_are_for_training_only() -> None:
 
 def test_a_policy_drives_and_survives_the_disk(tmp_path) -> None:  # type: ignore[no-untyped-def]
     layers = ((np.zeros((sim.OBSERVATIONS, 3)), np.zeros(3)), (np.zeros((3, 2)), np.array([0.2, 0.0])))
-    policy = Policy(layers, {"seed": 3})
+    policy = Policy(layers, {"kind": "irl_rl", "seed": 3})
     driven = drive_policy(busy(2), policy)
     assert driven.acceleration == pytest.approx(1.0)
     policy.save(tmp_path / "policy.npz")
     again = Policy.load(tmp_path / "policy.npz")
-    assert again.facts == {"seed": 3}
+    assert again.facts == {"kind": "irl_rl", "seed": 3}
     np.testing.assert_array_equal(drive_policy(busy(2), again).x, driven.x)
 
 
@@ -137,5 +137,5 @@ def test_what_is_no_policy_is_refused_in_one_line(tmp_path) -> None:  # type: ig
     from idm_sumo.runtime.errors import InputError
 
     (tmp_path / "policy.npz").write_text("no")
-    with pytest.raises(InputError, match="not a policy"):
+    with pytest.raises(InputError, match="not a file of arrays"):
         Policy.load(tmp_path / "policy.npz")

@@ -99,10 +99,10 @@ def test_a_folder_of_parquet_parts_is_one_recording(tmp_path: Path, partitioned:
 
 def test_write_where_one_cannot(tmp_path: Path) -> None:
     (tmp_path / "file").write_text("")
-    with pytest.raises(InputError, match="cannot be written"):
+    with pytest.raises(InputError, match="is a file, not a folder"):
         write_parquet(recording(Car(1)), tmp_path / "file" / "rec.parquet")
     (tmp_path / "taken.parquet").mkdir()
-    with pytest.raises(InputError, match="cannot be written"):
+    with pytest.raises(InputError, match="is a folder"):
         write_parquet(recording(Car(1)), tmp_path / "taken.parquet")
     assert sorted(path.name for path in tmp_path.iterdir()) == ["file", "taken.parquet"]
 

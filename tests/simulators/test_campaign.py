@@ -181,7 +181,7 @@ def test_a_finished_case_is_not_run_again(tmp_path, monkeypatch):
 @pytest.mark.parametrize("given", [["--small"], ["--drivers", "300"], ["--form", "usual"], ["--underlying", "idm"]])
 def test_what_the_second_simulator_draws_itself_cannot_be_asked_for(given, tmp_path, capsys):
     with pytest.raises(SystemExit, match="2"):
-        campaign.main(["-o", str(tmp_path), "--planter", "elsewhere", *given])
+        campaign.main(["-o", str(tmp_path), "--simulator", "second", *given])
     assert f"leave out {given[0]}" in capsys.readouterr().err
 
 

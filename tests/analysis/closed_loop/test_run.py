@@ -242,7 +242,7 @@ def test_the_command_leaves_a_whole_result(tmp_path: Path, file: Path) -> None:
         (["--types", "kraus"], "invalid choice"),
         (["--period", "0900-0915"], "no period '0900-0915'"),
         (["--ego", "9999", "--types", "krauss"], "--ego 9999: is not in period"),
-        (["--seeds", "0"], "--seeds must be 1 or more"),
+        (["--seeds", "0"], "--seeds: must be from 1 to"),
         (["--drivers", "nowhere.parquet"], "nowhere.parquet: no such file"),
     ],
 )

@@ -56,7 +56,7 @@ def test_all_times_observed_drive_the_same_windows(tables: dict[str, pd.DataFram
 
 
 def test_nobody_recorded_for_long_enough_is_an_empty_table(source: Source, study: Study) -> None:
-    endless = Settings(recordings=(source.name,), backend="kernel", horizon=100_000)
+    endless = Settings(recordings=(source.name,), backend="kernel", horizon=36_000)
     found = prediction_seconds.table(source, endless, study.learned)
     assert found.empty
     assert "long enough" in prediction_words.caption(found)
