@@ -9,7 +9,7 @@ import pytest
 
 TESTS = Path(__file__).parent
 ROOMS = {path.parent.name for path in (TESTS.parent / "idm_sumo").glob("*/__init__.py")}
-OWN = {"analysis", "api", "benchmarks", "docs", "faults", "helpers", "reference", "simulators"}
+OWN = {"analysis", "api", "benchmarks", "docs", "faults", "fuzz", "helpers", "reference", "simulators"}
 
 
 @pytest.mark.parametrize("module", sorted(TESTS.rglob("*.py")), ids=lambda path: str(path.relative_to(TESTS)))

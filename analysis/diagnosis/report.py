@@ -76,7 +76,7 @@ def diagnose_file(
     begin = time.perf_counter()
     with new_folder(out) as part:
         progress("reading", 0, 1)
-        recording = clean(read_recording(file, location=location))
+        recording = clean(read_recording(file, location=location, any_length=True))
         progress("reading", 1, 1)
         found = diagnose(recording, seed=seed, jobs=jobs, progress=progress)
         notes = list(dict.fromkeys((*found.notes, *recording.notes, *recording.accounting.notes)))

@@ -1,4 +1,4 @@
-"""A replay as positions over time: the modelled vehicle, the recorded one and who drives around them."""
+"""Pictures of a replay: positions over time."""
 
 from __future__ import annotations
 
@@ -69,7 +69,10 @@ def plot_time_space(
 def _others(
     scenes: Scenes, which: int, seconds: npt.NDArray[np.floating[Any]], limits: tuple[float, float]
 ) -> npt.NDArray[np.float64]:
-    """Return time (s) and position (m) of the other vehicles of the driver's lane, shape (points, 2)."""
+    """Return times and positions of other vehicles in the lane.
+
+    In s and m, shape ``(points, 2)``.
+    """
     t, points = scenes.traffic, []
     for k, second in enumerate(seconds):
         cell = scenes.cell[which] + scenes.start + k

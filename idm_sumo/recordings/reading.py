@@ -41,14 +41,19 @@ class _Source(NamedTuple):
     ledger: Ledger
     location: str
     given: Road | None
+    any_length: bool = False
 
     @property
     def road(self) -> Road:
-        return self.given or road_at(self.location)
+        return self.fitted(self.given or road_at(self.location))
+
+    def fitted(self, road: Road) -> Road:
+        """Return the road, without an end if the recording may be of a longer one."""
+        return road.without_end() if self.any_length else road
 
 
 def read_recording(
-    path: str | os.PathLike[str], *, location: str = DEFAULT.name, road: Road | None = None
+    path: str | os.PathLike[str], *, location: str = DEFAULT.name, road: Road | None = None, any_length: bool = False
 ) -> Recording:
     """Read trajectories in any layout the study knows, told by the content, not by the name.
 
@@ -66,6 +71,9 @@ def read_recording(
         Which location to keep of a file that mixes several; tells the road where it is built in.
     road : Road, keyword-only, optional
         What was recorded; by default the road kept in a Parquet of ours, else that of the location.
+    any_length : bool, keyword-only
+        Whether the section may be longer than the road's, for work that needs positions, lanes and leaders
+        but not where the section ends.
 
     Returns
     -------
@@ -77,7 +85,7 @@ def read_recording(
     InputError
         If the file is absent, empty, damaged, of no known layout, in the wrong units, or of another road.
     """
-    source = _Source(Path(path), Ledger(0), location, road)
+    source = _Source(Path(path), Ledger(0), location, road, any_length)
     if os.path.isdir(source.path):  # of a name too long, too
         return _from_parquet(source)
     start = _start_of(source.path)
@@ -205,7 +213,7 @@ def _own(frame: pd.DataFrame, kept: dict[str, Any], source: _Source) -> Recordin
     source.ledger.total += len(frame)
     recording = Recording.from_table(
         frame,
-        road=source.given or kept.get("road") or source.road,
+        road=source.fitted(source.given or kept.get("road") or source.road),
         source=kept.get("source") or source.path.name,
         notes=tuple(kept.get("notes", ())),
         has_leader_rows=bool(kept.get("has_leader_rows", True)),

@@ -8,7 +8,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Mapping
-from dataclasses import asdict, dataclass
+from dataclasses import asdict, dataclass, replace
 from functools import cached_property
 from typing import Any, Literal
 
@@ -20,6 +20,7 @@ from idm_sumo.runtime.errors import InputError
 Floats = npt.NDArray[np.float64]
 Integers = npt.NDArray[np.int64]
 
+ENDLESS = 1e6  # m, longer than any recorded section
 SideKind = Literal["on-ramp", "auxiliary", "off-ramp"]
 
 
@@ -180,6 +181,10 @@ class Road:
     def ramp_places(self) -> tuple[float, ...]:
         """``x`` (m) at which on-ramps join and off-ramps leave."""
         return (*(lane.end for lane in self.on_ramps), *(lane.start for lane in self.off_ramps))
+
+    def without_end(self) -> Road:
+        """Return the road as if its section went on along the same lanes."""
+        return replace(self, length=ENDLESS)
 
     def lane_width(self, lane: npt.ArrayLike) -> Floats:
         """Return the width (m) of each lane, main or beside; NaN for numbers that no lane has."""

@@ -147,7 +147,7 @@ def find(file: Path, seed: int) -> dict[str, Any]:
     from idm_sumo.recordings.cleaning import clean
     from idm_sumo.recordings.reading import read_recording
 
-    recording = clean(read_recording(file))
+    recording = clean(read_recording(file, any_length=True))
     return dict(json.loads(json.dumps(contract(diagnose(recording, seed=seed)), default=plain)))
 
 

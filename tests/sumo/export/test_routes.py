@@ -304,10 +304,12 @@ def test_bad_networks(tmp_path: Path) -> None:
 
 
 def test_bad_output(tmp_path: Path) -> None:
-    with pytest.raises(InputError, match="cannot write"):
+    (tmp_path / "none").write_text("a file")
+    with pytest.raises(InputError, match="is a file, not a folder"):
         export_routes(drivers(), tmp_path / "none" / "x.rou.xml")
+    (tmp_path / "none").unlink()
     (tmp_path / "x.sumocfg").mkdir()
-    with pytest.raises(InputError, match="is a folder"):
+    with pytest.raises(InputError, match="was not written by `export`"):
         export_routes(drivers(), tmp_path / "x.rou.xml")
     assert [path.name for path in tmp_path.iterdir()] == ["x.sumocfg"]
     with pytest.raises(InputError, match="SUMO has no 'paper'"):
