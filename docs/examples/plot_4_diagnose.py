@@ -8,7 +8,7 @@ with their sizes, and what was looked for and is not there.
 
 import idm_sumo
 
-path = idm_sumo.surrogate(minutes=4)  # or the path of your own file
+path = idm_sumo.surrogate(minutes=1)  # or the path of your own file: a few minutes of traffic tell more
 recording = idm_sumo.clean(idm_sumo.read_recording(path))  # not smoothed: the noise is part of the question
 found = idm_sumo.diagnose(recording, seed=1)
 print(f"verdict: {found.verdict}")
