@@ -17,10 +17,11 @@ WAITS = np.array([0.1, 6.0, 5.0, 10.0, 0.0])  # wants gaps that nobody leaves
 WINDOW = Window(observed=4, horizon=80)
 
 
-def column(*behind: float) -> tuple[Car, ...]:
+def column(*behind: float, first_frame: int = 1) -> tuple[Car, ...]:
     """A leader, the driver 1 close behind it, and followers."""
-    cars = [Car(n + 3, 100.0 + x, speed=12.0, frames=90) for n, x in enumerate(behind)]
-    return (Car(1, 100.0, speed=12.0, frames=90), Car(2, 118.0, speed=12.0, frames=90), *cars)
+    alike = {"speed": 12.0, "frames": 90, "first_frame": first_frame}
+    cars = [Car(n + 3, 100.0 + x, **alike) for n, x in enumerate(behind)]
+    return (Car(1, 100.0, **alike), Car(2, 118.0, **alike), *cars)
 
 
 def test_without_reacting_followers_it_is_the_replay() -> None:
@@ -56,6 +57,14 @@ def test_who_enters_behind_later_reacts_from_then_on() -> None:
     assert behind.step.tolist() == [27]
     assert some.traffic.vehicle[behind.row].tolist() == [3]
     assert not score_with_reacting(some, WAITS, CALM, reacting=1)["collision"].iloc[0]
+
+
+def test_a_window_late_in_a_recording_scores_as_an_early_one() -> None:
+    early = scenes(*column(-12.0, -30.0), window=WINDOW, modelled=(1,))
+    before = Car(9, 300.0, speed=12.0, frames=90)
+    later = scenes(before, *column(-12.0, -30.0, first_frame=200), window=WINDOW, modelled=(1,))
+    expected, found = (score_with_reacting(some, WAITS, CALM, reacting=2) for some in (early, later))
+    pd.testing.assert_frame_equal(found.drop(columns="first_frame"), expected.drop(columns="first_frame"))
 
 
 def test_followers_drive_by_their_own_parameters_or_by_those_of_number_0() -> None:
