@@ -7,7 +7,9 @@ from __future__ import annotations
 
 import atexit
 import hashlib
+import json
 import os
+import re
 import shutil
 import stat
 import sys
@@ -17,7 +19,9 @@ from pathlib import Path
 BLAS_THREADS = ("OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS", "BLIS_NUM_THREADS", "VECLIB_MAXIMUM_THREADS")
 NUMBA_CACHE, MATPLOTLIB_CACHE = "NUMBA_CACHE_DIR", "MPLCONFIGDIR"
 SHIPPED = ("analysis", "network", "runs")
-SOURCES = "sources.sha256"  # beside compiled kernels: what they were compiled from
+KERNEL = re.compile(rb"^\s*@njit\b", re.MULTILINE)
+IMPORT = re.compile(rb"^\s*from (idm_sumo[\w.]*) import (\([^)]*\)|[^\n]*)", re.MULTILINE)
+SOURCES = "sources.json"  # beside compiled kernels: what they were compiled from
 
 
 def one_blas_thread() -> None:
@@ -64,35 +68,76 @@ def fingerprint(package: Path) -> str:
     package : Path
         Its folder; what a wheel ships below it beside the rooms has no kernels and does not count.
     """
-    digest = hashlib.sha256()
-    rooms = (room for room in package.iterdir() if room.is_dir() and room.name not in SHIPPED)
-    for source in sorted(source for room in rooms for source in room.rglob("*.py")):
-        digest.update(str(source.relative_to(package)).encode())
-        digest.update(source.read_bytes())
-    return digest.hexdigest()[:16]
+    return _digest(_sources(package), package)
 
 
 def forget_older_kernels(package: Path) -> None:
     """Delete kernels that were compiled from other sources.
 
-    Machine code holds what it calls in other modules, but numba looks only at a kernel's own file: after an
-    update of the package an old kernel would call new ones with the wrong arguments, and crash.
+    Machine code holds what it calls in other modules, and the constants that it reads, but numba looks only at
+    a kernel's own file: an old kernel would call new ones with the wrong arguments, and crash. So a module's
+    kernels go when the module has changed, or anything that it imports, directly or not.
 
     Parameters
     ----------
     package : Path
         Folder that can be written.
     """
-    mark, now = package / "__pycache__" / SOURCES, fingerprint(package)
+    mark, sources = package / "__pycache__" / SOURCES, _sources(package)
     try:
-        if mark.is_file() and mark.read_text(encoding="ascii") == now:
+        known = json.loads(mark.read_bytes()) if mark.is_file() else {}
+        now = {"": _digest(sources, package)}
+        if known.get("") == now[""]:
             return
-        for kernel in package.rglob("__pycache__/*.nb[ic]"):
-            kernel.unlink(missing_ok=True)
+        imports = {source: _imports(text, sources, package) for source, text in sources.items()}
+        for source, text in sources.items():
+            if KERNEL.search(text):
+                name = str(source.relative_to(package))
+                now[name] = _digest({one: sources[one] for one in _reached(source, imports)}, package)
+                if now[name] != known.get(name):
+                    _delete_kernels(source)
         mark.parent.mkdir(exist_ok=True)
-        mark.write_text(now, encoding="ascii")
-    except OSError:  # somebody else is at it, or the disk is full: kernels are compiled where they are missing
-        return
+        mark.write_text(json.dumps(now), encoding="ascii")
+    except (OSError, ValueError, AttributeError):  # somebody else is at it, the disk is full, the mark is no mark
+        mark.unlink(missing_ok=True)
+
+
+def _sources(package: Path) -> dict[Path, bytes]:
+    rooms = (room for room in package.iterdir() if room.is_dir() and room.name not in SHIPPED)
+    return {source: source.read_bytes() for room in rooms for source in room.rglob("*.py")}
+
+
+def _digest(sources: dict[Path, bytes], package: Path) -> str:
+    digest = hashlib.sha256()
+    for source in sorted(sources):
+        digest.update(str(source.relative_to(package)).encode())
+        digest.update(sources[source])
+    return digest.hexdigest()[:16]
+
+
+def _imports(text: bytes, sources: dict[Path, bytes], package: Path) -> set[Path]:
+    """Return the modules of the package that a source imports."""
+    found = set()
+    for origin, names in IMPORT.findall(text):
+        at = package.joinpath(*origin.decode().split(".")[1:])
+        found |= {at.with_suffix(".py"), at / "__init__.py"}
+        found |= {at / f"{name}.py" for name in re.findall(r"\w+", names.decode())}
+    return found & sources.keys()
+
+
+def _reached(source: Path, imports: dict[Path, set[Path]]) -> set[Path]:
+    """Return a module and what it imports, directly or not."""
+    reached, new = {source}, [source]
+    while new:
+        further = imports[new.pop()] - reached
+        reached |= further
+        new += further
+    return reached
+
+
+def _delete_kernels(source: Path) -> None:
+    for kernel in source.parent.glob(f"__pycache__/{source.stem}.*.nb[ic]"):
+        kernel.unlink(missing_ok=True)
 
 
 def is_writable(folder: Path) -> bool:

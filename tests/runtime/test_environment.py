@@ -16,34 +16,73 @@ from idm_sumo.runtime.environment import NUMBA_CACHE, SOURCES, find_places_for_c
 
 @pytest.fixture
 def package(tmp_path: Path) -> Path:
-    for room in ("models", "simulation", "analysis"):
+    """A package with kernels in two rooms, of which one calls the other."""
+    texts = {
+        "models": "from numba import njit\n@njit(cache=True)\ndef kernel(): return 1\n",
+        "simulation": "from idm_sumo.models.kernel import kernel\n@njit(cache=True)\ndef caller(): return kernel()\n",
+        "analysis": "shipped = True\n",
+    }
+    for room, text in texts.items():
         folder = tmp_path / "package" / room / "__pycache__"
         folder.mkdir(parents=True)
-        folder.with_name("kernel.py").write_text("VALUE = 1\n")
-        (folder / "kernel.step-1.py311.nbi").write_bytes(b"machine code")
+        folder.with_name("kernel.py").write_text(text)
+    (tmp_path / "package" / "models" / "constants.py").write_text("VALUE = 1\n")
+    compile_kernels(tmp_path / "package")
     return tmp_path / "package"
 
 
-def kernels(package: Path) -> int:
-    return len(list(package.rglob("*.nbi")))
+def compile_kernels(package: Path) -> None:
+    for room in ("models", "simulation"):
+        (package / room / "__pycache__" / "kernel.step-1.py311.nbi").write_bytes(b"machine code")
 
 
-def test_kernels_stay_while_the_sources_are_the_same(package: Path) -> None:
-    forget_older_kernels(package)
-    assert kernels(package) == 0  # nobody knows what they were compiled from
-    (package / "models" / "__pycache__" / "new.nbi").write_bytes(b"machine code")
-    forget_older_kernels(package)
-    assert kernels(package) == 1
+def kernels(package: Path) -> set[str]:
+    return {kernel.parts[-3] for kernel in package.rglob("*.nbi")}
 
 
-def test_a_change_in_any_room_forgets_the_kernels_of_all(package: Path) -> None:
-    (package / "__pycache__").mkdir()
-    (package / "__pycache__" / SOURCES).write_text(fingerprint(package))
+def test_kernels_of_unknown_sources_go_and_those_of_known_ones_stay(package: Path) -> None:
     forget_older_kernels(package)
-    assert kernels(package) == 3
-    (package / "simulation" / "kernel.py").write_text("VALUE = 2\n")
+    assert kernels(package) == set()  # nobody knows what they were compiled from
+    compile_kernels(package)
     forget_older_kernels(package)
-    assert kernels(package) == 0
+    assert kernels(package) == {"models", "simulation"}
+
+
+@pytest.mark.parametrize(
+    ("changed", "left"),
+    [
+        ("models/kernel.py", set()),
+        ("simulation/kernel.py", {"models"}),
+        ("models/constants.py", {"models", "simulation"}),
+    ],
+)
+def test_a_change_forgets_the_kernels_that_can_hold_it(package: Path, changed: str, left: set[str]) -> None:
+    forget_older_kernels(package)
+    compile_kernels(package)
+    with (package / changed).open("a") as source:
+        source.write("# changed\n")
+    forget_older_kernels(package)
+    assert kernels(package) == left
+
+
+def test_constants_that_a_kernel_reads_count(package: Path) -> None:
+    (package / "models" / "kernel.py").write_text(
+        "from idm_sumo.models import constants\n@njit(cache=True)\ndef k(): 1\n"
+    )
+    forget_older_kernels(package)
+    compile_kernels(package)
+    (package / "models" / "constants.py").write_text("VALUE = 2\n")
+    forget_older_kernels(package)
+    assert kernels(package) == set()
+
+
+def test_a_damaged_mark_forgets_everything(package: Path) -> None:
+    forget_older_kernels(package)
+    compile_kernels(package)
+    (package / "__pycache__" / SOURCES).write_text("[]")
+    forget_older_kernels(package)
+    forget_older_kernels(package)
+    assert kernels(package) == set()
 
 
 def test_equal_sources_have_one_name_wherever_they_stand(package: Path, tmp_path: Path) -> None:
