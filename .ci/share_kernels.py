@@ -20,7 +20,7 @@ def share(source: Path, target: Path) -> int:
     different = [str(name) for name in modules if (source / name).read_bytes() != (target / name).read_bytes()]
     if different:
         sys.exit(f"not the same in {source} and {target}: {', '.join(different)}")
-    compiled = [*source.rglob("__pycache__/*.nb[ic]"), *source.glob("__pycache__/sources.sha256")]
+    compiled = [*source.rglob("__pycache__/*.nb[ic]"), *source.glob("__pycache__/sources.json")]
     for file in compiled:
         twin = target / file.relative_to(source)
         twin.parent.mkdir(exist_ok=True)
