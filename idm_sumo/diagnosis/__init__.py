@@ -1,6 +1,5 @@
 """What the simulation gets wrong, and why: :func:`diagnose` a recording."""
 
-from idm_sumo.diagnosis.diagnose import diagnose
 from idm_sumo.diagnosis.result import (
     CauseFound,
     Diagnosis,

@@ -11,8 +11,8 @@ from typing import NamedTuple
 
 import numpy as np
 import numpy.typing as npt
+from scipy.stats import norm
 
-from idm_sumo.diagnosis.scans import corrected_p
 from idm_sumo.recordings import columns as c
 from idm_sumo.recordings.recording import Recording
 from idm_sumo.recordings.smoothing import ORDER, runs
@@ -76,7 +76,7 @@ def find_seam(recording: Recording) -> Seam | None:
     )
     if kept < KEPT * abs(shift):
         return None
-    p = corrected_p(float(z[best]), len(z))
+    p = float(min(1.0, 2.0 * len(z) * norm.sf(abs(z[best]))))
     return Seam(begin + (best + 0.5) * BIN, shift, float(steps.error[best]), p)
 
 

@@ -1,204 +1,181 @@
-"""What the data say about every atom: scores less those of the null twins, Gram matrix, inflation."""
+"""What a recording says of every column: scores less those of null replicates, and their Gram matrix."""
 
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass, field, replace
-from functools import cached_property
-from typing import NamedTuple
+from dataclasses import dataclass
 
 import numpy as np
 import numpy.typing as npt
 
-from idm_sumo.diagnosis import atoms as at
+from idm_sumo.diagnosis import columns as co
+from idm_sumo.diagnosis import gls
+from idm_sumo.diagnosis import windows as w
 from idm_sumo.diagnosis.fit import Fit
-from idm_sumo.diagnosis.free_fields import Families
-from idm_sumo.diagnosis.left_over import Heard, LeftOver, hear, left_over
-from idm_sumo.diagnosis.look import Build, Look, Subject, look, score
-from idm_sumo.diagnosis.luck import Luck
+from idm_sumo.diagnosis.luck import Luck, Noises
+from idm_sumo.diagnosis.rollout import PARAMETERS
 from idm_sumo.diagnosis.twins import drawn_anew, make_twin, refit, start_behind
-from idm_sumo.runtime.progress import Progress
+from idm_sumo.models.effects import BY_NAME
+from idm_sumo.recordings.columns import TRUCK
 from idm_sumo.runtime.threads import each_in_threads
 
 Floats = npt.NDArray[np.float64]
 Integers = npt.NDArray[np.int64]
 
-ENDOGENOUS = ("follower_pressure",)  # the follower answers the real driver, not the twin: no twin for these
-# What differs between drivers more than within one: part of it is in the fitted drivers, so twins of drawn ones are the null.
-BETWEEN = (
-    "leader_class", "speed_dependent_headway", "time_of_day", "location", "desired_speed", "vehicle_class", "lane_change_relaxation",
-)  # fmt: skip
+
+@dataclass(frozen=True)
+class Subject:
+    """A recording under examination: its windows, noises, and whether it needed no smoothing."""
+
+    windows: w.Windows
+    noises: Noises
+    is_smooth: bool
 
 
 @dataclass(frozen=True)
 class Evidence:
-    """Scores of all atoms at one model.
+    """Scores of all columns at one model.
 
     Attributes
     ----------
-    atoms : list of Atom
-    u : float64, shape (drivers, atoms)
-        The recording's scores, the twins' mean taken off each driver evenly.
-    twins : float64, shape (twins, atoms)
-        Total scores of each twin.
-    gram : float64, shape (atoms, atoms)
-    part : float64, shape (drivers, atoms)
-        Each driver's share of the diagonal of ``gram``.
+    plan : Plan
+    u : float64, shape (drivers, columns)
+        The recording's scores by driver, as they are.
+    nulls : float64, shape (replicates, columns)
+        Total scores of each null replicate.
+    gram : float64, shape (columns, columns)
+    part : float64, shape (drivers, columns)
+        Each driver's part of the diagonal of ``gram``.
     block : int64, shape (drivers,)
-        Platoon blocks.
-    free : tuple of LeftOver
-        What no effect was asked for, the most significant first; empty if it was not looked for.
-    lane : int64, shape (drivers,)
-        Usual lanes, 0 for none; empty if lanes are not told apart.
+        Of neighbours.
+    share : float64, shape (drivers,)
+        Of the windows.
     """
 
-    atoms: list[at.Atom]
+    plan: co.Plan
     u: Floats
-    twins: Floats
+    nulls: Floats
     gram: Floats
     part: Floats
     block: Integers
-    free: tuple[LeftOver, ...] = ()
-    lane: Integers = field(default_factory=lambda: np.empty(0, dtype=np.int64))
+    share: Floats
 
-    def total(self) -> Floats:
-        """Return the corrected total score of each atom."""
-        return np.asarray(self.u.sum(axis=0))
+    @property
+    def score(self) -> Floats:
+        """Total scores less what the replicates show, shape ``(columns,)``."""
+        return np.asarray(self.u.sum(axis=0) - self.nulls.mean(axis=0))
 
-    def of(self, which: npt.NDArray[np.bool_]) -> Evidence:
-        """Return what some of the drivers say, as far as shares tell: theirs of the Gram matrix's diagonal, and of the twins' scores."""
-        share = np.sqrt(np.clip(self.part[which].sum(axis=0) / np.maximum(self.part.sum(axis=0), 1e-300), 0.0, 1.0))
-        return Evidence(
-            self.atoms, self.u[which], self.twins * which.mean(), self.gram * np.outer(share, share), self.part[which],
-            np.unique(self.block[which], return_inverse=True)[1], lane=self.lane[which],
-        )  # fmt: skip
+    @property
+    def by_driver(self) -> Floats:
+        """The same by driver, the replicates' mean taken off evenly."""
+        return np.asarray(self.u - self.share[:, None] * self.nulls.mean(axis=0))
 
-    def clustered(self, mix: Floats) -> Floats:
-        """Return the variance of combined scores from blocks of drivers and from the twins, shape ``(combinations,)``.
-
-        What each driver would score if the estimate were true is taken off: a rare effect is not its own noise.
-        """
-        values = self.u @ mix
-        part = self.part @ mix**2
-        expected = values.sum(axis=0) * part / np.maximum(part.sum(axis=0), 1e-300)
-        sums = np.zeros((self.block.max() + 1, values.shape[1]))
-        np.add.at(sums, self.block, values - expected)
-        between = (self.twins @ mix).var(axis=0, ddof=1) / len(self.twins) if len(self.twins) > 1 else 0.0
-        return np.asarray((sums**2).sum(axis=0) + between)
-
-    @cached_property
+    @property
     def inflation(self) -> float:
-        """By how much the clustered variance exceeds the model's, the median over bins of place and time."""
-        bins = [n for n, atom in enumerate(self.atoms) if atom.name in ("location", "time_of_day") and not atom.fixed]
-        informative = [n for n in bins if self.gram[n, n] > 1e-9]
-        if not informative:
+        """By how much the variance of blocks of neighbours exceeds the model's, the median over bins of catalogued effects."""
+        which = [k for g in self.plan.groups if g.axes and g.name for k in range(g.first, g.first + g.count)]
+        known = np.array([k for k in which if self.gram[k, k] > 1e-9], np.int64)
+        if not len(known):
             return 1.5
-        ratio = self.clustered(np.eye(len(self.atoms))[:, informative]) / np.diag(self.gram)[informative]
-        return float(max(np.median(ratio), 1.0))
+        own, part = self.by_driver[:, known], self.part[:, known]
+        own = own - own.sum(axis=0) * part / np.maximum(part.sum(axis=0), 1e-300)
+        sums = np.zeros((int(self.block.max()) + 1, len(known)))
+        np.add.at(sums, self.block, own)
+        return float(max(np.median((sums**2).sum(axis=0) / np.diag(self.gram)[known]), 1.0))
 
 
-def examine(
-    subject: Subject, fit: Fit, lucks: list[Luck], *, progress: Progress, stage: str,
-    free: Families | None = None,
-) -> Evidence:  # fmt: skip
-    """Score the recording and its null twins, one for each luck, at one model.
-
-    And, if ``free`` says which, families of what is no effect of the catalogue.
-    """
-    answer = at.answer_of(subject.windows, fit, subject.grid.pivot)
-    looked = look(subject, fit, at.build, answer)
-    progress(stage, 0, 1)
-    heard = None if free is None else Twins([], [], free)
-    totals = _twin_totals(subject, fit, lucks, looked, heard)
-    progress(stage, 1, 1)
-    # The twins' mean is taken off each driver by its share of the windows.
+def examine(subject: Subject, fit: Fit, plan: co.Plan, lucks: Sequence[Luck]) -> Evidence:
+    """Score a recording and its null replicates at one model."""
     windows = subject.windows
+    answer = co.answer_of(windows, fit)
+    longest = _longest(windows, fit, answer, plan)
+    found = _scores(windows, fit, answer, plan, longest, whole=True)
+    between = np.zeros(plan.count, bool)
+    for group in plan.groups:
+        at_places = group.is_free and any(axis.name in co.WIDTH for axis in group.axes)
+        is_between = at_places or (not group.is_free and group.name != co.MISFIT and BY_NAME[group.name].between)
+        between[group.first : group.first + group.count] = is_between
+
+    def replicate(what: tuple[bool, Luck]) -> Floats:
+        drawn, luck = what
+        drivers = drawn_anew(fit, luck) if drawn else fit
+        behind = start_behind(windows, fit, drivers) if drawn else 0.0
+        null = make_twin(windows, drivers, luck, is_smooth=subject.is_smooth, behind=behind)
+        fitted = refit(null, drivers)
+        known = co.answer_of(null, fitted)
+        return np.asarray(_scores(null, fitted, known, plan, longest, whole=False).u.sum(axis=0))
+
+    totals = each_in_threads(replicate, [(drawn, luck) for drawn in (False, True) for luck in lucks])
+    nulls = np.where(between, np.array(totals[len(lucks) :]), np.array(totals[: len(lucks)]))
     share = np.bincount(windows.driver, minlength=windows.drivers) / len(windows.driver)
-    corrected = looked.u - share[:, None] * totals.mean(axis=0)
-    evidence = Evidence(
-        looked.atoms, corrected, totals, looked.gram, looked.found.part, windows.platoon, lane=windows.usual_lane
-    )
-    if heard is None:
-        return evidence
-    left = left_over(
-        subject.windows, fit, subject.grid, answer, heard.fitted, heard.drawn, evidence.inflation, heard.families
-    )
-    return replace(evidence, free=tuple(left))
+    return Evidence(plan, found.u, nulls, found.gram, found.part, windows.platoon, share)
 
 
-class Twins(NamedTuple):
-    """What twins of the fitted drivers, and of drivers drawn anew, say of everything free."""
+def scores_of(subject: Subject, fit: Fit, plan: co.Plan) -> gls.Scores:
+    """Return the recording's scores of some columns, no replicates heard."""
+    answer = co.answer_of(subject.windows, fit)
+    longest = _longest(subject.windows, fit, answer, plan)
+    return _scores(subject.windows, fit, answer, plan, longest, whole=True)
 
-    fitted: list[Heard]
-    drawn: list[Heard]
-    families: Families
+
+def _longest(windows: w.Windows, fit: Fit, answer: co.Answer, plan: co.Plan, most: int = 600) -> Floats:
+    """Return how long columns may be, from some of the windows."""
+    every = max(1, len(windows.seen) // most)
+    rows = np.arange(0, len(windows.seen), every)
+    line = co.Linear(*(one[rows] for one in vars(answer.line).values()))
+    some = co.Answer(line, answer.response[rows], answer.state[rows])
+    return co.lengths(co.columns(windows.of_rows(rows), fit, some, plan))
 
 
-def _twin_totals(subject: Subject, fit: Fit, lucks: Sequence[Luck], looked: Look, heard: Twins | None = None) -> Floats:
-    """Return the total scores of null twins, shape ``(twins, atoms)``: of drawn drivers for what differs between drivers.
+def _scores(
+    windows: w.Windows, fit: Fit, answer: co.Answer, plan: co.Plan, longest: Floats, *, whole: bool
+) -> gls.Scores:
+    """Return the scores, orthogonal to what drivers, trucks as drivers and the population absorb, a few windows at a time.
 
-    The form of the car-following is taken out of them as out of the recording, by the recording's Gram matrix and as twins of
-    the fitted drivers show it: these share their paths with the recording, drawn ones do not. What they say of everything free
-    is added to ``heard``.
+    Unless ``whole``, the Gram matrix is left out.
     """
-    is_asked = np.array([looked.build is at.build or atom.name.startswith(at.LOCAL) for atom in looked.atoms])
-    between = is_asked & np.array([name.startswith(BETWEEN) for name in looked.names])
-    kinds = (False, True) if between.any() else (False,)
-    each = each_in_threads(
-        lambda twin: _twin(
-            subject, fit, twin[1], looked.build, drawn=twin[0], listen=None if heard is None else heard.families
-        ),
-        [(drawn, luck) for drawn in kinds for luck in lucks],
+    truck = (windows.seen[:, w.OWN_KIND, -1] == TRUCK)[:, None, None]
+    known = PARAMETERS * (1 + bool(truck.any())) + answer.line.shared.shape[2]
+    count = known + plan.count
+    prior = np.asarray(np.linalg.inv(fit.spread), dtype=np.float64)
+    u, part = np.zeros((windows.drivers, count)), np.zeros((windows.drivers, count))
+    gram = np.zeros((count if whole else known, count))
+    for rows in co.chunks(windows):
+        some, line = windows.of_rows(np.arange(rows.start, rows.stop)), co.of_chunk(answer, rows)
+        of = co.columns(some, fit, line, plan)
+        size = np.abs(of).max(axis=1)
+        of *= np.minimum(1.0, longest / np.maximum(size, co.NOTHING))[:, None, :]
+        common = [line.line.jacobian, line.line.shared]
+        if truck.any():
+            common.insert(1, line.line.jacobian * truck[rows])
+        white = line.line.whitener @ np.concatenate([*common, of], axis=2)
+        error = (line.line.whitener @ line.line.error[:, :, None])[:, :, 0]
+        _add(white, error, prior, some.driver, u, part, gram)
+    found = gls.Scores(u, gram, part)
+    nuisance = np.arange(known)
+    by = gls.scaled_inverse(gram[:known, :known]) @ gram[:known]
+    u = found.u - found.u[:, nuisance] @ by
+    gram = gram - gram[:, nuisance] @ by
+    return gls.Scores(u[:, known:], gram[known:, known:], part[:, known:])
+
+
+def _add(white: Floats, error: Floats, prior: Floats, driver: Integers, u: Floats, part: Floats, gram: Floats) -> None:
+    """Add the scores of some windows, after the drivers' own parameters took what they can."""
+    first = int(driver[0])
+    local, drivers = driver - first, int(driver[-1]) - first + 1
+    own = white[:, :, :PARAMETERS]
+    turned = own.transpose(0, 2, 1)
+    inner = np.linalg.inv(gls.by_driver(turned @ own, local, drivers) + prior)
+    own_r = gls.by_driver((turned @ error[:, :, None])[:, :, 0], local, drivers)
+    own_g = gls.by_driver(turned @ white, local, drivers)
+    direct = gls.by_driver(np.einsum("wk,wka->wa", error, white), local, drivers)
+    taken = inner @ own_g
+    rows = slice(first, first + drivers)
+    u[rows] += direct - np.einsum("ipa,ip->ia", taken, own_r)
+    part[rows] += gls.by_driver(np.einsum("wka,wka->wa", white, white), local, drivers) - np.einsum(
+        "ipa,ipa->ia", own_g, taken
     )
-    fitted, drawn = each[: len(lucks)], each[len(lucks) :]
-    if heard is not None:
-        heard.fitted.extend(free for _, free in fitted if free is not None)
-        heard.drawn.extend(free for _, free in drawn if free is not None)
-    own, anew = (np.array([scores for scores, _ in twins]) for twins in (fitted, drawn or fitted))
-    of_form = own @ (looked.free_of_form - np.eye(len(looked.atoms)))
-    totals = np.where(between, anew, own)
-    return np.asarray(totals * [name not in ENDOGENOUS for name in looked.names] + of_form)
-
-
-def _twin(
-    subject: Subject, fit: Fit, luck: Luck, build: Build, *, drawn: bool, listen: Families | None
-) -> tuple[Floats, Heard | None]:
-    """Return the total scores of a twin, with the fitted drivers or with drawn ones, and what is heard of everything free."""
-    drivers = drawn_anew(fit, luck) if drawn else fit
-    behind = start_behind(subject.windows, fit, drivers) if drawn else 0.0
-    twin = make_twin(subject.windows, drivers, luck, is_smooth=subject.is_smooth, behind=behind)
-    fitted = refit(twin, drivers)
-    answer = at.answer_of(twin, fitted, subject.grid.pivot)
-    total = np.asarray(score(subject, twin, fitted, build, answer)[1].u.sum(axis=0))
-    return total, None if listen is None else hear(twin, fitted, subject.grid, answer, listen)
-
-
-class Local(NamedTuple):
-    """Score and information of a little more of a magnitude that is in the model."""
-
-    score: float
-    information: float
-
-
-def look_here(subject: Subject, fit: Fit) -> Look:
-    """Return how the recording wants each magnitude in the model changed, before any twin is heard."""
-    return look(subject, fit, at.build_local)
-
-
-def local_scores(looked: Look) -> dict[str, Local]:
-    """Return the score of each magnitude in the model."""
-    return _by_name(looked, looked.u.sum(axis=0))
-
-
-def local_biases(subject: Subject, fit: Fit, looked: Look, lucks: Sequence[Luck]) -> dict[str, Local]:
-    """Return the same of twins in which the model as it is drives: the score that noise and smoothing make."""
-    return _by_name(looked, _twin_totals(subject, fit, lucks, looked).mean(axis=0))
-
-
-def _by_name(looked: Look, total: Floats) -> dict[str, Local]:
-    information = np.diag(looked.gram)
-    return {
-        name: Local(float(total[n]), float(information[n]))
-        for n, name in enumerate(looked.names)
-        if looked.atoms[n].name.startswith(at.LOCAL)
-    }
+    count = white.shape[2]
+    flat, held = white.reshape(-1, count).astype(np.float32), own_g.reshape(-1, count).astype(np.float32)
+    some = len(gram)
+    gram += flat[:, :some].T @ flat - held[:, :some].T @ taken.reshape(-1, count).astype(np.float32)

@@ -25,6 +25,7 @@ from idm_sumo.recordings.columns import FRAME_STEP
 Floats = npt.NDArray[np.float64]
 Integers = npt.NDArray[np.int64]
 
+ROUNDS = 12  # of a fit from scratch
 LONGEST_STEP = 0.5  # of a log-parameter in one Gauss-Newton step
 TEXTBOOK = np.log([1.2, 1.8, 1.2, 2.2, 28.0])  # a, b, T, d0, v0
 BELIEF = np.array([0.7, 0.7, 0.5, 0.5, 0.15])  # sd of the population's mean around it
@@ -296,7 +297,7 @@ def _residuals(
     return residual, weight / np.exp(np.log(weight).mean())
 
 
-def fit_drivers(windows: Windows, by_lane: Floats, start_variance: Floats, *, rounds: int = 10) -> Fit:
+def fit_drivers(windows: Windows, by_lane: Floats, start_variance: Floats, *, rounds: int = ROUNDS) -> Fit:
     """Fit all drivers of the windows from scratch."""
     fit = first_guess(windows, by_lane, start_variance)
     for number in range(rounds):

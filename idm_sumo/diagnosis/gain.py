@@ -2,10 +2,12 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
 import numpy.typing as npt
+from scipy.stats import norm
 
 from idm_sumo.diagnosis import windows as w
 from idm_sumo.diagnosis.fit import Fit, for_rollouts
@@ -14,6 +16,7 @@ from idm_sumo.diagnosis.rollout import drive
 
 Floats = npt.NDArray[np.float64]
 RESAMPLES = 2000
+METRICS = ("ade_m", "fde_m", "log_gap", "speed_mps", "collisions")
 LEAST_ADE = 1e-3  # m
 
 
@@ -112,3 +115,26 @@ def all_gains(
         compare(label, getattr(base, name), getattr(extended, name), block, rng, held_out=held_out)
         for name, label in names.items()
     )
+
+
+def folds_of(block: npt.NDArray[np.int64], count: int, rng: np.random.Generator) -> npt.NDArray[np.int64]:
+    """Return the fold of each driver: blocks of neighbours stay together."""
+    _, number = np.unique(block, return_inverse=True)
+    return np.asarray(rng.permutation(np.arange(number.max() + 1) % count)[number])
+
+
+def by_folds(windows: w.Windows, fits: Sequence[Fit], fold: npt.NDArray[np.int64]) -> Errors:
+    """Return the errors of every driver, driven by the fit in which its fold had no part."""
+    parts = [np.flatnonzero(fold == k) for k in range(len(fits))]
+    each = [driven(windows.of_drivers(part), fit) for part, fit in zip(parts, fits, strict=True) if len(part)]
+    order = np.argsort(np.concatenate(parts))
+    residual = np.empty((len(windows.seen), each[0].residual.shape[1]))
+    for part, one in zip((part for part in parts if len(part)), each, strict=True):
+        residual[np.isin(windows.driver, part)] = one.residual
+    joined = [np.concatenate([getattr(one, name) for one in each])[order] for name in METRICS]
+    return Errors(*joined, residual)
+
+
+def lower_bound(gain: Gain, level: float) -> float:
+    """Return the one-sided bound of a gain at a level of confidence."""
+    return float(gain.difference - norm.ppf(level) * gain.standard_error)

@@ -6,33 +6,29 @@ Of drivers who follow another law than the IDM, the IDM leaves something whereve
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Mapping
 from typing import NamedTuple
 
 import numpy as np
 import numpy.typing as npt
 
-from idm_sumo.diagnosis.fit import Fit, fit_drivers
-from idm_sumo.diagnosis.gain import compare
+from idm_sumo.diagnosis.fit import ROUNDS, Fit, fit_drivers
+from idm_sumo.diagnosis.gain import compare, driven, typical
 from idm_sumo.diagnosis.likelihood import log_likelihood
 from idm_sumo.diagnosis.result import Gain, LawCompared
 from idm_sumo.diagnosis.rollout import PLAIN
-from idm_sumo.diagnosis.sizes import ROUNDS, magnitude_of, typical_ade
 from idm_sumo.diagnosis.windows import Windows
 from idm_sumo.models import laws
 from idm_sumo.models.effects import slots
 from idm_sumo.runtime.threads import each_in_threads
 
 Floats = npt.NDArray[np.float64]
-OF_LAW = (slots.LAW, slots.REACTION_CHANGE)
 # Drivers, and rounds of their fits, by which laws are compared before the best one is fitted to all.
 SOME, FEW_ROUNDS = 120, 8
 FITTED_TO_ALL = 3  # of the likeliest other laws, at most
 # Standard errors of the log-likelihood's gain, by which another law must be likelier than the IDM. (Of 42 recordings of IDM drivers, with
 # effects hidden or without, the surest was 0.1; in one of 60 later ones drivers who relax and make room for others reached 6.)
 SURE = 3.0
-# Of the causes' sizes, with which laws are compared once more: beyond a law that takes up a part of a cause it comes out too small.
-SIZES = (1.0, 1.5, 2.0)
 
 
 def of(law: int, reaction: float = laws.REACTION) -> Floats:
@@ -64,15 +60,12 @@ class Followed(NamedTuple):
         What each law, by its name, makes of the drivers that were asked.
     forms : tuple of float64, shape (9, slots.COUNT)
         Magnitudes of each law, as it is likeliest.
-    runner_up : int or None
-        The likeliest other law; where they follow the IDM, only if it is likelier by more than a standard error.
     """
 
     fit: Fit
     likelier: Gain | None
     by_law: Mapping[str, LawCompared]
     forms: tuple[Floats, ...]
-    runner_up: int | None = None
 
 
 def followed(windows: Windows, base: Fit, rng: np.random.Generator) -> Followed:
@@ -111,47 +104,7 @@ def followed(windows: Windows, base: Fit, rng: np.random.Generator) -> Followed:
             best, gain = other, more
     if gain is None:
         return Followed(base, None, by_law, forms)
-    if is_sure(gain):
-        others = (law for law in range(len(each)) if law != law_of(best))
-        return Followed(best, gain, by_law, forms, max(others, key=lambda law: float(each[law].mean())))
-    return Followed(base, None, by_law, forms, law_of(best) if gain.difference > gain.standard_error else None)
-
-
-def rival(
-    windows: Windows, fit: Fit, names: Sequence[str], forms: Sequence[Floats], rng: np.random.Generator
-) -> int | None:
-    """Return another law than a fit's, if drivers are likelier by it with the fit's causes in it, at these sizes or larger ones.
-
-    A law may take up a part of what drivers do beyond theirs, and look likelier than theirs for that.
-
-    Parameters
-    ----------
-    windows : Windows
-    fit : Fit
-        With causes.
-    names : sequence of str
-        Of the causes.
-    forms : sequence of float64, shape (9, slots.COUNT)
-        Magnitudes of each law.
-    rng : numpy.random.Generator
-        Of the drivers that are asked first.
-    """
-    own, some = law_of(fit), windows.of_drivers(np.sort(rng.permutation(windows.drivers)[:SOME]))
-    each = each_in_threads(lambda form: _likeliest_size(some, fit, names, form), forms)
-    best = max(range(len(each)), key=lambda law: float(each[law].mean()))
-    if best == own:
-        return None
-    gain = each[best] - each[own]
-    if some.drivers < windows.drivers:  # a search beyond another law is dear: all are asked
-        gain = np.subtract(*each_in_threads(lambda law: _likeliest_size(windows, fit, names, forms[law]), (best, own)))
-    return best if _is_likelier(gain) else None
-
-
-def beneath(by_lane: Floats, form: Floats) -> Floats:
-    """Return magnitudes with a law beneath their effects, whichever was there; ``form`` of :func:`of`."""
-    by_lane = by_lane.copy()
-    by_lane[:, OF_LAW] = form[:, OF_LAW]
-    return by_lane
+    return Followed(best, gain, by_law, forms) if is_sure(gain) else Followed(base, None, by_law, forms)
 
 
 def likelihood_gain(windows: Windows, before: Fit, after: Fit, rng: np.random.Generator) -> Gain:
@@ -165,25 +118,9 @@ def is_sure(gain: Gain) -> bool:
     return gain.difference > SURE * gain.standard_error
 
 
-def _likeliest_size(windows: Windows, fit: Fit, names: Sequence[str], form: Floats) -> Floats:
-    """Return the log-likelihood of each driver by a law, with the causes of a fit at the size of :data:`SIZES` that is likeliest."""
-    tried = list[Floats]()
-    for size in SIZES:
-        by_lane = beneath(fit.by_lane, form)
-        for first in (magnitude_of(fit, name) for name in names):
-            by_lane[:, first.slot] = np.clip(size * by_lane[:, first.slot], first.lower, first.upper)
-        tried.append(log_likelihood(windows, fit_drivers(windows, by_lane, fit.start_variance, rounds=FEW_ROUNDS)))
-    return max(tried, key=lambda one: float(one.mean()))
-
-
 def _standard_error(gain: Floats) -> float:
     """Return that of the mean over drivers."""
     return float(gain.std() / np.sqrt(len(gain)))
-
-
-def _is_likelier(gain: Floats) -> bool:
-    """Return whether drivers are likelier by so much on their mean, by more than a standard error."""
-    return bool(gain.mean() > _standard_error(gain))
 
 
 def _may_be_likelier(gain: Floats) -> bool:
@@ -193,3 +130,8 @@ def _may_be_likelier(gain: Floats) -> bool:
 
 def _fitted(windows: Windows, law: int, base: Fit) -> Fit:
     return fit_drivers(windows, of(law), base.start_variance, rounds=FEW_ROUNDS)
+
+
+def typical_ade(windows: Windows, fit: Fit) -> float:
+    """Return the geometric mean, over the drivers that fit, of their average displacement errors (m)."""
+    return float(np.exp(typical(driven(windows, fit, known=True).ade_m).mean()))

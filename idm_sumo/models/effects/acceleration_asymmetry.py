@@ -7,9 +7,11 @@ Braking stays as it is.
 
 from __future__ import annotations
 
+import numpy as np
 from numba import njit
 
 from idm_sumo.models.effects import slots
+from idm_sumo.models.effects.form import Floats, Form, Moments
 from idm_sumo.models.effects.record import Effect, Parameter
 
 
@@ -32,6 +34,10 @@ def weakened(acceleration: float, share: float) -> float:
     return acceleration * (1.0 - share) if acceleration > 0.0 else acceleration
 
 
+def _lost(see: Moments) -> Floats:
+    return np.minimum(-see.acceleration, 0.0)
+
+
 EFFECT = Effect(
     name="acceleration_asymmetry",
     summary="accelerates more weakly than it brakes",
@@ -39,4 +45,5 @@ EFFECT = Effect(
     required_stimuli=(),
     confusable_with=("lane_change_relaxation", "hysteresis", "perception_threshold"),
     source="Newell (1965); Yeo and Skabardonis (2009), Understanding stop-and-go traffic",
+    forms=(Form(slots.ASYMMETRY, _lost),),
 )

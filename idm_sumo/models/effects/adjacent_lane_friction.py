@@ -8,9 +8,11 @@ Here :math:`v_{adj}` is the mean speed of the vehicles nearby in the slower adja
 
 from __future__ import annotations
 
+import numpy as np
 from numba import njit
 
 from idm_sumo.models.effects import slots
+from idm_sumo.models.effects.form import Floats, Form, Moments
 from idm_sumo.models.effects.record import Effect, Parameter
 
 BESIDE = 30.0  # m, ahead and behind: vehicles within it are nearby
@@ -36,6 +38,14 @@ def friction(speed: float, adjacent_speed: float, strength: float) -> float:
     return -strength * (speed - adjacent_speed) if adjacent_speed < speed else 0.0
 
 
+def _beside(see: Moments) -> Floats:
+    return -np.nan_to_num(np.maximum(see.speed - see.adjacent_speed, 0.0))
+
+
+def _beside_next(see: Moments) -> Floats:
+    return -np.nan_to_num(np.maximum(see.speed - see.next_adjacent_speed, 0.0))
+
+
 EFFECT = Effect(
     name="adjacent_lane_friction",
     summary="slows beside a slower lane",
@@ -46,4 +56,8 @@ EFFECT = Effect(
     required_stimuli=("adjacent_speed", "next_adjacent_speed"),
     confusable_with=("location", "desired_speed"),
     source="Liu, Schroeder, Thomson, Wang, Rouphail and Yin (2011), Cartage friction between freeway lanes",
+    forms=(
+        Form(slots.FRICTION, _beside),
+        Form(slots.FRICTION, _beside_next, fixed=((slots.FRICTION_NEXT, 1.0),)),
+    ),
 )

@@ -18,4 +18,5 @@ EFFECT = Effect(
     confusable_with=(),
     source="Treiber, Kesting and Helbing (2006), Physica A 360",
     sumo="EIDM's sigmaerror, sigmagap, sigmaleader",
+    untestable="modelled in the residuals' covariance and the null replicates; it makes no bias",
 )

@@ -12,6 +12,7 @@ from __future__ import annotations
 from numba import njit
 
 from idm_sumo.models.effects import slots
+from idm_sumo.models.effects.form import Floats, Form, Moments
 from idm_sumo.models.effects.record import Effect, Parameter
 
 NOTICE, SHOWN = 5.0, 3.0  # s before the cut-in, in which the headway changes and the driver brakes
@@ -55,6 +56,14 @@ def braking_before(until: float, deceleration: float) -> float:
     return -deceleration if 0.0 <= until < SHOWN else 0.0
 
 
+def _of_headway(see: Moments) -> Floats:
+    return see.by_headway * ((see.until_cut_in >= 0.0) & (see.until_cut_in < NOTICE))
+
+
+def _braking(see: Moments) -> Floats:
+    return -1.0 * ((see.until_cut_in >= 0.0) & (see.until_cut_in < SHOWN))
+
+
 EFFECT = Effect(
     name="courtesy_yielding",
     summary="makes room before another cuts in",
@@ -64,4 +73,8 @@ EFFECT = Effect(
     confusable_with=("lane_change_relaxation", "follower_pressure"),
     source="Kesting, Treiber and Helbing (2007), MOBIL; Hidas (2005), cooperative lane changing",
     hindsight=True,
+    forms=(
+        Form(slots.COURTESY, _of_headway, selection=0.06),
+        Form(slots.COURTESY_BRAKING, _braking, selection=0.07),
+    ),
 )

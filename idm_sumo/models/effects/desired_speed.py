@@ -11,7 +11,10 @@ import numpy as np
 from numba import njit
 
 from idm_sumo.models.effects import slots
+from idm_sumo.models.effects.form import LANE, Floats, Form, Moments
 from idm_sumo.models.effects.record import Effect, Parameter
+
+FALLS_OVER = 3  # lanes from which on a fall from lane to lane is more than one lane's
 
 
 @njit(cache=True, error_model="numpy")
@@ -58,6 +61,16 @@ def rank(lane, across):  # type: ignore[no-untyped-def]
     return np.minimum(np.maximum((lane - 1.0) / (across - 1.0), 0.0), 1.0)
 
 
+def _of_desired_speed(see: Moments) -> Floats:
+    return see.by_desired_speed
+
+
+def _across_lanes(see: Moments) -> Floats:
+    if see.lanes < FALLS_OVER:
+        return np.zeros_like(see.lane)
+    return np.asarray(see.by_desired_speed * rank(see.lane, see.lanes))
+
+
 EFFECT = Effect(
     name="desired_speed",
     summary="has another desired speed than the limit",
@@ -70,4 +83,9 @@ EFFECT = Effect(
     confusable_with=("location", "speed_dependent_headway"),
     source="Treiber and Kesting (2013), Traffic Flow Dynamics, ch. 11",
     sumo="speedFactor of the vType, or the lane's speed",
+    forms=(
+        Form(slots.DESIRED_SPEED, _of_desired_speed, along=LANE, bounds=(slots.DESIRED_SPEED_LANE,)),
+        Form(slots.DESIRED_SPEED, _across_lanes, of_recording=((slots.DESIRED_SPEED_ACROSS, "lanes"),)),
+    ),
+    between=True,
 )

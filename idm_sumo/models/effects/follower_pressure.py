@@ -5,9 +5,11 @@ r"""Follower pressure: a close follower makes the driver accelerate.
 
 from __future__ import annotations
 
+import numpy as np
 from numba import njit
 
 from idm_sumo.models.effects import slots
+from idm_sumo.models.effects.form import Floats, Form, Moments
 from idm_sumo.models.effects.record import Effect, Parameter
 
 REACH = 15.0  # m, rear gap from which on there is no pressure
@@ -32,6 +34,11 @@ def pressed(rear_gap: float, strength: float) -> float:
     return strength * min(1.0 - rear_gap / REACH, 1.0) if rear_gap < REACH else 0.0
 
 
+def _pressed(see: Moments) -> Floats:
+    near = see.rear_gap < REACH
+    return np.where(near, np.minimum(1.0 - np.where(near, see.rear_gap, 0.0) / REACH, 1.0), 0.0)
+
+
 EFFECT = Effect(
     name="follower_pressure",
     summary="accelerates when pressed from behind",
@@ -39,4 +46,5 @@ EFFECT = Effect(
     required_stimuli=("rear_gap",),
     confusable_with=("location", "courtesy_yielding"),
     source="Herman, Montroll, Potts and Rothery (1959), backward-looking drivers",
+    forms=(Form(slots.PRESSURE, _pressed, selection=0.1),),
 )

@@ -10,9 +10,11 @@ from __future__ import annotations
 
 from math import tanh
 
+import numpy as np
 from numba import njit
 
 from idm_sumo.models.effects import slots
+from idm_sumo.models.effects.form import Floats, Form, Moments
 from idm_sumo.models.effects.record import Effect, Parameter
 from idm_sumo.recordings.columns import FRAME_STEP
 
@@ -40,6 +42,14 @@ def in_phase(leader_acceleration: float, share: float) -> float:
     return 1.0 + share * tanh(leader_acceleration / SATURATION) if share != 0.0 else 1.0
 
 
+def _at_once(see: Moments) -> Floats:
+    return see.by_headway * np.tanh(np.nan_to_num(see.leader_acceleration) / SATURATION)
+
+
+def _of_late(see: Moments) -> Floats:
+    return see.by_headway * np.tanh(np.nan_to_num(see.leader_acceleration_mean) / SATURATION)
+
+
 EFFECT = Effect(
     name="hysteresis",
     summary="keeps larger gaps when accelerating than when braking",
@@ -50,4 +60,8 @@ EFFECT = Effect(
     required_stimuli=("leader_acceleration", "leader_acceleration_mean"),
     confusable_with=("reaction_delay", "multi_leader_anticipation", "perception_threshold"),
     source="Treiterer and Myers (1974); Chen, Laval, Zheng and Ahn (2012), Transportation Research B 46",
+    forms=(
+        Form(slots.HYSTERESIS, _at_once),
+        Form(slots.HYSTERESIS, _of_late, fixed=((slots.HYSTERESIS_OF_LATE, 1.0),)),
+    ),
 )

@@ -22,6 +22,7 @@ import numpy as np
 from numba import njit
 
 from idm_sumo.models.effects import slots
+from idm_sumo.models.effects.form import Form
 from idm_sumo.models.effects.record import Effect, Parameter
 
 LARGEST_JUMP = 40.0  # m; a larger one comes from a leader that vanished, not from an accepted gap
@@ -133,4 +134,11 @@ EFFECT = Effect(
     confusable_with=("location", "acceleration_asymmetry", "pre_insertion"),
     source="Schmidt-Coffaro (2009); Laval and Leclercq (2008), Transportation Research B 42; "
     "of the headway: Schakel, Knoop and van Arem (2012), Transportation Research Record 2316",
+    forms=(
+        Form(slots.RELAXATION, size=0.5, fixed=((slots.RELAXATION_TIME, 9.0),)),
+        Form(slots.RELAXATION, size=0.5, fixed=((slots.RELAXATION_TIME, 16.0),)),
+        Form(slots.RELAXATION, size=0.5, fixed=((slots.RELAXATION_TIME, 15.0), (slots.HEADWAY_ACCEPTED, 1.0))),
+        Form(slots.RELAXATION, size=0.5, fixed=((slots.RELAXATION_TIME, 16.0), (slots.CREDIT_LIMITED, 1.0))),
+    ),
+    between=True,
 )

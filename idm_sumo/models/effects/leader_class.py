@@ -12,6 +12,7 @@ from __future__ import annotations
 from numba import njit
 
 from idm_sumo.models.effects import slots
+from idm_sumo.models.effects.form import Floats, Form, Moments
 from idm_sumo.models.effects.record import Effect, Parameter
 from idm_sumo.recordings.columns import TRUCK
 
@@ -54,6 +55,10 @@ def farther_from_truck(leader_class: float, distance: float) -> float:
     return distance if leader_class == TRUCK else 0.0
 
 
+def _behind_truck(see: Moments) -> Floats:
+    return see.by_headway * (see.leader_class == TRUCK)
+
+
 EFFECT = Effect(
     name="leader_class",
     summary="keeps more distance behind trucks",
@@ -62,4 +67,9 @@ EFFECT = Effect(
     required_stimuli=("leader_class",),
     confusable_with=("measurement_artefact", "vehicle_class"),
     source="Sarvi (2013), Heavy commercial vehicles-following behavior",
+    forms=(
+        Form(slots.LEADER_CLASS, _behind_truck),
+        Form(slots.LEADER_CLASS_DISTANCE, size=3.0),
+    ),
+    between=True,
 )

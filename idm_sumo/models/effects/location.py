@@ -10,9 +10,11 @@ headway differs at the place:
 
 from __future__ import annotations
 
+import numpy as np
 from numba import njit
 
 from idm_sumo.models.effects import slots
+from idm_sumo.models.effects.form import POSITION, Floats, Form, Moments
 from idm_sumo.models.effects.record import Effect, Parameter
 
 
@@ -37,6 +39,14 @@ def at_place(x: float, shift: float, begin: float, end: float) -> float:
     return shift if begin <= x < end else 0.0
 
 
+def _everywhere(see: Moments) -> Floats:
+    return np.ones_like(see.position)
+
+
+def _of_headway(see: Moments) -> Floats:
+    return see.by_headway
+
+
 EFFECT = Effect(
     name="location",
     summary="drives differently at one place of the road",
@@ -50,4 +60,9 @@ EFFECT = Effect(
     confusable_with=("lane_change_relaxation", "measurement_artefact", "adjacent_lane_friction"),
     source="Chen, Ahn, Laval and Zheng (2014), On the periodicity of traffic oscillations: rubbernecking and grade",
     sumo="an edge of its own with another speed limit, or a calibrator, for an interval that brakes",
+    forms=(
+        Form(slots.PLACE, _everywhere, along=POSITION, bounds=(slots.PLACE_BEGIN, slots.PLACE_END)),
+        Form(slots.PLACE_HEADWAY, _of_headway, along=POSITION, bounds=(slots.PLACE_BEGIN, slots.PLACE_END)),
+    ),
+    between=True,
 )

@@ -41,4 +41,5 @@ EFFECT = Effect(
     required_stimuli=("mean_speed",),
     confusable_with=("time_of_day", "speed_dependent_headway"),
     source="Treiber and Helbing (2003), Physical Review E 68, 046119",
+    untestable="windows of seconds cannot tell a slow trend from time_of_day and speed_dependent_headway",
 )

@@ -15,6 +15,7 @@ from __future__ import annotations
 from numba import njit
 
 from idm_sumo.models.effects import slots
+from idm_sumo.models.effects.form import Form
 from idm_sumo.models.effects.record import Effect, Parameter
 
 
@@ -68,4 +69,8 @@ EFFECT = Effect(
     source="Treiber, Kesting and Helbing (2006), Physica A 360; "
     "of speeds: Hoogendoorn and Ossen (2006), IFAC Proceedings 39",
     sumo="EIDM's maxvehpreview",
+    forms=(
+        Form(slots.SECOND_LEADER, size=0.2),
+        Form(slots.SECOND_LEADER, size=0.2, fixed=((slots.SECOND_SPEED_ONLY, 1.0),)),
+    ),
 )

@@ -13,6 +13,7 @@ from math import copysign
 from numba import njit
 
 from idm_sumo.models.effects import slots
+from idm_sumo.models.effects.form import Form
 from idm_sumo.models.effects.record import Effect, Parameter
 
 
@@ -48,4 +49,9 @@ EFFECT = Effect(
     confusable_with=("hysteresis", "reaction_delay", "acceleration_asymmetry"),
     source="Wiedemann (1974), Simulation des Strassenverkehrsflusses",
     sumo="the W99 or Wiedemann models have it; the driver-state device in part",
+    forms=(
+        Form(slots.BAND, size=0.4),
+        Form(slots.BAND, size=0.9),
+        Form(slots.BAND, size=0.5, fixed=((slots.BAND_TAKEN, 1.0),)),
+    ),
 )

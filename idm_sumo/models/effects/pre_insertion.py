@@ -12,7 +12,8 @@ from __future__ import annotations
 from numba import njit
 
 from idm_sumo.models.effects import slots
-from idm_sumo.models.effects.courtesy_yielding import before_cut_in
+from idm_sumo.models.effects.courtesy_yielding import NOTICE, SHOWN, before_cut_in
+from idm_sumo.models.effects.form import Floats, Form, Moments
 from idm_sumo.models.effects.record import Effect, Parameter
 
 
@@ -35,6 +36,14 @@ def before_own_change(until: float, share: float) -> float:
     return before_cut_in(until, share)
 
 
+def _of_headway(see: Moments) -> Floats:
+    return see.by_headway * ((see.until_own_change >= 0.0) & (see.until_own_change < NOTICE))
+
+
+def _braking(see: Moments) -> Floats:
+    return -1.0 * ((see.until_own_change >= 0.0) & (see.until_own_change < SHOWN))
+
+
 EFFECT = Effect(
     name="pre_insertion",
     summary="opens or closes the gap before its own lane change",
@@ -44,4 +53,8 @@ EFFECT = Effect(
     confusable_with=("lane_change_relaxation", "courtesy_yielding"),
     source="Zheng, Ahn, Chen and Laval (2013), The effects of lane-changing on the immediate follower",
     hindsight=True,
+    forms=(
+        Form(slots.PRE_INSERTION, _of_headway),
+        Form(slots.PRE_INSERTION_BRAKING, _braking),
+    ),
 )

@@ -23,6 +23,7 @@ import numpy as np
 from numba import njit
 
 from idm_sumo.models.effects import slots
+from idm_sumo.models.effects.form import Form
 from idm_sumo.models.effects.record import Effect, Parameter
 from idm_sumo.models.idm import SMALLEST_GAP
 from idm_sumo.recordings.columns import FRAME_STEP
@@ -251,4 +252,17 @@ EFFECT = Effect(
     confusable_with=("hysteresis", "multi_leader_anticipation", "measurement_artefact"),
     source="Treiber, Kesting and Helbing (2006), Delays, inaccuracies and anticipation in microscopic traffic models",
     sumo="EIDM's tau-reaction (treaction), or actionStepLength for the coarse form",
+    forms=(
+        Form(slots.DELAY, size=0.2),
+        Form(slots.DELAY, size=0.6),
+        Form(slots.DELAY, size=0.5, fixed=((slots.OWN_SPEED_KNOWN, 1.0),)),
+        Form(slots.DELAY, size=0.4, fixed=((slots.NEW_LEADER_KNOWN, 1.0),)),
+        Form(slots.DELAY, size=0.5, fixed=((slots.OWN_SPEED_KNOWN, 1.0), (slots.NEW_LEADER_KNOWN, 1.0))),
+        Form(slots.DELAY, size=0.5, fixed=((slots.OWN_SPEED_KNOWN, 1.0), (slots.OWN_SPEED_IN_RATE, 1.0))),
+        Form(
+            slots.DELAY,
+            size=0.5,
+            fixed=((slots.OWN_SPEED_KNOWN, 1.0), (slots.NEW_LEADER_KNOWN, 1.0), (slots.OWN_SPEED_IN_RATE, 1.0)),
+        ),
+    ),
 )

@@ -9,6 +9,8 @@ from typing import NamedTuple
 import numpy as np
 import numpy.typing as npt
 
+from idm_sumo.models.effects.form import Form
+
 
 def format_quantity(value: float, unit: str, digits: int = 3) -> str:
     """Format a number with its unit.
@@ -86,6 +88,12 @@ class Effect:
         Whether it depends on what comes later in the recording. Then a replay can use it, a forecast cannot.
     alternative : Parameter or None
         A magnitude of another kind, which may act in place of the first.
+    forms : tuple of Form
+        In which a diagnosis looks for it; empty if it cannot.
+    between : bool
+        Whether it differs between drivers more than within one, so that fitted drivers carry part of it.
+    untestable : str
+        Why recordings of this kind cannot show it, if they cannot.
     """
 
     name: str
@@ -97,6 +105,9 @@ class Effect:
     sumo: str | None = None
     hindsight: bool = False
     alternative: Parameter | None = None
+    forms: tuple[Form, ...] = ()
+    between: bool = False
+    untestable: str = ""
 
     @property
     def all_parameters(self) -> tuple[Parameter, ...]:

@@ -10,6 +10,7 @@ from __future__ import annotations
 from numba import njit
 
 from idm_sumo.models.effects import slots
+from idm_sumo.models.effects.form import Floats, Form, Moments
 from idm_sumo.models.effects.record import Effect, Parameter
 
 SPEED_UNIT = 10.0  # m/s
@@ -35,6 +36,10 @@ def at_speed(speed: float, pivot: float, slope: float) -> float:
     return max(1.0 + slope * (speed - pivot) / SPEED_UNIT, LEAST_FACTOR)
 
 
+def _of_speed(see: Moments) -> Floats:
+    return see.by_headway * ((see.speed - see.mean_speed) / SPEED_UNIT)
+
+
 EFFECT = Effect(
     name="speed_dependent_headway",
     summary="keeps another time headway at another speed",
@@ -45,4 +50,6 @@ EFFECT = Effect(
     required_stimuli=(),
     confusable_with=("desired_speed", "time_of_day", "memory"),
     source="Treiber, Kesting and Helbing (2006), Understanding widely scattered traffic flows",
+    forms=(Form(slots.SPEED_HEADWAY, _of_speed, of_recording=((slots.PIVOT_SPEED, "mean_speed"),)),),
+    between=True,
 )

@@ -9,9 +9,11 @@ In the alternative form it drifts from the first time to the second and then sta
 
 from __future__ import annotations
 
+import numpy as np
 from numba import njit
 
 from idm_sumo.models.effects import slots
+from idm_sumo.models.effects.form import TIME, Floats, Form, Moments
 from idm_sumo.models.effects.record import Effect, Parameter
 
 
@@ -60,6 +62,15 @@ def drifted(t: float, drift: float, begin: float, end: float) -> float:
     return 1.0 + drift * min(max(2.0 * along - 1.0, -1.0), 1.0)
 
 
+def _of_headway(see: Moments) -> Floats:
+    return see.by_headway
+
+
+def _drift(see: Moments) -> Floats:
+    along = (see.time - see.begin) / max(see.end - see.begin, 1e-9)
+    return see.by_headway * np.clip(2.0 * along - 1.0, -1.0, 1.0)
+
+
 EFFECT = Effect(
     name="time_of_day",
     summary="drives differently at another time of the recording",
@@ -73,4 +84,13 @@ EFFECT = Effect(
     confusable_with=("memory", "speed_dependent_headway"),
     source="Treiber and Helbing (2003), Memory effects in microscopic traffic models",
     sumo="one vType a departure period",
+    forms=(
+        Form(slots.PERIOD, _of_headway, along=TIME, bounds=(slots.PERIOD_BEGIN, slots.PERIOD_END)),
+        Form(
+            slots.PERIOD_DRIFT,
+            _drift,
+            of_recording=((slots.PERIOD_BEGIN, "begin"), (slots.PERIOD_END, "end")),
+        ),
+    ),
+    between=True,
 )

@@ -39,4 +39,5 @@ EFFECT = Effect(
     confusable_with=("leader_class",),
     source="Ossen and Hoogendoorn (2011), Heterogeneity in car-following behavior, Transportation Research C 19",
     sumo="one vType a class",
+    untestable="own class is part of the drivers' distribution, which is fitted driver by driver",
 )

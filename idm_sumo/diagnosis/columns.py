@@ -1,0 +1,426 @@
+"""The library of columns: what a little of each hypothesis does to the rollouts.
+
+What is linear in an acceleration goes through the linear response to pulses; what is not linear near zero is a difference of rollouts.
+Effects say in their own files in which forms they are looked for. Beside them stand free fields, which belong to no effect, and the
+law's own misfit: smooth functions of gap, speed and approach rate.
+"""
+
+from __future__ import annotations
+
+import itertools
+from collections.abc import Iterator
+from dataclasses import dataclass, replace
+from typing import NamedTuple
+
+import numpy as np
+import numpy.typing as npt
+
+from idm_sumo.diagnosis import rollout as ro
+from idm_sumo.diagnosis import windows as w
+from idm_sumo.diagnosis.bins import edges_of, numbered, pulse_means, response_by_bin
+from idm_sumo.diagnosis.fit import Fit, Linear, linearise
+from idm_sumo.models.effects import CATALOGUE, Effect
+from idm_sumo.models.effects.form import LANE, POSITION, TIME, Form, Moments
+from idm_sumo.recordings.columns import FRAME_STEP, TRUCK
+
+Floats = npt.NDArray[np.float64]
+Integers = npt.NDArray[np.int64]
+
+WIDTH = {POSITION: 16.0, TIME: 12.0}  # m, s: of the bins of a catalogued place or time
+MOST_BINS, FREE_BINS, BLOCKS, QUANTILES = 48, 16, 6, 4
+  # of them; of a free one; of each side of a rectangle; of a covariate
+MISFIT = "misfit"  # name of the law's own misfit
+SMALL_STEP = 0.25  # of a magnitude in the model, for its own column
+LONGEST, CALMEST = 3.0, 1.5  # times the ninetieth percentile of a column's length; times the median response
+NOTHING = 1e-9
+STRONGEST = 3.0  # m/s² (per s), of the model's own acceleration and its change
+
+
+class Axis(NamedTuple):
+    """Bins along one covariate."""
+
+    name: str
+    edges: Floats
+
+
+@dataclass(frozen=True)
+class Group:
+    """Columns that belong together: one, or one for each bin.
+
+    Attributes
+    ----------
+    name : str
+        Effect, empty for a free field, :data:`MISFIT` for the law's.
+    form : Form or None
+        Of an effect.
+    content : str
+        What is different in a free field.
+    axes : tuple of Axis
+        Along which it is cut.
+    lane : int
+        The only lane, 0 for all.
+    period : int
+        The only period, -1 for all.
+    present : bool
+        Whether the effect is in the model already: a column for a little more of it.
+    first : int
+        Number of the first column.
+    """
+
+    name: str
+    form: Form | None = None
+    content: str = ""
+    axes: tuple[Axis, ...] = ()
+    lane: int = 0
+    period: int = -1
+    present: bool = False
+    first: int = 0
+
+    @property
+    def shape(self) -> tuple[int, ...]:
+        """Number of bins along each axis."""
+        return tuple(len(axis.edges) - 1 for axis in self.axes)
+
+    @property
+    def count(self) -> int:
+        """Number of columns."""
+        return len(BASIS) if self.name == MISFIT else int(np.prod(self.shape, dtype=np.int64))
+
+    @property
+    def of_lane(self) -> bool:
+        """Whether it is an effect that acts everywhere in one lane only."""
+        return bool(self.lane) and not self.axes
+
+    @property
+    def is_free(self) -> bool:
+        """Whether it belongs to no effect."""
+        return not self.name
+
+
+@dataclass(frozen=True)
+class Plan:
+    """All columns of a recording, the same for its replicates."""
+
+    groups: tuple[Group, ...]
+    speed: float
+    lanes: tuple[int, ...]
+    span: tuple[float, float]
+
+    @property
+    def count(self) -> int:
+        """Number of columns."""
+        return sum(group.count for group in self.groups)
+
+    def of(self, name: str) -> npt.NDArray[np.int64]:
+        """Return the numbers of the columns of a name."""
+        return np.array([k for g in self.groups if g.name == name for k in range(g.first, g.first + g.count)], np.int64)
+
+
+class Answer(NamedTuple):
+    """Rollouts at a fit: their linear model, their response to pulses of acceleration, their state by frame."""
+
+    line: Linear
+    response: Floats
+    state: Floats
+
+
+def answer_of(windows: w.Windows, fit: Fit) -> Answer:
+    """Return the rollouts; windows that answer pulses much more than usual count less.
+
+    A driver's own noise is such pulses, and what it leaves is in proportion to the response, while the covariance of what windows
+    leave is pooled.
+    """
+    response, state = ro.respond(windows.seen, windows.driver, fit.theta, fit.by_lane)
+    line = linearise(windows, fit)
+    size = np.sqrt((response**2).sum(axis=(1, 2)))
+    calm = np.minimum(1.0, CALMEST * np.median(size) / np.maximum(size, NOTHING))
+    return Answer(replace(line, whitener=line.whitener * calm[:, None, None]), response, state)
+
+
+def plan_of(windows: w.Windows, fit: Fit, *, free: bool = True) -> Plan:
+    """Return what is asked of a recording whose model is that of a fit."""
+    seen = windows.seen[:, :, w.LEAD : -1]
+    lanes = tuple(int(n) for n in np.unique(seen[:, w.LANE]))
+    span = float(seen[:, w.TIME].min()), float(seen[:, w.TIME].max())
+    plan = Plan((), float(seen[:, w.V].mean()), lanes, span)
+    places = edges_of(seen[:, w.X], WIDTH[POSITION], MOST_BINS)
+    times = edges_of(seen[:, w.TIME], WIDTH[TIME], MOST_BINS)
+    groups = [Group(MISFIT), *_of_effects(windows, fit, plan, places, times)]
+    if free:
+        groups += _free(windows, plan, places, times)
+    begins = np.cumsum([0, *(group.count for group in groups)])
+    return replace(plan, groups=tuple(replace(g, first=int(n)) for g, n in zip(groups, begins, strict=False)))
+
+
+def _of_effects(windows: w.Windows, fit: Fit, plan: Plan, places: Floats, times: Floats) -> Iterator[Group]:
+    several = len(plan.lanes) > 1
+    for effect in CATALOGUE:
+        there = present_form(fit, effect)
+        if there is not None:
+            yield Group(effect.name, there, present=True)
+        for form in effect.forms:
+            if (form.along == TIME and periods_of(windows) > 1) or (form.along == LANE and not several):
+                continue
+            if there is not None and form.field is None:
+                continue  # the column of a little more stands for it
+            if form.along == LANE:
+                yield Group(effect.name, form, axes=(Axis(LANE, np.arange(0.5, max(plan.lanes) + 1.0)),))
+            elif form.along:
+                edges = places if form.along == POSITION else times
+                yield Group(effect.name, form, axes=(Axis(form.along, edges),))
+                for lane in plan.lanes if several and form is effect.forms[0] and form.along == POSITION else ():
+                    yield Group(effect.name, form, axes=(Axis(form.along, _coarser(edges, FREE_BINS)),), lane=lane)
+            else:
+                yield Group(effect.name, form)
+        if several and there is None:
+            yield from _by_lane(effect, plan)
+
+
+def _by_lane(effect: Effect, plan: Plan) -> Iterator[Group]:
+    """Yield the effect's first form in each lane alone."""
+    form = next((form for form in effect.forms if not form.along), None)
+    if form is not None:
+        for lane in plan.lanes:
+            yield Group(effect.name, form, lane=lane)
+
+
+def present_form(fit: Fit, effect: Effect) -> Form | None:
+    """Return a small step of an effect that is in the model; None if it is not there."""
+    for magnitude in (*effect.parameters[:1], *filter(None, [effect.alternative])):
+        value = float(np.abs(fit.by_lane[:, magnitude.slot]).max())
+        if value > 0.0:
+            return Form(magnitude.slot, size=SMALL_STEP * max(value, 0.5 * magnitude.typical))
+    return None
+
+
+def periods_of(windows: w.Windows) -> int:
+    """Return the number of periods."""
+    return len(np.unique(windows.period))
+
+
+def _free(windows: w.Windows, plan: Plan, places: Floats, times: Floats) -> Iterator[Group]:
+    """Yield free fields along covariates, places, times, and rectangles of both, in all lanes and in each."""
+    known = _covariates(windows.seen[:, :, w.LEAD : -1], None)
+    for name, values in known.items():
+        axis = _axis(name, values)
+        if axis is not None:
+            for content in ALONG_COVARIATES:
+                yield Group("", content=content, axes=(axis,))
+    xs, ts = _coarser(places, BLOCKS), _coarser(times, BLOCKS)
+    place, several = Axis(POSITION, _coarser(places, FREE_BINS)), periods_of(windows)
+    for content in CHANGES:
+        yield Group("", content=content, axes=(place,))
+    for content in (ACCELERATION, *CHANGES):
+        for period in range(several) if several > 1 else (-1,):
+            here = _times_of(windows, period, times)
+            time, block = Axis(TIME, _coarser(here, FREE_BINS)), Axis(TIME, _coarser(here, BLOCKS))
+            yield Group("", content=content, axes=(time,), period=period)
+            yield Group("", content=content, axes=(Axis(POSITION, xs), block), period=period)
+    if len(plan.lanes) > 1 and several == 1:
+        for lane in plan.lanes:
+            yield Group("", content=ACCELERATION, axes=(Axis(TIME, _coarser(times, FREE_BINS)),), lane=lane)
+            yield Group("", content=ACCELERATION, axes=(Axis(POSITION, xs), Axis(TIME, ts)), lane=lane)
+
+
+def _times_of(windows: w.Windows, period: int, times: Floats) -> Floats:
+    """Return the edges of times within one period, or all."""
+    if period < 0:
+        return times
+    mine = np.unique(windows.period, return_inverse=True)[1][windows.driver] == period
+    return edges_of(windows.seen[mine][:, w.TIME, w.LEAD : -1], WIDTH[TIME], MOST_BINS)
+
+
+def _coarser(edges: Floats, most: int) -> Floats:
+    return np.linspace(edges[0], edges[-1], min(most + 1, len(edges)))
+
+
+def _axis(name: str, values: Floats) -> Axis | None:
+    """Return bins of a covariate: quantiles of what is known, or one bin of what is either there or not."""
+    known = values[np.isfinite(values) & (np.abs(values) < 1e5)]
+    if not len(known):
+        return None
+    distinct = np.unique(known[:: max(1, len(known) // 20_000)])
+    if len(distinct) <= QUANTILES:
+        edges = np.unique(np.concatenate([distinct[distinct > 0.0] - 0.5, [distinct.max() + 0.5]]))
+        return Axis(name, edges) if (known > 0.0).any() and len(edges) > 1 else None
+    edges = np.unique(np.quantile(known, np.linspace(0.0, 1.0, QUANTILES + 1)))
+    return Axis(name, edges + np.concatenate([np.zeros(len(edges) - 1), [1e-9]])) if len(edges) > 2 else None
+
+
+# What may be different in a free field: some acceleration is added, the time headway is longer, the response is stronger, or later.
+ACCELERATION, HEADWAY, RESPONSE, DELAY = "acceleration", "headway", "response", "delay"
+ALONG_COVARIATES, CHANGES = (ACCELERATION, HEADWAY), (RESPONSE, DELAY)
+# Of a free field: its unit and typical size.
+TYPICAL = {
+    ACCELERATION: ("m/s^2", 0.2),
+    HEADWAY: ("1", 0.25),
+    RESPONSE: ("1", 0.4),
+    DELAY: ("s", 0.6),
+}
+
+
+def _content(content: str, see: Moments) -> Floats:
+    if content == ACCELERATION:
+        return np.ones_like(see.speed)
+    if content == HEADWAY:
+        return see.by_headway
+    if content == RESPONSE:
+        return np.clip(see.acceleration, -STRONGEST, STRONGEST)
+    return -np.clip(np.gradient(see.acceleration, FRAME_STEP, axis=1), -STRONGEST, STRONGEST)
+
+
+def _covariates(seen: Floats, state: Floats | None) -> dict[str, Floats]:
+    """Return what a driver may answer beside its leader, by frame; SI units, NaN or far away where unknown."""
+    x = seen[:, w.X] if state is None else state[:, :, ro.BASE_X]
+    v = seen[:, w.V] if state is None else state[:, :, ro.BASE_V]
+    second = np.isfinite(seen[:, w.SECOND])
+    known = {
+        "rear_gap": np.where(np.isfinite(seen[:, w.BEHIND]), x - seen[:, w.BEHIND], np.nan),
+        "leader_gap": np.where(second, seen[:, w.SECOND] - seen[:, w.REAR], np.nan),
+        "adjacent_difference": v - seen[:, w.ADJACENT],
+        "faster_difference": v - seen[:, w.FASTER],
+        "truck_behind": (seen[:, w.BEHIND_KIND] == TRUCK).astype(np.float64),
+        "truck_second": (seen[:, w.SECOND_KIND] == TRUCK).astype(np.float64),
+    }
+    return known | {name: seen[:, column] for name, column in SEEN.items()}
+
+
+SEEN = {
+    "since_change": w.SINCE, "until_own_change": w.UNTIL_OWN, "until_cut_in": w.UNTIL_CUT_IN,
+    "leader_acceleration": w.ACCELERATION, "trucks_beside": w.TRUCKS_BESIDE, "braking_beside": w.BRAKING_BESIDE,
+    "crowd_left": w.CROWD_LEFT, "crowd_right": w.CROWD_RIGHT, "abreast": w.ABREAST, "beside_gap": w.BESIDE_GAP,
+    "nearest_beside": w.NEAREST_BESIDE, "motorcycles_beside": w.MOTORCYCLES, "leader_length": w.LENGTH,
+    "since_standing": w.SINCE_STANDING, "since_braking": w.SINCE_BRAKING, "since_entry": w.SINCE_ENTRY, "unrest": w.UNREST,
+}  # fmt: skip
+
+
+def _powers() -> tuple[tuple[int, int, int], ...]:
+    """Return exponents of speed, approach rate and gap; linear terms are the driver's own parameters."""
+    return tuple(p for p in itertools.product(range(4), repeat=3) if 2 <= sum(p) <= 3)
+
+
+BASIS = _powers()
+
+
+def basis(speed: Floats, rate: Floats, gap: Floats, pivot: float) -> Floats:
+    """Return smooth accelerations (m/s²) of speed, approach rate and gap, of about one; the last axis is of functions."""
+    parts = (speed - pivot) / 10.0, rate / 3.0, np.log(np.maximum(gap, 1.0) / (2.0 + 1.2 * np.maximum(speed, 0.0)))
+    bounded = [np.tanh(0.5 * part) * 2.0 for part in parts]
+    return np.stack([bounded[0] ** a * bounded[1] ** b * bounded[2] ** c for a, b, c in BASIS], axis=-1)
+
+
+def _moments(windows: w.Windows, state: Floats, plan: Plan) -> Moments:
+    seen = windows.seen[:, :, w.LEAD : -1]
+    x = state[:, :, ro.BASE_X]
+    return Moments(
+        state[:, :, ro.BY_T], state[:, :, ro.BY_V0], state[:, :, ro.BASE_A], state[:, :, ro.BASE_V], x,
+        seen[:, w.REAR] - x, seen[:, w.TIME], seen[:, w.SPEED], seen[:, w.ACCELERATION], seen[:, w.ACCELERATION_OF_LATE],
+        seen[:, w.KIND], seen[:, w.OWN_KIND], seen[:, w.LANE], seen[:, w.ADJACENT], seen[:, w.NEXT_BESIDE],
+        x - seen[:, w.BEHIND], seen[:, w.UNTIL_CUT_IN], seen[:, w.UNTIL_OWN], plan.speed, float(max(plan.lanes)), *plan.span,
+    )  # fmt: skip
+
+
+def columns(windows: w.Windows, fit: Fit, answer: Answer, plan: Plan) -> Floats:
+    """Return all columns of some windows, shape ``(windows, moments, columns)``."""
+    see, seen = _moments(windows, answer.state, plan), windows.seen[:, :, w.LEAD : -1]
+    known = _covariates(seen, answer.state) | {POSITION: see.position, TIME: see.time, LANE: see.lane}
+    period = np.unique(windows.period, return_inverse=True)[1][windows.driver] if periods_of(windows) > 1 else None
+    out = np.zeros((*answer.response.shape[:2], plan.count))
+    values: dict[object, Floats] = {}
+    numbers: dict[object, Integers] = {}
+    for group in plan.groups:
+        here = out[:, :, group.first : group.first + group.count]
+        if group.name == MISFIT:
+            fields = basis(see.speed, see.speed - see.leader_speed, see.gap, plan.speed)
+            here[:] = answer.response @ fields.reshape(len(fields), -1, ro.BIN, len(BASIS)).mean(axis=2)
+            continue
+        if group.of_lane or (group.form is not None and group.form.field is None):
+            continue
+        key = group.form.field if group.form is not None else group.content
+        if key not in values:
+            values[key] = group.form.field(see) if group.form is not None else _content(group.content, see)  # type: ignore[misc]
+        if not group.axes:
+            here[:] = answer.response @ pulse_means(np.ascontiguousarray(values[key]))[:, :, None]
+            continue
+        where = (*((axis.name, *axis.edges[:3], len(axis.edges)) for axis in group.axes), group.lane, group.period)
+        if where not in numbers:
+            numbers[where] = _number(group, known, see.lane, period)
+        response_by_bin(answer.response, numbers[where], values[key], here)
+    _fill_secants(windows, fit, answer, plan, out)
+    _fill_lanes(see.lane[:, see.lane.shape[1] // 2], plan, out)
+    return out
+
+
+def _fill_lanes(lane: Floats, plan: Plan, out: Floats) -> None:
+    """Fill the columns of effects in one lane: those of all lanes, for windows that lie in it."""
+    everywhere = {g.form: g.first for g in plan.groups if g.form is not None and not g.axes and not g.of_lane}
+    for group in plan.groups:
+        if group.of_lane and group.form is not None:
+            out[:, :, group.first] = out[:, :, everywhere[group.form]] * (lane == group.lane)[:, None]
+
+
+def _number(group: Group, known: dict[str, Floats], lane: Floats, period: Integers | None) -> Integers:
+    """Return the bin of a group that each frame is in, -1 for none."""
+    number = np.zeros(lane.shape, np.int64)
+    for axis, count in zip(group.axes, group.shape, strict=True):
+        values = known[axis.name]
+        if axis.name == POSITION:  # who drives on beyond what was recorded is at its end
+            values = np.clip(values, axis.edges[0], axis.edges[-1] - 1e-6)
+        here = numbered(values, axis.edges)
+        number = np.where((number >= 0) & (here >= 0), number * count + here, -1)
+    if group.lane:
+        number = np.where(lane == group.lane, number, -1)
+    if group.period >= 0 and period is not None:
+        number = np.where((period == group.period)[:, None], number, -1)
+    return number
+
+
+def _fill_secants(windows: w.Windows, fit: Fit, answer: Answer, plan: Plan, out: Floats) -> None:
+    groups = [g for g in plan.groups if g.form is not None and g.form.field is None and not g.of_lane]
+    models = [moved(fit, group) for group in groups]
+    changed = ro.positions_otherwise(windows, fit.theta, models) - answer.line.simulated[:, :, None]
+    for n, group in enumerate(groups):
+        assert group.form is not None
+        out[:, :, group.first] = changed[:, :, n] / group.form.size
+
+
+def moved(fit: Fit, group: Group) -> Floats:
+    """Return the magnitudes with a group's form on top: added where it acts, companions set."""
+    assert group.form is not None
+    by_lane = fit.by_lane.copy()
+    there = by_lane[:, group.form.slot] != 0.0
+    rows = there if group.present else np.ones(len(by_lane), bool)
+    if group.lane:
+        rows = np.arange(len(by_lane)) % ro.ROWS == group.lane
+    by_lane[rows, group.form.slot] += group.form.size
+    for slot, value in group.form.fixed:
+        by_lane[rows, slot] = value
+    return by_lane
+
+
+def lengths(columns_of: Floats) -> Floats:
+    """Return how long a column may be in one window: a few times what nine of ten with any effect have.
+
+    Where a simulated vehicle nearly hits its leader, a little more of anything moves it by kilometres.
+    """
+    size = np.abs(columns_of).max(axis=1)
+    usual = [float(np.percentile(one[one > NOTHING], 90)) if (one > NOTHING).any() else 1.0 for one in size.T]
+    return LONGEST * np.array(usual)
+
+
+def chunks(windows: w.Windows, most: int = 400) -> Iterator[slice]:
+    """Yield slices of windows of whole drivers."""
+    begin = 0
+    edges = np.flatnonzero(np.diff(windows.driver)) + 1
+    for end in [*edges.tolist(), len(windows.driver)]:
+        if end - begin >= most or end == len(windows.driver):
+            if end > begin:
+                yield slice(begin, end)
+            begin = end
+
+
+def of_chunk(answer: Answer, rows: slice) -> Answer:
+    """Return the rollouts of some windows."""
+    line = answer.line
+    some = Linear(*(part[rows] for part in (line.error, line.jacobian, line.shared, line.simulated, line.whitener)))
+    return Answer(some, answer.response[rows], answer.state[rows])

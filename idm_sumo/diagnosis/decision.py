@@ -1,0 +1,203 @@
+"""What a search's outcome amounts to: one object from which verdict, file, tables, pictures and sentences are made."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+
+import numpy as np
+import numpy.typing as npt
+from scipy.stats import norm
+
+from idm_sumo.diagnosis import selection as se
+from idm_sumo.diagnosis.evidence import Subject
+from idm_sumo.diagnosis.fit import Fit
+from idm_sumo.diagnosis.gain import Errors, by_folds, driven, folds_of, lower_bound, typical_gain
+from idm_sumo.diagnosis.model import Placed, present_columns, refitted, with_effects
+from idm_sumo.diagnosis.result import Gain
+from idm_sumo.diagnosis.search import SURE, Found, Look
+
+Floats = npt.NDArray[np.float64]
+
+OTHERS = 0.1  # probability from which on another family is among those that cannot be told apart
+
+
+@dataclass(frozen=True)
+class Claim:
+    """Something that competes successfully.
+
+    Attributes
+    ----------
+    name : str
+        Effect, or what is free over which covariate.
+    hypothesis : int
+        Its likeliest form, place and time.
+    placed : Placed or None
+        As an effect of the model; None for a free field.
+    value, error : float
+        Magnitude and its standard error, over forms.
+    log_bf, threshold, z, p : float
+        Logarithm of its Bayes factor, what chance makes of it, standard errors, and the p-value corrected for families.
+    probability : float
+        That it is this family and no other.
+    one_of : tuple of str
+        Other families that these data cannot tell from it.
+    effective_drivers : float
+    gain : Gain or None
+        Share of a driver's ADE that it spares on drivers that took no part; None for a free field.
+    """
+
+    name: str
+    hypothesis: int
+    placed: Placed | None
+    value: float
+    error: float
+    log_bf: float
+    threshold: float
+    z: float
+    p: float
+    probability: float
+    one_of: tuple[str, ...]
+    effective_drivers: float
+    gain: Gain | None = None
+
+
+@dataclass(frozen=True)
+class Decision:
+    """The outcome.
+
+    Attributes
+    ----------
+    named, without_gain, unexplained : tuple of Claim
+    fit : Fit
+        Of the extended model.
+    base, extended : Errors
+        On drivers that took no part in the sizes.
+    look : Look
+        Around the extended model.
+    """
+
+    named: tuple[Claim, ...]
+    without_gain: tuple[Claim, ...]
+    unexplained: tuple[Claim, ...]
+    fit: Fit
+    base: Errors
+    extended: Errors
+    look: Look
+
+    @property
+    def verdict(self) -> str:
+        """Return named, unknown or none."""
+        return "named" if self.named else "unknown" if self.unexplained else "none"
+
+
+def decide(subject: Subject, found: Found, rng: np.random.Generator) -> Decision:
+    """Return what may be claimed, and which of it improves the simulation of drivers that took no part."""
+    settings, windows = found.settings, subject.windows
+    claims = claims_of(found)
+    there = [one for one in claims if one.placed is not None]
+    free = tuple(one for one in claims if one.placed is None)
+    fold = folds_of(windows.platoon, settings.folds, rng)
+    base = by_folds(windows, [found.base] * settings.folds, fold)
+    measured = _with_gains(subject, found, there, base, fold, rng)
+    named = tuple(one for one in measured if one.gain and lower_bound(one.gain, settings.gain_level) > 0.0)
+    without = tuple(one for one in measured if one not in named)
+    if not named:
+        return Decision((), without, free, found.base, base, base, found.last)
+    fit = _fitted(subject, found, named)
+    extended = by_folds(windows, _by_fold(found, fit, named, fold), fold)
+    return Decision(named, without, free, fit, base, extended, found.last)
+
+
+def claims_of(found: Found) -> list[Claim]:
+    """Return everything significant on enough drivers, at sizes that are more than systematic errors."""
+    look, settings = found.last, found.settings
+    library = look.library
+    arena = se.Competition(look.evidence, library, settings, look.score, look.selection.tau)
+    parts = [arena.contribution(one) for one in look.selection.components]
+    claims: list[Claim] = []
+    for n, component in enumerate(look.selection.components):
+        winner = look.winner(component)
+        if winner is None:
+            continue
+        others = sum((part for k, part in enumerate(parts) if k != n), np.zeros(library.plan.count))
+        careful = arena.component(others, careful=True)
+        family = int(library.family[winner])
+        drivers = look.effective_drivers(winner)
+        probability = component.probability(library)
+        if careful.probability(library)[family] < SURE or drivers < settings.least_drivers:
+            continue
+        if any(one.name == library.names[family] for one in claims):
+            continue
+        claims.append(_claim(look, component, careful, winner, probability, drivers))
+    return sorted(claims, key=lambda one: -one.log_bf)
+
+
+def _claim(look: Look, exact: se.Component, careful: se.Component, winner: int, probability: Floats, drivers: float) -> Claim:
+    library, family = look.library, int(look.library.family[winner])
+    group = library.group_of(winner)
+    placed = None if group.is_free else next((one for one in look.effects if one.name == group.name), None)
+    inside = np.where(library.family == family, exact.weight, 0.0)
+    same_unit = library.size == library.size[winner]
+    inside = np.where(same_unit, inside, 0.0) / max(float(inside[same_unit].sum()), 1e-300)
+    value = float(inside @ exact.size) if placed is None else placed.value
+    error = float(np.sqrt(inside @ (careful.deviation**2 + (exact.size - inside @ exact.size) ** 2)))
+    z = float(exact.z[winner])
+    likely = [n for n in np.argsort(-probability) if n != family and probability[n] > OTHERS]
+    return Claim(
+        library.names[family], winner, placed, value, error, float(exact.by_family[family]),
+        float(look.selection.threshold[family]), z, float(min(1.0, 2.0 * len(library.names) * norm.sf(abs(z)))),
+        float(probability[family]), tuple(library.names[n] for n in likely), drivers,
+    )  # fmt: skip
+
+
+def _with_gains(
+    subject: Subject, found: Found, claims: list[Claim], base: Errors, fold: npt.NDArray[np.int64], rng: np.random.Generator
+) -> list[Claim]:  # fmt: skip
+    """Return the claims, each with what it spares beside the others."""
+    if not claims:
+        return []
+    windows, whole = subject.windows, _fitted(subject, found, claims)
+    extended = by_folds(windows, _by_fold(found, whole, claims, fold), fold)
+    out = []
+    for one in claims:
+        rest = [other for other in claims if other is not one]
+        without = base
+        if rest:
+            less = _fitted(subject, found, rest)
+            without = by_folds(windows, _by_fold(found, less, rest, fold), fold)
+        gain = typical_gain(without.ade_m, extended.ade_m, windows.platoon, rng, held_out=True)
+        out.append(replace(one, gain=gain))
+    return out
+
+
+def _fitted(subject: Subject, found: Found, claims: list[Claim] | tuple[Claim, ...]) -> Fit:
+    """Return the model with claims: the search's own if they are all that is in it."""
+    effects = [one.placed for one in claims if one.placed is not None]
+    if {one.name for one in effects} == {one.name for one in found.last.effects}:
+        return found.last.fit
+    return refitted(subject, with_effects(found.last.fit, effects, found.last.library.plan), 4)
+
+
+def _by_fold(found: Found, fit: Fit, claims: list[Claim] | tuple[Claim, ...], fold: npt.NDArray[np.int64]) -> list[Fit]:
+    """Return the model for each fold, its sizes estimated without that fold's drivers."""
+    look, evidence = found.last, found.last.evidence
+    effects = [one.placed for one in claims if one.placed is not None]
+    columns = present_columns(evidence.plan, effects)
+    own, part = evidence.by_driver[:, columns], evidence.part[:, columns]
+    fits = []
+    for k in range(found.settings.folds):
+        kept = fold != k
+        step = own[kept].sum(axis=0) / np.maximum(part[kept].sum(axis=0), 1e-9) - own.sum(axis=0) / np.maximum(
+            part.sum(axis=0), 1e-9
+        )
+        moved = []
+        for one, change in zip(effects, step, strict=True):
+            first = one.magnitude
+            moved.append(replace(one, value=float(np.clip(one.value + change, first.lower, first.upper))))
+        fits.append(with_effects(fit, moved, look.library.plan))
+    return fits
+
+
+def errors_of(subject: Subject, fit: Fit) -> Errors:
+    """Return the errors of a model on all drivers."""
+    return driven(subject.windows, fit)

@@ -1,0 +1,168 @@
+"""Effects in the model: put there, moved to the size where their score vanishes, taken out again."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+import numpy.typing as npt
+
+from idm_sumo.diagnosis import columns as co
+from idm_sumo.diagnosis.evidence import Evidence, Subject, scores_of
+from idm_sumo.diagnosis.fit import Fit, fit_drivers, improve
+from idm_sumo.diagnosis.library import Library, magnitude_of
+from idm_sumo.diagnosis.rollout import ROWS
+from idm_sumo.models.effects import BY_NAME, Parameter
+from idm_sumo.models.effects.form import Form
+
+Floats = npt.NDArray[np.float64]
+
+STEPS, REFITS = 5, 2  # of a size on its way, and of the drivers at each
+LONGEST, SETTLED, FASTEST = 0.6, 0.03, 6.0  # of a size in one step; below, it has settled; growth of steps
+
+
+@dataclass(frozen=True)
+class Placed:
+    """An effect that is in the model.
+
+    Attributes
+    ----------
+    name : str
+    form : Form
+    edges : mapping of str to (float, float)
+        From where to where along each axis.
+    lane : int
+        The only lane, 0 for all.
+    value, error : float
+        Magnitude, and its standard error.
+    """
+
+    name: str
+    form: Form
+    edges: Mapping[str, tuple[float, float]]
+    lane: int
+    value: float
+    error: float = np.nan
+
+    @property
+    def magnitude(self) -> Parameter:
+        """Its first parameter."""
+        return magnitude_of(co.Group(self.name, self.form))
+
+    @property
+    def at_bound(self) -> bool:
+        """Whether its magnitude is at a bound of what is searched."""
+        first = self.magnitude
+        return not first.lower < self.value < first.upper
+
+    def is_like(self, other: Placed) -> bool:
+        """Return whether another one is of the same form, place and time."""
+        return (self.name, self.form, self.lane, dict(self.edges)) == (
+            other.name, other.form, other.lane, dict(other.edges),
+        )  # fmt: skip
+
+
+def placed_of(library: Library, hypothesis: int, value: float, now: Sequence[Placed]) -> Placed:
+    """Return a hypothesis with a magnitude, as an effect to put into the model."""
+    group = library.group_of(hypothesis)
+    assert group.form is not None
+    first = magnitude_of(group)
+    value = float(np.clip(value, first.lower, first.upper))
+    if group.present:
+        there = next(one for one in now if one.name == group.name)
+        return replace(there, value=value)
+    return Placed(group.name, group.form, library.edges(hypothesis), group.lane, value)
+
+
+def with_effects(base: Fit, effects: Sequence[Placed], plan: co.Plan) -> Fit:
+    """Return the fit with these effects, and no others, in its magnitudes; the drivers not yet refitted."""
+    by_lane = base.by_lane.copy()
+    for effect in BY_NAME.values():
+        for parameter in effect.all_parameters:
+            by_lane[:, parameter.slot] = 0.0
+    of_recording = {"mean_speed": plan.speed, "lanes": float(max(plan.lanes)), "begin": plan.span[0], "end": plan.span[1]}
+    for one in effects:
+        lane = int(one.edges["lane"][0] + 0.5) if "lane" in one.edges else one.lane
+        rows = np.arange(len(by_lane)) % ROWS == lane if one.lane else np.ones(len(by_lane), bool)
+        by_lane[rows, one.form.slot] = one.value
+        for slot, value in one.form.fixed:
+            by_lane[rows, slot] = value
+        for slot, name in one.form.of_recording:
+            by_lane[rows, slot] = of_recording[name]
+        ends = (float(lane),) if "lane" in one.edges else one.edges.get(one.form.along, ())
+        for slot, end in zip(one.form.bounds, ends, strict=True):
+            by_lane[rows, slot] = end
+    return replace(base, by_lane=by_lane, rolled=None)
+
+
+def refitted(subject: Subject, fit: Fit, rounds: int) -> Fit:
+    """Return the fit with drivers, population and noise adapted to its magnitudes."""
+    for _ in range(rounds):
+        fit = improve(subject.windows, fit)
+    return fit
+
+
+def anew(subject: Subject, fit: Fit) -> Fit:
+    """Return drivers, population and noise fitted from scratch to the same magnitudes."""
+    return fit_drivers(subject.windows, fit.by_lane, fit.start_variance)
+
+
+def climbed(
+    subject: Subject, base: Fit, effects: Sequence[Placed], plan: co.Plan, bias: Mapping[str, float]
+) -> tuple[Fit, list[Placed]]:
+    """Move the effects' magnitudes to where their scores, less what replicates show, vanish.
+
+    Drivers absorb part of an effect, and give it back only slowly: steps grow as long as they go the same way.
+    """
+    effects = list(effects)
+    fit = anew(subject, with_effects(base, effects, plan))
+    factor, last = np.full(len(effects), 1.0), np.zeros(len(effects))
+    for _ in range(STEPS):
+        score, information = local_scores(subject, fit, plan, [one.name for one in effects])
+        free = score - np.array([bias.get(one.name, 0.0) for one in effects])
+        step = np.linalg.solve(information + 1e-9 * np.diag(np.diag(information)), free)
+        same = step * last >= 0.0
+        factor = np.where(same, np.minimum(factor * np.where(last == 0.0, 1.0, 1.7), FASTEST), np.maximum(0.5 * factor, 0.5))
+        last = step
+        values = np.array([one.value for one in effects])
+        typical = np.array([one.magnitude.typical for one in effects])
+        longest = LONGEST * np.maximum(np.abs(values), 0.5 * typical)
+        moved = values + np.clip(factor * step, -longest, longest)
+        effects = [_at(one, float(value)) for one, value in zip(effects, moved, strict=True)]
+        fit = refitted(subject, with_effects(fit, effects, plan), REFITS)
+        if (np.abs(step) < SETTLED * np.maximum(np.abs(values), 0.2 * typical)).all():
+            break
+    return fit, effects
+
+
+def _at(one: Placed, value: float) -> Placed:
+    """Return an effect with another magnitude, within its bounds and off zero, where it would not be there."""
+    first = one.magnitude
+    value = float(np.clip(value, first.lower, first.upper))
+    least = 0.02 * first.typical
+    return replace(one, value=value if abs(value) >= least else float(np.copysign(least, value)))
+
+
+def local_scores(subject: Subject, fit: Fit, plan: co.Plan, names: Sequence[str]) -> tuple[Floats, Floats]:
+    """Return the recording's scores of a little more of effects in the model, and their Gram matrix."""
+    groups, first = [], 0
+    for name in names:
+        form = co.present_form(fit, BY_NAME[name])
+        assert form is not None
+        groups.append(co.Group(name, form, present=True, first=first))
+        first += 1
+    found = scores_of(subject, fit, replace(plan, groups=tuple(groups)))
+    return found.u.sum(axis=0), found.gram
+
+
+def present_columns(plan: co.Plan, effects: Sequence[Placed]) -> list[int]:
+    """Return the numbers of the columns of effects in the model."""
+    first = {group.name: group.first for group in plan.groups if group.present}
+    return [first[one.name] for one in effects]
+
+
+def whole_score(evidence: Evidence, effects: Sequence[Placed]) -> Floats:
+    """Return the scores as if no effect were in the model yet: what is in it competes anew."""
+    columns = present_columns(evidence.plan, effects)
+    return np.asarray(evidence.score + evidence.gram[:, columns] @ np.array([one.value for one in effects]))

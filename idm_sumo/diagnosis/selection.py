@@ -1,0 +1,223 @@
+r"""One competition: a sum of single effects on scores and their Gram matrix.
+
+Each component is one hypothesis with a size :math:`\beta \sim N(0, W)`, :math:`W` the squared typical size. With an estimate of
+variance :math:`V` and :math:`z^2 = \hat\beta^2/V`, the logarithm of its Bayes factor is
+
+.. math:: \tfrac12 \ln\frac{V}{V+W} + \tfrac12 z^2 \frac{W}{V+W}
+
+The law's own misfit is a smooth field with a prior :math:`N(0, \tau^2)`, integrated out; :math:`\tau` is the likeliest.
+
+References
+----------
+Wang, Sarkar, Carbonetto and Stephens (2020), A simple new approach to variable selection in regression (SuSiE).
+Kennedy and O'Hagan (2001), Bayesian calibration of computer models.
+Wakefield (2009), Bayes factors for genome-wide association studies.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+import numpy.typing as npt
+from scipy.special import log_ndtr, logsumexp
+
+from idm_sumo.diagnosis.columns import MISFIT
+from idm_sumo.diagnosis.evidence import Evidence
+from idm_sumo.diagnosis.library import Library
+from idm_sumo.diagnosis.settings import Settings
+
+Floats = npt.NDArray[np.float64]
+Integers = npt.NDArray[np.int64]
+
+TAUS = (0.0, 0.01, 0.02, 0.04, 0.08, 0.16, 0.32)  # m/s², of the law's misfit
+ROUNDS = 12  # of the competition
+NULL_DRAWS = 2000  # for thresholds
+LEAST = 1e-9
+
+
+@dataclass(frozen=True)
+class Component:
+    """One effect of the sum.
+
+    Attributes
+    ----------
+    weight : float64, shape (hypotheses,)
+        Posterior probability of each hypothesis; sums to one less the probability that there is nothing.
+    size, deviation : float64, shape (hypotheses,)
+        Posterior mean and standard deviation of each magnitude.
+    log_bf : float64, shape (hypotheses,)
+    by_family : float64, shape (names,)
+        Logarithm of the mean Bayes factor over a family's hypotheses.
+    z : float64, shape (hypotheses,)
+    """
+
+    weight: Floats
+    size: Floats
+    deviation: Floats
+    log_bf: Floats
+    by_family: Floats
+    z: Floats
+
+    def probability(self, library: Library) -> Floats:
+        """Return the probability of each family."""
+        return np.asarray(np.bincount(library.family, self.weight, len(library.names)))
+
+
+@dataclass(frozen=True)
+class Selection:
+    """The outcome of a competition.
+
+    Attributes
+    ----------
+    components : tuple of Component
+        Strongest first.
+    tau : float
+        Of the law's misfit (m/s²).
+    threshold : float64, shape (names,)
+        Of each family's largest ``by_family``.
+    misfit : float64, shape (functions,)
+        Posterior mean of the law's misfit (m/s²).
+    misfit_z : float
+        Its size in standard errors.
+    """
+
+    components: tuple[Component, ...]
+    tau: float
+    threshold: Floats
+    misfit: Floats
+    misfit_z: float
+
+
+class Competition:
+    """Scores and Gram matrix of all hypotheses, the law's misfit integrated out."""
+
+    def __init__(self, evidence: Evidence, library: Library, settings: Settings, score: Floats, tau: float) -> None:
+        self.library, self.settings = library, settings
+        replicates = len(evidence.nulls)
+        unsure = evidence.inflation * (1.0 + 1.0 / max(replicates, 1))
+        score, gram = score / unsure, evidence.gram / unsure
+        rough = library.plan.of(MISFIT)
+        self.misfit_evidence = 0.0
+        if tau > 0.0 and len(rough):
+            inner = gram[np.ix_(rough, rough)]
+            held = np.linalg.inv(inner + np.eye(len(rough)) / tau**2)
+            pull = held @ score[rough]
+            self.misfit_evidence = 0.5 * float(score[rough] @ pull)
+            self.misfit_evidence -= 0.5 * float(np.linalg.slogdet(np.eye(len(rough)) + tau**2 * inner)[1])
+            by = gram[:, rough] @ held
+            score, gram = score - by @ score[rough], gram - by @ gram[rough]
+        self.score, self.gram = score, gram
+        self.mixed = library.mix @ gram
+        self.information = np.maximum(np.asarray(library.mix.multiply(self.mixed).sum(axis=1)).ravel(), LEAST)
+        shares = np.maximum(evidence.part @ (library.mix.multiply(library.mix)).T, 0.0)
+        shares /= np.maximum(shares.sum(axis=0), 1e-300)
+        self.few = (shares**2).sum(axis=0)
+        self.slab = library.size**2
+        doubt = (settings.doubt * library.size) ** 2 + library.selection**2
+        self.fixed = settings.spread**2 * self.slab * self.few + doubt
+        self.is_positive = library.lower >= 0.0
+
+    def component(self, others: Floats, *, careful: bool = False) -> Component:
+        """Return the single effect that explains what other effects, as sizes of columns, leave.
+
+        A size near zero may underrate an effect, and so is only ``careful`` at the size reached: then it has a systematic error, and
+        drivers differ in it.
+        """
+        theirs = self.mixed @ others
+        estimate = (self.library.mix @ self.score - theirs) / self.information
+        leak = self.settings.doubt * theirs / self.information
+        variance = 1.0 / self.information + leak**2 + (self.fixed if careful else 0.0)
+        keep = self.slab / (variance + self.slab)
+        z = estimate / np.sqrt(variance)
+        log_bf = 0.5 * np.log1p(-keep) + 0.5 * z**2 * keep
+        mean, deviation = estimate * keep, np.sqrt(variance * keep)
+        inside = mean / deviation
+        one_sided = np.log(2.0) + log_ndtr(inside)
+        log_bf = np.where(self.is_positive, log_bf + one_sided, log_bf)
+        mean = np.where(self.is_positive, np.maximum(mean, 0.0), mean)
+        library = self.library
+        family = _by_family(log_bf + np.log(library.within), library)
+        prior = np.log((1.0 - self.settings.nothing) * library.prior[library.family] * library.within)
+        weight = log_bf + prior
+        total = logsumexp(np.append(weight, np.log(self.settings.nothing)))
+        return Component(np.exp(weight - total), mean, deviation, log_bf, family, z)
+
+    def contribution(self, component: Component) -> Floats:
+        """Return the sizes of columns that a component expects."""
+        return np.asarray(self.library.mix.T @ (component.weight * component.size))
+
+    def thresholds(self, rng: np.random.Generator) -> Floats:
+        """Return what each family's mean Bayes factor exceeds by chance at the stated rate of false alarms."""
+        values, vectors = np.linalg.eigh(self.gram)
+        root = vectors * np.sqrt(np.maximum(values, 0.0))
+        library = self.library
+        left = library.mix @ (root @ rng.standard_normal((len(values), NULL_DRAWS)))
+        variance = 1.0 / self.information
+        keep = (self.slab / (variance + self.slab))[:, None]
+        z = left / (self.information * np.sqrt(variance))[:, None]
+        log_bf = 0.5 * np.log1p(-keep) + 0.5 * z**2 * keep
+        log_bf = np.where(self.is_positive[:, None] & (z < 0.0), np.log1p(-keep), log_bf)
+        log_bf += np.log(library.within)[:, None]
+        out = np.empty(len(library.names))
+        rate = self.settings.false_alarms / len(library.names)
+        for n in range(len(out)):
+            most = logsumexp(log_bf[library.family == n], axis=0)
+            out[n] = np.quantile(most, 1.0 - rate)
+        return out
+
+
+def _by_family(values: Floats, library: Library) -> Floats:
+    """Return the log-sum-exp of values over each family."""
+    top = np.full(len(library.names), -np.inf)
+    np.maximum.at(top, library.family, values)
+    sums = np.bincount(library.family, np.exp(values - top[library.family]), len(top))
+    return np.asarray(top + np.log(sums))
+
+
+def compete(evidence: Evidence, library: Library, settings: Settings, score: Floats, rng: np.random.Generator) -> Selection:
+    """Return the sum of single effects that explains a score best, with the likeliest size of the law's misfit."""
+    tried = [_at(Competition(evidence, library, settings, score, tau)) for tau in TAUS]
+    best = int(np.argmax([support for support, _ in tried]))
+    arena = Competition(evidence, library, settings, score, TAUS[best])
+    components = _settled(arena, tried[best][1])
+    order = sorted(components, key=lambda one: -float(one.by_family.max()))
+    misfit, surely = _misfit(evidence, library, score, TAUS[best], sum(map(arena.contribution, components)))
+    return Selection(tuple(order), TAUS[best], arena.thresholds(rng), misfit, surely)
+
+
+def _at(arena: Competition) -> tuple[float, list[Component]]:
+    """Return how likely the score is at a size of the misfit, and components found one after the other."""
+    components: list[Component] = []
+    support, others = arena.misfit_evidence, np.zeros(arena.library.plan.count)
+    for _ in range(arena.settings.components):
+        one = arena.component(others)
+        prior = np.log((1.0 - arena.settings.nothing) * arena.library.prior)
+        support += float(logsumexp(np.append(one.by_family + prior, np.log(arena.settings.nothing))))
+        components.append(one)
+        others = others + arena.contribution(one)
+    return support, components
+
+
+def _settled(arena: Competition, components: list[Component]) -> list[Component]:
+    """Return components each of which explains what the others leave."""
+    parts = [arena.contribution(one) for one in components]
+    for _ in range(ROUNDS):
+        for n in range(len(components)):
+            others = sum((part for k, part in enumerate(parts) if k != n), np.zeros(arena.library.plan.count))
+            components[n] = arena.component(others)
+            parts[n] = arena.contribution(components[n])
+    return components
+
+
+def _misfit(evidence: Evidence, library: Library, score: Floats, tau: float, sizes: Floats) -> tuple[Floats, float]:
+    """Return the posterior mean of the law's misfit, given effects, and its largest standard error."""
+    rough = library.plan.of(MISFIT)
+    if tau == 0.0:
+        return np.zeros(len(rough)), 0.0
+    unsure = evidence.inflation * (1.0 + 1.0 / max(len(evidence.nulls), 1))
+    gram = evidence.gram / unsure
+    left = score[rough] / unsure - gram[rough] @ sizes
+    inner = gram[np.ix_(rough, rough)]
+    mean = np.linalg.solve(inner + np.eye(len(rough)) / tau**2, left)
+    return mean, float(np.sqrt(max(mean @ inner @ mean, 0.0)))
