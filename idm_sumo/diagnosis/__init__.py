@@ -1,13 +1,14 @@
 """What the simulation gets wrong, and why: :func:`diagnose` a recording."""
 
+from idm_sumo.diagnosis.diagnose import diagnose
 from idm_sumo.diagnosis.result import (
     CauseFound,
+    Detectable,
     Diagnosis,
     Estimate,
     Gain,
     Law,
-    OtherLaw,
-    Power,
+    LawMisfit,
     Region,
     RuledOut,
     Scan,
@@ -15,5 +16,6 @@ from idm_sumo.diagnosis.result import (
 )
 
 __all__ = [
-    "CauseFound", "Diagnosis", "Estimate", "Gain", "Law", "OtherLaw", "Power", "Region", "RuledOut", "Scan", "Unexplained", "diagnose",
+    "CauseFound", "Detectable", "Diagnosis", "Estimate", "Gain", "Law", "LawMisfit", "Region", "RuledOut", "Scan",
+    "Unexplained", "diagnose",
 ]  # fmt: skip

@@ -28,7 +28,7 @@ Integers = npt.NDArray[np.int64]
 
 WIDTH = {POSITION: 16.0, TIME: 12.0}  # m, s: of the bins of a catalogued place or time
 MOST_BINS, FREE_BINS, BLOCKS, QUANTILES = 48, 16, 6, 4
-  # of them; of a free one; of each side of a rectangle; of a covariate
+# of them; of a free one; of each side of a rectangle; of a covariate
 MISFIT = "misfit"  # name of the law's own misfit
 SMALL_STEP = 0.25  # of a magnitude in the model, for its own column
 LONGEST, CALMEST = 3.0, 1.5  # times the ninetieth percentile of a column's length; times the median response
@@ -84,7 +84,7 @@ class Group:
     @property
     def count(self) -> int:
         """Number of columns."""
-        return len(BASIS) if self.name == MISFIT else int(np.prod(self.shape, dtype=np.int64))
+        return len(BASIS) + 1 if self.name == MISFIT else int(np.prod(self.shape, dtype=np.int64))
 
     @property
     def of_lane(self) -> bool:
@@ -331,8 +331,9 @@ def columns(windows: w.Windows, fit: Fit, answer: Answer, plan: Plan) -> Floats:
     for group in plan.groups:
         here = out[:, :, group.first : group.first + group.count]
         if group.name == MISFIT:
-            fields = basis(see.speed, see.speed - see.leader_speed, see.gap, plan.speed)
-            here[:] = answer.response @ fields.reshape(len(fields), -1, ro.BIN, len(BASIS)).mean(axis=2)
+            smooth = basis(see.speed, see.speed - see.leader_speed, see.gap, plan.speed)
+            fields = np.concatenate([smooth, _content(RESPONSE, see)[:, :, None]], axis=2)
+            here[:] = answer.response @ fields.reshape(len(fields), -1, ro.BIN, group.count).mean(axis=2)
             continue
         if group.of_lane or (group.form is not None and group.form.field is None):
             continue

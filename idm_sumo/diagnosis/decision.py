@@ -132,7 +132,9 @@ def claims_of(found: Found) -> list[Claim]:
     return sorted(claims, key=lambda one: -one.log_bf)
 
 
-def _claim(look: Look, exact: se.Component, careful: se.Component, winner: int, probability: Floats, drivers: float) -> Claim:
+def _claim(
+    look: Look, exact: se.Component, careful: se.Component, winner: int, probability: Floats, drivers: float
+) -> Claim:
     library, family = look.library, int(look.library.family[winner])
     group = library.group_of(winner)
     placed = None if group.is_free else next((one for one in look.effects if one.name == group.name), None)

@@ -81,7 +81,12 @@ def with_effects(base: Fit, effects: Sequence[Placed], plan: co.Plan) -> Fit:
     for effect in BY_NAME.values():
         for parameter in effect.all_parameters:
             by_lane[:, parameter.slot] = 0.0
-    of_recording = {"mean_speed": plan.speed, "lanes": float(max(plan.lanes)), "begin": plan.span[0], "end": plan.span[1]}
+    of_recording = {
+        "mean_speed": plan.speed,
+        "lanes": float(max(plan.lanes)),
+        "begin": plan.span[0],
+        "end": plan.span[1],
+    }
     for one in effects:
         lane = int(one.edges["lane"][0] + 0.5) if "lane" in one.edges else one.lane
         rows = np.arange(len(by_lane)) % ROWS == lane if one.lane else np.ones(len(by_lane), bool)
@@ -123,7 +128,9 @@ def climbed(
         free = score - np.array([bias.get(one.name, 0.0) for one in effects])
         step = np.linalg.solve(information + 1e-9 * np.diag(np.diag(information)), free)
         same = step * last >= 0.0
-        factor = np.where(same, np.minimum(factor * np.where(last == 0.0, 1.0, 1.7), FASTEST), np.maximum(0.5 * factor, 0.5))
+        factor = np.where(
+            same, np.minimum(factor * np.where(last == 0.0, 1.0, 1.7), FASTEST), np.maximum(0.5 * factor, 0.5)
+        )
         last = step
         values = np.array([one.value for one in effects])
         typical = np.array([one.magnitude.typical for one in effects])

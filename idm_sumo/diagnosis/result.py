@@ -48,21 +48,30 @@ class CauseFound:
         None if it acts everywhere.
     p_value : float
         Corrected for all hypotheses tested.
-    share_of_gain : float
-        Of the gain on drivers not used for naming or fitting; the shares of all causes sum to 1.
     evidence : str
         One sentence.
-    inseparable_from : tuple of str
-        Catalogue names that these data cannot tell from it.
+    one_of : tuple of str
+        Names that these data cannot tell from it.
+    gain : Gain or None
+        Share of a driver's ADE that it spares beside the others, on drivers that took no part in its size.
+    probability : float
+        That it is this and nothing else.
+    effective_drivers : float
+        On how many drivers it rests.
+    at_bound : bool
+        Whether its size is at a bound of what is searched.
     """
 
     name: str
     parameters: Mapping[str, Estimate]
     where: Region | None
     p_value: float
-    share_of_gain: float
     evidence: str
-    inseparable_from: tuple[str, ...] = ()
+    one_of: tuple[str, ...] = ()
+    gain: Gain | None = None
+    probability: float = 1.0
+    effective_drivers: float = 0.0
+    at_bound: bool = False
 
 
 @dataclass(frozen=True)
@@ -139,13 +148,18 @@ class LawCompared(NamedTuple):
 
 
 @dataclass(frozen=True)
-class OtherLaw:
-    """What shows that the drivers' car-following is of another law than the model's: an effect of a sign that none can have."""
+class LawMisfit:
+    """What the law itself lacks, whatever its parameters: a smooth acceleration of gap, speed and approach rate.
 
-    name: str
-    symbol: str
-    unit: str
-    value: float
+    Attributes
+    ----------
+    deviation : float
+        Likeliest standard deviation of that acceleration (m/s²); zero if there is none.
+    standard_errors : float
+        How sure it is.
+    """
+
+    deviation: float
     standard_errors: float
 
 
@@ -161,14 +175,15 @@ class RuledOut:
 
 
 @dataclass(frozen=True)
-class Power:
-    """The size of an effect that would have been seen with a probability."""
+class Detectable:
+    """A size of an effect that was put into the recording's own followers, and how often it was found."""
 
     name: str
     symbol: str
     unit: str
     size: float
-    probability: float
+    found: float
+    of: int
 
 
 @dataclass(frozen=True)
@@ -201,7 +216,6 @@ class Diagnosis:
     ruled_out : tuple of RuledOut
     untestable : mapping of str to str
         Effect and reason.
-    power : tuple of Power
     model, base_model : ExtendedModel
         Base: the median driver by the law that drivers follow, the plain IDM or another, without causes.
     residuals : pandas.DataFrame
@@ -218,8 +232,9 @@ class Diagnosis:
     notes : tuple of str
     seconds : mapping of str to float
         Wall time of each stage.
-    other_law : OtherLaw or None
-        None if what is left does not say so.
+    misfit : LawMisfit
+        Of the law to which causes are added.
+    detectable : tuple of Detectable
     law : Law or None
         Which drivers follow more likely than the IDM; it is then in both models, and gains are beside it. None for the IDM.
     by_law : mapping of str to LawCompared
@@ -234,7 +249,6 @@ class Diagnosis:
     other_gains: tuple[Gain, ...]
     ruled_out: tuple[RuledOut, ...]
     untestable: Mapping[str, str]
-    power: tuple[Power, ...]
     model: ExtendedModel
     base_model: ExtendedModel
     residuals: pd.DataFrame
@@ -243,6 +257,7 @@ class Diagnosis:
     excluded: Mapping[str, int]
     notes: tuple[str, ...] = ()
     seconds: Mapping[str, float] = field(default_factory=dict)
-    other_law: OtherLaw | None = None
+    misfit: LawMisfit = LawMisfit(0.0, 0.0)
+    detectable: tuple[Detectable, ...] = ()
     law: Law | None = None
     by_law: Mapping[str, LawCompared] = field(default_factory=dict)

@@ -175,7 +175,9 @@ def _by_family(values: Floats, library: Library) -> Floats:
     return np.asarray(top + np.log(sums))
 
 
-def compete(evidence: Evidence, library: Library, settings: Settings, score: Floats, rng: np.random.Generator) -> Selection:
+def compete(
+    evidence: Evidence, library: Library, settings: Settings, score: Floats, rng: np.random.Generator
+) -> Selection:
     """Return the sum of single effects that explains a score best, with the likeliest size of the law's misfit."""
     tried = [_at(Competition(evidence, library, settings, score, tau)) for tau in TAUS]
     best = int(np.argmax([support for support, _ in tried]))
