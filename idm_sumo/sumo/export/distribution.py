@@ -70,7 +70,7 @@ def export_distribution(
     seed: int = 0,
     road: Road = DEFAULT,
     source: str = "drivers",
-) -> Path:
+) -> Distribution:
     """Write a ``vTypeDistribution`` that represents the population.
 
     The types are individual drivers, never averages: parameters of a driver belong together, and
