@@ -27,6 +27,7 @@ from idm_sumo.runtime.errors import InputError
 from idm_sumo.runtime.files import MANIFEST, new_folder
 from idm_sumo.runtime.progress import Progress, silent
 from idm_sumo.runtime.workers import in_processes
+from idm_sumo.sumo import network
 from idm_sumo.sumo.closed_loop.demand import boundary_speeds, demand_of
 from idm_sumo.sumo.closed_loop.ego import Ego
 from idm_sumo.sumo.closed_loop.extended_loop import ModelDrivers
@@ -145,6 +146,10 @@ def _recorded(settings: Settings, progress: Progress) -> tuple[Recording, Path]:
     """Return the wanted period, all lanes, smoothed, and its file."""
     recordings, paths = read_all([settings.recording], settings.minutes, settings.seed, settings.location, progress)
     whole = next(iter(recordings.values()))
+    try:
+        network.of(whole.road)
+    except InputError as error:
+        raise InputError(f"{paths[0]}: {error}") from None
     one = whole.of_period(settings.period or whole.periods[0])
     table = one.table.assign(**{c.PERIOD: one.table[c.PERIOD].cat.remove_unused_categories()})
     return smooth(one.with_table(table)), paths[0]

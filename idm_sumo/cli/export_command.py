@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import argparse
+import shlex
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -13,6 +14,8 @@ from idm_sumo.runtime import limits
 
 if TYPE_CHECKING:
     import pandas as pd
+
+    from idm_sumo.sumo.export.routes import Exported
 
 EXPORT = """\
 write drivers as SUMO vehicle types that drive as calibrated
@@ -59,6 +62,12 @@ def add(commands: Any) -> None:
         help="with --distribution: only so many typical drivers",
     )
     parser.add_argument(
+        "--which",
+        choices=("determined", "every"),
+        default="determined",
+        help="with --distribution: only drivers whose fit succeeded within its bounds (default), or every driver",
+    )
+    parser.add_argument(
         "--model",
         type=Path,
         metavar="FILE",
@@ -90,12 +99,15 @@ def export(options: argparse.Namespace) -> None:
         written = export_distribution(
             drivers,
             options.output,
+            which=options.which,
             representatives=options.representatives,
             seed=options.seed,
             without_d1=options.without_d1,
             source=str(options.drivers),
         )
-        say(f"wrote {written}")
+        for line in written.notes:
+            note(line)
+        say(f"wrote {written.file}: {written.types} types that stand for {written.drivers} drivers")
         return
     exported = export_routes(
         drivers,
@@ -108,9 +120,7 @@ def export(options: argparse.Namespace) -> None:
     )
     for line in exported.notes:
         note(line)
-    say(
-        f"wrote {exported.route_file}: {len(exported.vehicles)} drivers; run them with `sumo -c {exported.config_file}`"
-    )
+    say(f"wrote {exported.route_file}: {len(exported.vehicles)} drivers; run them with `{_run_line(exported)}`")
     if {"ade_m", "ade_exact_m"} <= set(drivers.columns):
         say(
             "what each way to do without d1 costs (m of ADE over the calibration window):",
@@ -122,6 +132,16 @@ def export(options: argparse.Namespace) -> None:
         say(f"{len(late)} of {len(delays)} departures are late, for want of room behind the vehicle ahead")
         if len(late):
             say(text_table(late))
+
+
+def _run_line(exported: Exported) -> str:
+    """Return the command that runs an export; from within its folder where SUMO cannot read the folder's name."""
+    from idm_sumo.sumo.plain_paths import is_plain
+
+    config = exported.config_file
+    if is_plain(config):
+        return f"sumo -c {shlex.quote(str(config))}"
+    return f"cd {shlex.quote(str(config.parent))} && sumo -c {shlex.quote(config.name)}"
 
 
 def _costs(drivers: pd.DataFrame) -> pd.DataFrame:

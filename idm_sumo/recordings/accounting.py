@@ -1,4 +1,4 @@
-"""Where every row went: read = used + dropped, each drop with its reason."""
+"""Where every row went: read + added = used + dropped, each with its reason."""
 
 from __future__ import annotations
 
@@ -27,6 +27,8 @@ class Accounting:
         Vehicles that did not, by reason.
     notes : tuple of str
         What else the reader of the figures should know.
+    added : dict of str to int
+        Rows that were made between those that came in, by reason.
     """
 
     total: int
@@ -35,6 +37,7 @@ class Accounting:
     vehicles: int = 0
     vehicles_dropped: dict[str, int] = field(default_factory=dict)
     notes: tuple[str, ...] = ()
+    added: dict[str, int] = field(default_factory=dict)
 
     def check(self) -> Accounting:
         """Return itself if the rows add up.
@@ -44,8 +47,11 @@ class Accounting:
         AssertionError
             If a row is unaccounted for: a defect of this program, never of the file.
         """
-        if self.total != self.used + sum(self.dropped.values()) or min(self.dropped.values(), default=0) < 0:
-            raise AssertionError(f"{self.total} rows read, {self.used} used, but dropped: {self.dropped}")
+        came, went = self.total + sum(self.added.values()), self.used + sum(self.dropped.values())
+        if came != went or min((*self.dropped.values(), *self.added.values()), default=0) < 0:
+            raise AssertionError(
+                f"{self.total} rows read, {self.used} used, but dropped: {self.dropped}, added: {self.added}"
+            )
         return self
 
     def then(self, later: Accounting) -> Accounting:
@@ -65,6 +71,7 @@ class Accounting:
             vehicles=later.vehicles,
             vehicles_dropped=_sum(self.vehicles_dropped, later.vehicles_dropped),
             notes=self.notes + later.notes,
+            added=_sum(self.added, later.added),
         ).check()
 
 
@@ -81,11 +88,17 @@ class Ledger:
         self.total = total
         self.dropped: dict[str, int] = {}
         self.notes: list[str] = []
+        self.added: dict[str, int] = {}
 
     def count(self, reason: str, rows: int) -> None:
         """Book ``rows`` rows as dropped for ``reason``."""
         if rows:
             self.dropped[reason] = self.dropped.get(reason, 0) + int(rows)
+
+    def add(self, reason: str, rows: int) -> None:
+        """Book ``rows`` rows as made for ``reason``."""
+        if rows:
+            self.added[reason] = self.added.get(reason, 0) + int(rows)
 
     def drop(self, table: pd.DataFrame, bad: npt.NDArray[np.bool_] | pd.Series, reason: str) -> pd.DataFrame:
         """Return the table without the rows marked in ``bad`` (shape ``(rows,)``), and book them."""
@@ -96,8 +109,9 @@ class Ledger:
     def close(self, used: int, *, vehicles: int, vehicles_dropped: dict[str, int] | None = None) -> Accounting:
         """Return the finished account, checked."""
         account = Accounting(
-            self.total, used, dict(self.dropped), vehicles, dict(vehicles_dropped or {}), tuple(self.notes)
-        )
+            self.total, used, dict(self.dropped), vehicles, dict(vehicles_dropped or {}), tuple(self.notes),
+            dict(self.added),
+        )  # fmt: skip
         return account.check()
 
 

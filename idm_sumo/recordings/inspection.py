@@ -78,6 +78,7 @@ class Inspection:
         plain = asdict(self)
         rows = plain.pop("rows")
         head = {"source": plain.pop("source"), "read": rows["total"], "used": rows["used"], "dropped": rows["dropped"]}
+        head |= {"added": rows["added"]} if rows["added"] else {}
         counts = {
             "vehicles_read": plain.pop("vehicles_read"),
             "vehicles_used": rows["vehicles"],
@@ -88,6 +89,7 @@ class Inspection:
     def lines(self) -> list[str]:
         """Return the same as lines of text."""
         out = [self.source, f"rows read        {self.rows.total:>10,}"]
+        out += [f"  added          {rows:>10,}  {reason}" for reason, rows in self.rows.added.items()]
         out += [f"  dropped        {rows:>10,}  {reason}" for reason, rows in self.rows.dropped.items()]
         out += [f"rows used        {self.rows.used:>10,}", f"vehicles read    {self.vehicles_read:>10,}"]
         out += [f"  not modelled   {n:>10,}  {reason}" for reason, n in self.rows.vehicles_dropped.items()]

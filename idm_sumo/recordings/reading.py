@@ -5,6 +5,7 @@ from __future__ import annotations
 import json
 import os
 import re
+from collections.abc import Mapping
 from dataclasses import replace
 from pathlib import Path
 from typing import Any, NamedTuple
@@ -15,8 +16,10 @@ import pyarrow.parquet
 
 from idm_sumo.recordings import columns as c
 from idm_sumo.recordings.accounting import Accounting, Ledger
-from idm_sumo.recordings.on_road import check_on_road
-from idm_sumo.recordings.readers import delimited, fcd, header, layouts, ngsim, pairs
+from idm_sumo.recordings.coercion import numbers, whole
+from idm_sumo.recordings.on_road import check_on_road, road_of_lanes, why_foreign
+from idm_sumo.recordings.readers import datasets, delimited, fcd, header, layouts, ngsim, pair_names, pairs
+from idm_sumo.recordings.readers.layout import Opened
 from idm_sumo.recordings.recording import DTYPES, SURROGATE_NOTICE, Recording
 from idm_sumo.roads import DEFAULT, Road, road_at
 from idm_sumo.runtime import inputs, parquet
@@ -31,6 +34,7 @@ NOTICE = b"notice"  # metadata of a Parquet that says what kind of recording it 
 SURROGATE_COLUMN = "Surrogate"  # the same for a CSV, which has no metadata: a column of that name
 START = 65536  # bytes in which the first line ends
 TEXTS = (c.PERIOD,)
+PAIR_TEXTS = ("period", "case")
 FLOATS = tuple(name for name in DTYPES if name not in TEXTS)
 
 
@@ -46,6 +50,21 @@ class _Source(NamedTuple):
     @property
     def road(self) -> Road:
         return self.fitted(self.given or road_at(self.location))
+
+    @property
+    def how(self) -> dict[str, Any]:
+        """What readers of one layout are told."""
+        return {"road": self.road, "source": self.path.name}
+
+    @property
+    def any_road(self) -> bool:
+        """Whether the road is only assumed, so that lanes may tell another."""
+        return self.given is None and not self.any_length
+
+    def opened(self, start: str, head: header.Header | None = None, *, names: tuple[str, ...] = ()) -> Opened:
+        """Return the file as layouts of data sets are held against it."""
+        spelt = head.spelt if head is not None else names
+        return Opened(self.path, self.ledger, self.location, self.given, spelt, start, head)
 
     def fitted(self, road: Road) -> Road:
         """Return the road, without an end if the recording may be of a longer one."""
@@ -123,20 +142,24 @@ def _from_text(source: _Source, start: bytes) -> Recording:
         raise InputError(f"{path}: is not a text file; give NGSIM text, CSV, Parquet or SUMO FCD")
     text = start.decode("utf-8", errors="replace").lstrip("\r\n")
     lines = text.splitlines() or [""]
+    if (layout := datasets.layout_of(opened := source.opened(text))) is not None:
+        return _accounted(*layout.recording(opened))
     if text.lstrip().startswith(("[", "{")):
-        raise layouts.unknown_layout(list(dict.fromkeys(re.findall(r'"(\w+)"\s*:', text))), path.name)
+        raise _unknown(list(dict.fromkeys(re.findall(r'"(\w+)"\s*:', text))), source)
     if len(lines) == 1 and len(start) >= START - len(BOM):
         raise InputError(f"{path}: the first line has more than {START} characters; rows are not apart by line ends")
     if delimited.is_official(lines[0]):
-        raw = delimited.read_official(path, source.ledger, lines[0])
-        return _accounted(*ngsim.to_recording(raw, source.ledger, road=source.road, source=path.name))
-    _check_first_line(path, lines[0])
-    return _from_delimited(source, header.header_of(text, path))
+        raw = delimited.read_official(path, source.ledger)
+        return _accounted(*ngsim.to_recording(raw, source.ledger, **source.how, any_road=source.any_road))
+    head = header.header_of(text, path)
+    if (layout := datasets.layout_of(opened := source.opened(text, head))) is not None:
+        return _accounted(*layout.recording(opened))
+    return _from_delimited(source, head)
 
 
 def _from_delimited(source: _Source, head: header.Header) -> Recording:
     path, ledger, names = source.path, source.ledger, head.spelt
-    how: dict[str, Any] = {"road": source.road, "source": path.name}
+    how = source.how
     if layouts.is_own(names):
         return _own(delimited.read_table(path, head.plain, FLOATS, TEXTS), {}, source)
     if layouts.is_fcd(names):
@@ -144,13 +167,30 @@ def _from_delimited(source: _Source, head: header.Header) -> Recording:
             [n for n in names if layouts.bare(n) in kind] for kind in (layouts.FCD_NUMBERS, layouts.FCD_TEXTS)
         )
         return _accounted(*fcd.from_table(delimited.read_table(path, head.plain, floats, texts), ledger, **how))
-    if layouts.is_pairs(names):
-        frame = delimited.read_table(path, head.plain, layouts.PAIR_NUMBERS, TEXTS)
-        return _accounted(*pairs.to_recording(frame, ledger, **how))
-    layouts.need(list(head.names), path.name, spelt=list(names))
+    if columns := pair_names.pair_columns(names):
+        frame = source.opened("", head).columns(columns, PAIR_TEXTS)
+        return _of_pairs(frame, columns, source)
+    if not layouts.is_ngsim(head.names):
+        raise _unknown(list(names), source)
     raw = delimited.read_portal(path, ledger, head, location=source.location)
-    recording = _accounted(*ngsim.to_recording(raw, ledger, **how))
+    recording = _accounted(*ngsim.to_recording(raw, ledger, **how, any_road=source.any_road))
     return _noted(recording, SURROGATE_NOTICE if SURROGATE_COLUMN in head.spelt else "")
+
+
+def _of_pairs(frame: pd.DataFrame, columns: Mapping[str, str], source: _Source) -> Recording:
+    """Return the recording of pairs, and say which columns were taken for which."""
+    source.ledger.total = 0  # counted by the reader of pairs
+    taken = [f"{spelt} is read as {name}" for name, spelt in columns.items() if spelt != name]
+    source.ledger.notes += ["column " + ", ".join(taken)] if taken else []
+    return _accounted(*pairs.to_recording(frame, source.ledger, road=source.road, source=source.path.name))
+
+
+def _unknown(names: list[str], source: _Source) -> InputError:
+    """Return the error for a file of no known layout, held against those of data sets, too."""
+    others = {
+        one.name: layouts.Lacking(one.missing(names), len(one.columns)) for one in datasets.every() if one.columns
+    }
+    return layouts.unknown_layout(names, source.path.name, others=others)
 
 
 def _noted(recording: Recording, notice: str) -> Recording:
@@ -159,63 +199,58 @@ def _noted(recording: Recording, notice: str) -> Recording:
     return recording if known else replace(recording, notes=(notice, *recording.notes))
 
 
-def _check_first_line(path: Path, line: str) -> None:
-    """Raise for numbers where the names of columns belong."""
-    for mark, word in header.DELIMITERS.items():
-        cells = line.split(mark)
-        if len(cells) > 2 and all(delimited.is_number(cell) for cell in cells):
-            raise InputError(
-                f"{path}: row 1: numbers apart by {word}, without a header; the official text has "
-                f"blanks, the CSV a header"
-            )
-    if line.startswith("#Location"):
-        raise layouts.unknown_layout([line.split(",")[0]], path.name)
-
-
 def _from_parquet(source: _Source) -> Recording:
-    table = parquet.read_table(source.path, lambda names: _wanted(names, source.path.name))
+    table = parquet.read_table(source.path, lambda names: _wanted(names, source))
     notice = (table.schema.metadata or {}).get(NOTICE, b"").decode("utf-8", errors="replace")
     return _noted(_from_arrow(table, source), notice)
 
 
 def _from_arrow(table: pa.Table, source: _Source) -> Recording:
     names, path, ledger = list(table.column_names), source.path, source.ledger
-    how: dict[str, Any] = {"road": source.road, "source": path.name}
+    how = source.how
     if layouts.is_own(names):
         return _own(parquet.to_frame(table, categories=(c.PERIOD,)), _kept(table, path), source)
+    if (layout := datasets.layout_of(opened := source.opened("", names=tuple(names)))) is not None:
+        return _accounted(*layout.recording(opened))
     frame = parquet.to_frame(table)
     if layouts.is_fcd(names):
         return _accounted(*fcd.from_table(frame, ledger, **how))
-    if layouts.is_pairs(names):
-        return _accounted(*pairs.to_recording(frame, ledger, **how))
+    if columns := pair_names.pair_columns(names):
+        return _of_pairs(pd.DataFrame({new: frame[old] for new, old in columns.items()}), columns, source)
     raw = frame.set_axis(header.check_names([header.canonical(name) for name in names], path), axis=1)
     ledger.total += len(raw)
     raw = delimited.as_numbers(raw, path)
     if "Location" in raw:
         raw, seen = delimited.keep_location(raw, source.location, ledger)
         delimited.check_location(path, raw, seen, source.location)
-    return _accounted(*ngsim.to_recording(raw, ledger, **how))
+    return _accounted(*ngsim.to_recording(raw, ledger, **how, any_road=source.any_road))
 
 
-def _wanted(names: list[str], source: str) -> list[str]:
+def _wanted(names: list[str], source: _Source) -> list[str]:
     """Return which columns of a Parquet file to read, by its layout."""
     if layouts.is_own(names):
         return [name for name in names if name in c.ALL]
+    if datasets.layout_of(source.opened("", names=tuple(names))) is not None:
+        return names  # its reader takes what it needs
     if layouts.is_fcd(names):
         return [name for name in names if layouts.bare(name) in (*layouts.FCD_NUMBERS, *layouts.FCD_TEXTS)]
-    if layouts.is_pairs(names):
-        return [name for name in names if name in (*layouts.PAIR_NUMBERS, *TEXTS)]
-    layouts.need([header.canonical(name) for name in names], source, spelt=names)
+    if columns := pair_names.pair_columns(names):
+        return list(columns.values())
+    if not layouts.is_ngsim([header.canonical(name) for name in names]):
+        raise _unknown(names, source)
     return [name for name in names if header.canonical(name) in (*layouts.NUMBERS, *layouts.LABELS)]
 
 
 def _own(frame: pd.DataFrame, kept: dict[str, Any], source: _Source) -> Recording:
     source.ledger.total += len(frame)
+    notes, road = list(kept.get("notes", ())), source.fitted(source.given or kept.get("road") or source.road)
+    if source.any_road and "road" not in kept and kept.get("has_leader_rows", True):
+        road, frame = _on_own_road(frame, road, source, notes)
     recording = Recording.from_table(
         frame,
-        road=source.fitted(source.given or kept.get("road") or source.road),
+        road=road,
         source=kept.get("source") or source.path.name,
-        notes=tuple(kept.get("notes", ())),
+        notes=tuple(notes),
         has_leader_rows=bool(kept.get("has_leader_rows", True)),
     )
     recording = replace(
@@ -224,6 +259,17 @@ def _own(frame: pd.DataFrame, kept: dict[str, Any], source: _Source) -> Recordin
     if recording.has_leader_rows:  # pairs lie on no road: their lateral positions are unknown
         check_on_road(recording.table[c.X], recording.table[c.Y], recording.road, source.path.name, network=True)
     return _accounted(recording, source.ledger.close(len(recording.table), vehicles=recording.vehicle_count))
+
+
+def _on_own_road(frame: pd.DataFrame, road: Road, source: _Source, notes: list[str]) -> tuple[Road, pd.DataFrame]:
+    """Return a road of the table's own lanes where they are not the assumed road's, and the table on it."""
+    name, columns = source.path.name, (c.X, c.Y, c.SPEED)
+    if not {*columns, c.LANE} <= set(frame) or frame.empty:
+        return road, frame  # refused, with the column's name, where the table is checked
+    told = frame.assign(**{column: numbers(frame[column], column, name) for column in columns})
+    told[c.LANE] = whole(frame[c.LANE], c.LANE, name)
+    why = why_foreign(told, road, network=True)
+    return road_of_lanes(told, source.path.stem, why, name, notes) if why else (road, frame)
 
 
 def _kept(table: pa.Table, path: Path) -> dict[str, Any]:

@@ -72,6 +72,8 @@ class Road:
         Names of the network's edges; empty if unknown.
     reach : tuple of float
         First and last ``x`` (m) of the network; empty if it ends with the section.
+    has_signals : bool
+        Whether traffic lights stop vehicles: there, whoever stands without a leader near does not follow.
 
     Raises
     ------
@@ -97,6 +99,7 @@ class Road:
     network: str = ""
     edges: tuple[str, ...] = ()
     reach: tuple[float, ...] = ()
+    has_signals: bool = False
 
     def __post_init__(self) -> None:
         """Refuse what cannot be a road."""

@@ -2,20 +2,23 @@
 
 from __future__ import annotations
 
+import bz2
 import gzip
 import io
 import json
+import lzma
 import math
 import stat
 import tomllib
 import zlib
+from collections.abc import Callable
 from pathlib import Path
 from typing import IO, Any, cast
 
 from idm_sumo.runtime.errors import InputError, shown
 
-GZIP = b"\x1f\x8b"
-BROKEN = (EOFError, OSError, zlib.error)  # what a damaged gzip file raises
+PACKED: dict[bytes, Any] = {b"\x1f\x8b": gzip.open, b"\xfd7zXZ\x00": lzma.open, b"BZh": bz2.open}  # by the first bytes
+BROKEN = (EOFError, OSError, zlib.error, lzma.LZMAError)  # what a damaged archive raises
 UNPACKED = 32 * 2**20  # bytes that any file may unpack to
 RATIO = 50  # times its size that a larger file may unpack to; recordings need 5 to 25
 TEXT = 16 * 2**20  # bytes of a JSON or TOML file at most; ours have thousands
@@ -62,24 +65,27 @@ def check_expansion(packed: int, unpacked: int, name: object) -> None:
 
 
 def open_plain(path: Path) -> IO[bytes]:
-    """Open a file for reading bytes, unpacked within bounds if it is gzip."""
+    """Open a file for reading bytes, unpacked within bounds if it is gzip, xz or bzip2."""
     with path.open("rb") as stream:
-        packed = stream.read(2) == GZIP
-    return cast("IO[bytes]", io.BufferedReader(_Unpacked(path), 1 << 16)) if packed else path.open("rb")
+        start = stream.read(max(map(len, PACKED)))
+    for mark, unpack in PACKED.items():
+        if start.startswith(mark):
+            return cast("IO[bytes]", io.BufferedReader(_Unpacked(path, unpack), 1 << 16))
+    return path.open("rb")
 
 
 class _Unpacked(io.RawIOBase):
-    """The content of a gzip file, as long as it stays within bounds."""
+    """The content of a packed file, as long as it stays within bounds."""
 
-    def __init__(self, path: Path) -> None:
-        self._stream = gzip.open(path)  # noqa: SIM115 - closed by `close`
+    def __init__(self, path: Path, unpack: Callable[[Path], Any]) -> None:
+        self._stream = unpack(path)
         self._path, self._packed, self._read = path, path.stat().st_size, 0
 
     def readable(self) -> bool:
         return True
 
     def readinto(self, buffer: Any) -> int:
-        count = self._stream.readinto(buffer)
+        count = int(self._stream.readinto(buffer))
         self._read += count
         check_expansion(self._packed, self._read, self._path)
         return count

@@ -16,6 +16,7 @@ from typing import Any
 
 from idm_sumo.recordings.columns import FRAME_STEP
 from idm_sumo.runtime.errors import InputError
+from idm_sumo.sumo.plain_paths import plain
 from idm_sumo.sumo.session import ALWAYS
 
 DELAY = "20"  # ms a step, so that one can follow it
@@ -68,20 +69,21 @@ def gui_simulation(options: Sequence[str], *, net: Path) -> Iterator[Any]:
     binary = gui_binary()
     import traci
 
-    command = [binary, "--net-file", str(net), "--step-length", str(FRAME_STEP), *ALWAYS, *options,
-               "--start", "true", "--quit-on-end", "true", "--delay", DELAY]  # fmt: skip
-    try:
-        traci.start(command, numRetries=30, label="idm-sumo", stdout=None)
-        connection = traci.getConnection("idm-sumo")
-    except (traci.exceptions.FatalTraCIError, traci.exceptions.TraCIException) as error:
-        reason = " ".join(str(error).split())
-        raise InputError(
-            f"--gui: sumo-gui does not start ({reason}); is the display {os.environ.get('DISPLAY', '')} usable?"
-        ) from None
-    try:
-        yield connection
-    except traci.exceptions.FatalTraCIError:
-        raise InputError("--gui: sumo-gui was closed before the end; let it run, or leave out --gui") from None
-    finally:
-        with suppress(traci.exceptions.FatalTraCIError):  # it may be closed already
-            connection.close()
+    with plain(net, options) as (net_name, named):
+        command = [binary, "--net-file", net_name, "--step-length", str(FRAME_STEP), *ALWAYS, *named,
+                   "--start", "true", "--quit-on-end", "true", "--delay", DELAY]  # fmt: skip
+        try:
+            traci.start(command, numRetries=30, label="idm-sumo", stdout=None)
+            connection = traci.getConnection("idm-sumo")
+        except (traci.exceptions.FatalTraCIError, traci.exceptions.TraCIException) as error:
+            reason = " ".join(str(error).split())
+            raise InputError(
+                f"--gui: sumo-gui does not start ({reason}); is the display {os.environ.get('DISPLAY', '')} usable?"
+            ) from None
+        try:
+            yield connection
+        except traci.exceptions.FatalTraCIError:
+            raise InputError("--gui: sumo-gui was closed before the end; let it run, or leave out --gui") from None
+        finally:
+            with suppress(traci.exceptions.FatalTraCIError):  # it may be closed already
+                connection.close()

@@ -53,7 +53,10 @@ def of(road: Road) -> RoadNetwork:
         If none belongs to it.
     """
     if road.name not in LAYOUTS:
-        raise InputError(f"road {road.name!r} has no SUMO network; there are networks of {', '.join(LAYOUTS)}")
+        raise InputError(
+            f"road {road.name!r} has no SUMO network, there is one of {', '.join(LAYOUTS)}; without one you can "
+            "calibrate, predict, diagnose and `replay --backend kernel`"
+        )
     return RoadNetwork(road, LAYOUTS[road.name])
 
 

@@ -2,6 +2,9 @@
 
 from __future__ import annotations
 
+import os
+import sys
+import tempfile
 from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
 from pathlib import Path
@@ -10,6 +13,7 @@ from xml.etree import ElementTree
 
 from idm_sumo.recordings.columns import FRAME_STEP
 from idm_sumo.runtime.errors import InputError
+from idm_sumo.sumo.plain_paths import plain
 
 # What every simulation shares.
 ALWAYS = (
@@ -17,6 +21,8 @@ ALWAYS = (
     "--no-step-log", "true",
     "--time-to-teleport", "-1",  # no vehicle is removed from a jam
 )  # fmt: skip
+
+STANDARD_ERROR = 2
 
 # What a replay needs: SUMO holds vehicles and names leaders; their motion is decided outside.
 REPLAY = (
@@ -76,7 +82,7 @@ def simulation(options: Sequence[str] = REPLAY, *, net: Path, step_length: float
     Raises
     ------
     InputError
-        If libsumo or the network cannot be loaded, or SUMO refuses an option.
+        If libsumo or the network cannot be loaded, or SUMO refuses an option or what it reads on its way.
     RuntimeError
         If a simulation already runs in this process: libsumo holds one.
     """
@@ -84,16 +90,39 @@ def simulation(options: Sequence[str] = REPLAY, *, net: Path, step_length: float
     sumo = load_libsumo()
     if sumo.isLoaded():
         raise RuntimeError("one simulation a process: leave the first `with simulation()` before the next")
-    command = ["sumo", "--net-file", str(net), "--step-length", str(step_length), *ALWAYS, *options]
-    try:
-        sumo.start(command)
-    except sumo.TraCIException as error:
-        reason = " ".join(str(error).split())
-        raise InputError(f"{net}: SUMO does not start ({reason}); check this network and {' '.join(options)}") from None
-    try:
-        yield sumo
-    finally:
-        sumo.close()
+    with plain(net, options) as (net_name, named):
+        command = ["sumo", "--net-file", net_name, "--step-length", str(step_length), *ALWAYS, *named]
+        said: list[str] = []
+        try:
+            with _heard(said):
+                sumo.start(command)
+        except sumo.TraCIException as error:
+            reason = " ".join([*said, str(error)])
+            raise InputError(
+                f"{net}: SUMO does not start ({reason}); check this network and {' '.join(options)}"
+            ) from None
+        try:
+            yield sumo
+        except sumo.FatalTraCIError as error:
+            raise InputError(f"{net}: SUMO stopped ({error}); check this network and {' '.join(options)}") from None
+        finally:
+            sumo.close()
+
+
+@contextmanager
+def _heard(said: list[str]) -> Iterator[None]:
+    """Keep what SUMO itself writes to standard error from there and collect it, for one message to tell it."""
+    sys.stderr.flush()
+    with tempfile.TemporaryFile() as aside:
+        usual = os.dup(STANDARD_ERROR)
+        os.dup2(aside.fileno(), STANDARD_ERROR)
+        try:
+            yield
+        finally:
+            os.dup2(usual, STANDARD_ERROR)
+            os.close(usual)
+            aside.seek(0)
+            said += aside.read().decode("utf-8", "replace").splitlines()
 
 
 def _check_net(path: Path) -> None:

@@ -1,5 +1,6 @@
 import gzip
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pandas as pd
@@ -7,6 +8,7 @@ import pytest
 
 from idm_sumo.recordings import columns as c
 from idm_sumo.recordings.reading import read_recording, write_parquet
+from idm_sumo.roads import US101
 from idm_sumo.roads.units import FOOT
 from idm_sumo.runtime.errors import InputError
 from tests.helpers import ngsim_files
@@ -14,7 +16,7 @@ from tests.helpers.builders import Car, recording
 from tests.helpers.ngsim_files import official, portal
 
 
-def refused(path: Path, message: str, **how: str) -> None:
+def refused(path: Path, message: str, **how: Any) -> None:
     with pytest.raises(InputError, match=message) as caught:
         read_recording(path, **how)
     assert "\n" not in str(caught.value)
@@ -177,11 +179,39 @@ def test_other_delimiters_and_decimal_commas_give_the_same_values(tmp_path: Path
     pd.testing.assert_frame_equal(read_recording(tmp_path / "other.csv").table, expected)
 
 
-@pytest.mark.parametrize(
-    ("mark", "message"), [(";", "apart by semicolons"), (",", "numbers apart by commas, without a header")]
-)
-def test_wrong_delimiters_of_official_text(tmp_path: Path, mark: str, message: str) -> None:
-    refused(official(tmp_path / "bad.txt", ngsim_files.table(), mark), f"row 1: .*{message}")
+@pytest.mark.parametrize("mark", [";", ",", "\t"])
+def test_official_text_apart_by_a_delimiter(tmp_path: Path, mark: str) -> None:
+    expected = read_recording(official(tmp_path / "blanks.txt", ngsim_files.table())).table
+    other = official(tmp_path / "other.txt", ngsim_files.table(), mark)
+    pd.testing.assert_frame_equal(read_recording(other).table, expected)
+
+
+def test_a_header_apart_by_blanks(tmp_path: Path) -> None:
+    ngsim_files.table().to_csv(tmp_path / "commas.csv", index=False)
+    ngsim_files.table().to_csv(tmp_path / "blanks.txt", index=False, sep=" ")
+    expected = read_recording(tmp_path / "commas.csv").table
+    pd.testing.assert_frame_equal(read_recording(tmp_path / "blanks.txt").table, expected)
+
+
+@pytest.mark.parametrize("ending", [".gz", ".xz", ".bz2"])
+def test_packed_files_give_the_same_values(tmp_path: Path, ending: str) -> None:
+    ngsim_files.table().to_csv(tmp_path / "plain.csv", index=False)
+    ngsim_files.table().to_csv(tmp_path / f"packed.csv{ending}", index=False)
+    expected = read_recording(tmp_path / "plain.csv").table
+    pd.testing.assert_frame_equal(read_recording(tmp_path / f"packed.csv{ending}").table, expected)
+
+
+def test_lanes_of_another_road_make_a_straight_one(tmp_path: Path) -> None:
+    table = ngsim_files.table()
+    lane = table["Vehicle_ID"]
+    table = table.assign(Lane_ID=lane, Local_X=10.5 * lane - 5.0, Local_Y=table["Local_Y"] + 2500.0)
+    table.to_csv(tmp_path / "other.csv", index=False)
+    recording = read_recording(tmp_path / "other.csv")
+    assert recording.road.main_lanes == 3
+    np.testing.assert_allclose(recording.road.widths, 10.5 * FOOT)
+    assert any("a straight road of the recorded lanes is taken" in note for note in recording.notes)
+    with pytest.raises(InputError, match="another road"):
+        read_recording(tmp_path / "other.csv", road=US101)
 
 
 def test_an_unknown_layout_names_what_it_has_and_needs(tmp_path: Path) -> None:

@@ -82,11 +82,10 @@ def _optimised(test: Drivers, agents: Agents) -> str:
 def _effort(agents: Agents) -> str:
     if agents.learners.curve.empty:
         return ""
-    by_seed = agents.learners.curve.groupby("seed")
-    steps, seconds = by_seed["steps"].max(), by_seed["seconds"].sum()
+    steps = agents.learners.curve.groupby("seed")["steps"].max()
     return (
         f"{len(steps)} seeds ({', '.join(map(str, steps.index))}), {steps.max() / 1e6:.2g} million steps of 0.1 s "
-        f"each, {steps.sum() / seconds.sum():,.0f} steps a second with updates. A collision or leaving the road "
+        "each. A collision or leaving the road "
         "ends an episode with a penalty in training only; the runs scored here last to the end, by the policy's "
         "mean action."
     )

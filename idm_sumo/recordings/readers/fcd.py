@@ -13,14 +13,15 @@ import pandas as pd
 
 from idm_sumo.recordings import columns as c
 from idm_sumo.recordings.accounting import Accounting, Ledger
-from idm_sumo.recordings.coercion import LARGEST, LATEST, LONGEST, WIDEST, drop_impossible, numbers, sizes
+from idm_sumo.recordings.coercion import LATEST, LONGEST, WIDEST, drop_impossible, numbers, sizes
 from idm_sumo.recordings.columns import FRAME_STEP
+from idm_sumo.recordings.identities import vehicle_numbers
 from idm_sumo.recordings.on_road import check_foreign_lanes, check_on_road, foreign_edges, outside
 from idm_sumo.recordings.readers.header import check_names
 from idm_sumo.recordings.readers.layouts import FCD_NUMBERS, bare
 from idm_sumo.recordings.recording import Recording
 from idm_sumo.roads import Road
-from idm_sumo.runtime.errors import InputError, one_line, shown
+from idm_sumo.runtime.errors import InputError, shown
 from idm_sumo.runtime.inputs import BROKEN, open_plain
 
 NUMBERS = FCD_NUMBERS[1:]
@@ -206,18 +207,5 @@ def _numbers(names: pd.Series, notes: list[str], source: str) -> npt.NDArray[np.
             f"{source}: row {int(absent.argmax()) + 1} of those in the section has no vehicle id; run SUMO with "
             "--fcd-output.attributes id,x,y,angle,speed,lane"
         )
-    code, unique = pd.factorize(names.astype(object))
-    text = [str(name) for name in unique]
-    given = {name: int(name) for name in text if _is_number(name)}
-    free = max(given.values(), default=0)
-    others = [name for name in text if name not in given]
-    number = given | {name: free + place for place, name in enumerate(others, 1)}
-    if others:
-        some = ", ".join(f"{one_line(name)[:40]} = {number[name]}" for name in others[:3])
-        notes.append(f"{len(others)} vehicles have a name, not a number; they got the next free ones ({some})")
-    return np.asarray(np.array([number[name] for name in text], dtype=np.int64)[code])
-
-
-def _is_number(name: str) -> bool:
-    """Whether an id is a number that is written in one way only and fits every layout."""
-    return len(name) < 16 and name.isdecimal() and name != "0" and name == str(int(name)) and int(name) < LARGEST
+    number = vehicle_numbers(names, notes, source)
+    return np.asarray(names.map(number), dtype=np.int64)

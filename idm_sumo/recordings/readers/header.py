@@ -9,6 +9,7 @@ from dataclasses import dataclass, replace
 from idm_sumo.recordings.readers.layouts import LABELS, OFFICIAL
 from idm_sumo.runtime.errors import InputError, shown
 
+BLANKS = " "  # any number of them between two columns
 DELIMITERS = {",": "commas", ";": "semicolons", "\t": "tabs", "|": "bars"}
 UNNAMED = "(without a name)"  # an empty last column, left by a delimiter at the end of each line
 MOST = 1000  # columns
@@ -33,12 +34,27 @@ class Header:
     delimiter : str
     decimal : str
         What sets the decimals apart, a point or a comma.
+    above : int
+        Lines before the one with the names.
+    has_names : bool
+        Whether there is such a line.
     """
 
     names: tuple[str, ...]
     spelt: tuple[str, ...]
     delimiter: str
     decimal: str
+    above: int = 0
+    has_names: bool = True
+
+    @property
+    def separator(self) -> str:
+        """What pandas is told of the delimiter."""
+        return r"\s+" if self.delimiter == BLANKS else self.delimiter
+
+    def cells(self, line: str) -> list[str]:
+        """Return the cells of a line."""
+        return line.split() if self.delimiter == BLANKS else line.rstrip("\r\n").split(self.delimiter)
 
     @property
     def plain(self) -> Header:
@@ -76,6 +92,8 @@ def header_of(start: str, source: object) -> Header:
     """
     first, *more = start.splitlines()
     delimiter = max(DELIMITERS, key=first.count)
+    if delimiter not in first and len(first.split()) > 1:
+        delimiter = BLANKS
     spelt = [name.strip().lstrip("\ufeff") for name in _cells(first, delimiter, source)]
     if len(spelt) > MOST:
         raise InputError(f"{source}: row 1 has {len(spelt)} columns; a recording has about 20")
@@ -102,6 +120,8 @@ def check_names(names: list[str], source: object) -> list[str]:
 
 
 def _cells(line: str, delimiter: str, source: object) -> list[str]:
+    if delimiter == BLANKS:
+        return line.split()
     try:
         return next(csv.reader([line], delimiter=delimiter, skipinitialspace=True))
     except (csv.Error, StopIteration) as error:

@@ -5,6 +5,8 @@ Beyond this module and :mod:`idm_sumo.recordings.readers.pairs` nobody knows fee
 
 from __future__ import annotations
 
+from pathlib import Path
+
 import numpy as np
 import pandas as pd
 
@@ -14,9 +16,8 @@ from idm_sumo.recordings.accounting import Accounting, Ledger
 from idm_sumo.recordings.clock import bounded, check_frames, check_one_period, frames_of_clock, sound_clock
 from idm_sumo.recordings.coercion import FARTHEST_LEADER, FRAMES, LONGEST, WIDEST, drop_impossible, sizes, whole
 from idm_sumo.recordings.columns import FRAME_STEP
-from idm_sumo.recordings.on_road import check_lane_widths, check_on_road
+from idm_sumo.recordings.on_road import check_lane_widths, check_on_road, road_of_lanes, why_foreign
 from idm_sumo.recordings.periods import split_periods
-from idm_sumo.recordings.readers.layouts import need
 from idm_sumo.recordings.recording import Recording
 from idm_sumo.roads import Road
 from idm_sumo.roads.units import FOOT
@@ -28,7 +29,9 @@ NARROWEST_CAR = 1.0  # m, as well
 DENSE_SHARE = 0.5  # share of leaders found in the table from which it counts as complete
 
 
-def to_recording(raw: pd.DataFrame, ledger: Ledger, *, road: Road, source: str) -> tuple[Recording, Accounting]:
+def to_recording(
+    raw: pd.DataFrame, ledger: Ledger, *, road: Road, source: str, any_road: bool = False
+) -> tuple[Recording, Accounting]:
     """Turn a table of official names into a recording, booking every row that is left out.
 
     Parameters
@@ -42,13 +45,14 @@ def to_recording(raw: pd.DataFrame, ledger: Ledger, *, road: Road, source: str) 
         What was recorded: its lanes are the numbers that a row may have.
     source : str
         Name for messages.
+    any_road : bool, keyword-only
+        Whether lanes that do not fit the road make one of their own.
 
     Raises
     ------
     InputError
         If a column that cannot be done without is missing, or the numbers are not in feet.
     """
-    need(list(raw.columns), source, spelt=list(raw.columns))
     if raw.empty:
         raise InputError(f"{source}: no rows; give a recording with at least one vehicle")
     before = set(raw["Vehicle_ID"].dropna().unique())
@@ -60,7 +64,10 @@ def to_recording(raw: pd.DataFrame, ledger: Ledger, *, road: Road, source: str) 
     check_feet(raw, road, source)
     raw = _with_period(raw, notes, source)
     raw = _drop_repeated(raw, ledger)
-    table = drop_impossible(_in_si(raw, road, notes), ledger, road, source)
+    table = _in_si(raw, road, notes)
+    if any_road and "Lane_ID" in raw and (why := why_foreign(table, road)):
+        road, table = road_of_lanes(table, Path(source).stem, why, source, notes)
+    table = drop_impossible(table, ledger, road, source)
     _check_not_empty(table, ledger, source)
     check_on_road(table[c.X], table[c.Y], road, source)
     if "Lane_ID" in raw:

@@ -17,11 +17,15 @@ from idm_sumo.recordings.accounting import Accounting, Ledger
 from idm_sumo.recordings.coercion import LATEST, drop_impossible, numbers, whole
 from idm_sumo.recordings.columns import FRAME_STEP
 from idm_sumo.recordings.readers.layouts import PAIR_LENGTHS, PAIR_NUMBERS, PAIRS
+from idm_sumo.recordings.readers.pair_names import completed, driven
 from idm_sumo.recordings.recording import Recording
+from idm_sumo.recordings.resampling import resample
 from idm_sumo.recordings.smoothing import filter_runs, runs
 from idm_sumo.roads import Road
 from idm_sumo.roads.units import FOOT
 from idm_sumo.runtime.errors import InputError
+
+__all__ = ["driven", "to_recording"]
 
 LENGTH, SPACING = PAIR_LENGTHS  # one of them tells the other
 GRID_TOLERANCE = 0.02  # s, between a row's time and its frame
@@ -52,6 +56,8 @@ def to_recording(raw: pd.DataFrame, ledger: Ledger, *, road: Road, source: str) 
         If units or time steps are none we know, or the columns contradict each other.
     """
     ledger.total += len(raw)
+    told: list[str] = []
+    raw = completed(raw, told)
     period = raw["period"].where(raw["period"].notna(), "(none)").astype(str) if "period" in raw else "recording"
     raw = raw.assign(period=period)
     raw = raw.assign(**{name: numbers(raw[name], name, source) for name in PAIR_NUMBERS if name in raw})
@@ -60,12 +66,15 @@ def to_recording(raw: pd.DataFrame, ledger: Ledger, *, road: Road, source: str) 
     raw = ledger.drop(raw, ~raw["t"].between(-LATEST, LATEST), "impossible time, position or acceleration")
     _check_not_empty(raw, ledger, source)
     raw = raw.assign(**{name: whole(raw[name], name, source, low=0) for name in ("follower", "leader")})
+    raw = _every_frame(raw, ledger, source)
     unit, unit_name = _unit(raw, source)
     table = drop_impossible(_table(raw, unit, road, source), ledger, road, source)
     table = ledger.drop(table, ~(table[c.HEADWAY] > 0), "leader not ahead")
     table = ledger.drop(table, table.duplicated(list(c.KEYS)), "duplicate frame of a vehicle")
     lengths = _lengths(table)
     own = [lengths.get(key, np.nan) for key in zip(table[c.PERIOD].astype(str), table[c.VEHICLE], strict=True)]
+    if "follower_length" in raw:
+        own = raw["follower_length"].loc[table.index] * unit
     _check_not_empty(table, ledger, source)
     recording = Recording.from_table(table.assign(**{c.LENGTH: own}), road=road, source=source, has_leader_rows=False)
     smooth, smooth_note = _smoothness(recording)
@@ -74,11 +83,29 @@ def to_recording(raw: pd.DataFrame, ledger: Ledger, *, road: Road, source: str) 
         f"{len(pairs)} leader-follower pairs in {unit_name}: each follower sees its leader and nobody else; what needs "
         "a second leader, a neighbour or a rear vehicle cannot be tested",
         "lateral positions are unknown: everybody is put in the middle lane",
-        "the length of leaders is recorded, that of followers only where they lead another pair",
-        smooth_note,
-    )
+        "the length of leaders is recorded, that of followers only where they lead another pair"
+        if "follower_length" not in raw else "the lengths of both are recorded",
+        smooth_note, *told,
+    )  # fmt: skip
     recording = replace(recording, notes=notes, is_smooth=smooth, leader_lengths=lengths)
     return recording, ledger.close(len(recording.table), vehicles=recording.vehicle_count)
+
+
+def _every_frame(raw: pd.DataFrame, ledger: Ledger, source: str) -> pd.DataFrame:
+    """Return pairs with a row every 0.1 s, by the rule of :mod:`idm_sumo.recordings.resampling`."""
+    steps = raw.sort_values(["period", "follower", "t"], kind="stable").groupby(["period", "follower"])["t"].diff()
+    step = float(steps[steps > 0].median()) if (steps > 0).any() else FRAME_STEP
+    if abs(step - FRAME_STEP) <= GRID_TOLERANCE:
+        return raw
+    names = {"period": c.PERIOD, "follower": c.VEHICLE, "t": c.TIME}
+    table = raw.rename(columns=names).assign(**{c.PERIOD: pd.Categorical(raw["period"])})
+    places = tuple(name for name in ("x_follower", "x_leader", SPACING) if name in raw)
+    rates = tuple(name for name in ("v_follower", "a_follower") if name in raw)
+    table = resample(table, ledger, source, positions=places, rates=rates, run_of="leader")
+    back = {new: old for old, new in names.items()}
+    # A period's frames are counted from its first row; so are the times, which may lie between frames of 0 s.
+    table = table.rename(columns=back).assign(t=table[c.FRAME] * FRAME_STEP)
+    return table.assign(period=table["period"].astype(str)).drop(columns=c.FRAME)
 
 
 def _check_not_empty(raw: pd.DataFrame, ledger: Ledger, source: str) -> None:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 from xml.etree.ElementTree import Element, SubElement
@@ -25,17 +26,43 @@ from idm_sumo.sumo.export.translation import (
     with_parameters,
 )
 from idm_sumo.sumo.export.vtypes import identifier, number, type_element
+from idm_sumo.sumo.plain_paths import check_name
 
 Floats = npt.NDArray[np.float64]
 
 FASTEST = 70.0  # m/s, maxSpeed where the road's limit alone shall be the desired speed
 NAME = "calibrated"
+EVERY = "every"  # every driver with parameters; otherwise those that are well determined
+DRIVERS = ("determined", EVERY)
+MEDIANS = ("T", "d0")  # shown where the drivers that are kept may not stand for all
+
+
+@dataclass(frozen=True)
+class Distribution:
+    """What was written.
+
+    Attributes
+    ----------
+    file : Path
+    types : int
+        Vehicle types in it.
+    drivers : int
+        Drivers that they stand for.
+    notes : tuple of str
+        Who was left out and why, and what a reader should know besides.
+    """
+
+    file: Path
+    types: int
+    drivers: int
+    notes: tuple[str, ...]
 
 
 def export_distribution(
     drivers: pd.DataFrame,
     path: Path | str,
     *,
+    which: str = DRIVERS[0],
     without_d1: str | None = None,
     representatives: int | None = None,
     name: str = NAME,
@@ -43,12 +70,13 @@ def export_distribution(
     seed: int = 0,
     road: Road = DEFAULT,
     source: str = "drivers",
-) -> Path:
+) -> Distribution:
     """Write a ``vTypeDistribution`` that represents the population.
 
     The types are individual drivers, never averages: parameters of a driver belong together, and
     the mean of badly determined ones describes no driver. Drivers whose fit ended on a bound
-    or without success are left out where the table says so.
+    or without success are left out where the table says so, unless every driver is asked for;
+    the result tells how many.
 
     Parameters
     ----------
@@ -56,6 +84,8 @@ def export_distribution(
         With ``length_m, width_m, vehicle_class`` where known.
     path : Path or str
         An additional file, ``FILE.add.xml``.
+    which : {"determined", "every"}
+        Whether only well-determined drivers are taken, or every driver that has parameters.
     without_d1 : {"refit", "linearised", "none"}, optional
         As of :func:`idm_sumo.sumo.export.routes.export_routes`.
     representatives : int, optional
@@ -75,21 +105,25 @@ def export_distribution(
 
     Returns
     -------
-    Path
-        The file.
+    Distribution
 
     Raises
     ------
     InputError
-        If the drivers are impossible, or fewer than ``representatives``.
+        If SUMO cannot read the file's name, the drivers are impossible, or fewer than ``representatives``.
     """
-    table, _ = with_parameters(drivers, source)
-    table, way, _ = chosen_without_d1(table, None, without_d1, EULER)
-    theta, _ = sumo_parameters(table, way, desired_speeds(table, None, road, source), EULER, source)
-    good = well_determined(table)
+    check_name(Path(path))
+    table, without = with_parameters(drivers, source)
+    table, way, way_notes = chosen_without_d1(table, None, without_d1, EULER)
+    theta, notes = sumo_parameters(table, way, desired_speeds(table, None, road, source), EULER, source)
+    good = well_determined(table) if which != EVERY else np.ones(len(table), dtype=bool)
+    left_out = _left_out(table, good)
     table, theta = table[good].reset_index(drop=True), theta[good]
     if table.empty or (representatives is not None and not 1 <= representatives <= len(table)):
-        raise InputError(f"{source}: {len(table)} well-determined drivers cannot give {representatives or 'any'} types")
+        raise InputError(
+            f"{source}: {len(table)} well-determined drivers cannot give {representatives or 'any'} types"
+            + "".join(f"; {note}" for note in left_out)
+        )
     rows, shares = _represent(theta[:, :4], representatives, seed)
     root = Element("additional")
     distribution = SubElement(root, "vTypeDistribution", id=identifier(name))
@@ -100,7 +134,7 @@ def export_distribution(
         type_element(driver, distribution, probability=number(share))
     with new_file(path) as part:
         save(root, part)
-    return Path(path)
+    return Distribution(Path(path), len(rows), len(table), (*without, *left_out, *way_notes, *notes))
 
 
 def well_determined(table: pd.DataFrame) -> npt.NDArray[np.bool_]:
@@ -121,6 +155,22 @@ def well_determined(table: pd.DataFrame) -> npt.NDArray[np.bool_]:
     if "at_bound" in table:
         good &= table["at_bound"].map(_is_empty).to_numpy(dtype=bool)
     return good
+
+
+def _left_out(table: pd.DataFrame, good: npt.NDArray[np.bool_]) -> tuple[str, ...]:
+    """Return how many drivers are not well determined, why, and whether the others stand for them."""
+    if good.all():
+        return ()
+    status = table[d.STATUS] if d.STATUS in table else pd.Series(d.OK, index=table.index)
+    reasons = status.where(status != d.OK, "a parameter at its bound")[~good].value_counts()
+    why = ", ".join(f"{count} {reason}" for reason, count in reasons.items())
+    names = [name for name in MEDIANS if name in table]
+    kept = ", ".join(f"{name} {table.loc[good, name].median():.2f} (all: {table[name].median():.2f})" for name in names)
+    medians = f"; medians of the others: {kept}" if good.any() and kept else ""
+    return (
+        f"{(~good).sum()} of {len(table)} drivers are left out ({why}){medians}; "
+        '`--which every` (`which="every"`) takes all of them',
+    )
 
 
 def _is_empty(value: Any) -> bool:

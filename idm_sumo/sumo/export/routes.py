@@ -28,6 +28,7 @@ from idm_sumo.sumo import network
 from idm_sumo.sumo.export import run_recipe
 from idm_sumo.sumo.export.companions import Companions
 from idm_sumo.sumo.export.extended_types import Expressed, express
+from idm_sumo.sumo.export.net_file import checked_net
 from idm_sumo.sumo.export.translation import (
     chosen_without_d1,
     desired_speeds,
@@ -39,6 +40,7 @@ from idm_sumo.sumo.export.translation import (
 )
 from idm_sumo.sumo.export.vtypes import number, type_element
 from idm_sumo.sumo.network import RoadNetwork
+from idm_sumo.sumo.plain_paths import check_name
 
 Floats = npt.NDArray[np.float64]
 
@@ -120,14 +122,15 @@ def export_routes(
     Raises
     ------
     InputError
-        If a driver or a departure is impossible, a vehicle has no lane on the network, the
-        network is missing or its limit below the desired speed. Then nothing is written.
+        If SUMO cannot read the file's name, a driver or a departure is impossible, a vehicle has no lane on the
+        network, the network is missing or its limit below the desired speed. Then nothing is written.
     """
     run_recipe.check_integration(integration)
+    check_name(Path(path))
     table, fit_notes = with_parameters(drivers, source)
     table = table.assign(**{d.DESIRED_SPEED: desired_speeds(table, desired_speed, road, source)})
     net = network.of(road)
-    net_path = _checked_net(net, net_file, float(table[d.DESIRED_SPEED].max()))
+    net_path = checked_net(net, net_file, float(table[d.DESIRED_SPEED].max()))
     table = _with_departures(table, departures, source)
     table, way, way_notes = chosen_without_d1(table, departures, without_d1, integration)
     theta, notes = sumo_parameters(table, way, table[d.DESIRED_SPEED].to_numpy(), integration, source)
@@ -141,34 +144,6 @@ def export_routes(
     files = _write(Path(path), root, net_path, integration)
     vehicles = table.iloc[order][[c.PERIOD, c.VEHICLE, "id", "depart"]].rename(columns={"depart": d.DEPART})
     return Exported(*files, vehicles.reset_index(drop=True), fit_notes + way_notes + notes + speed_notes + held.notes)
-
-
-def _checked_net(own: RoadNetwork, net_file: Path | str | None, desired_speed: float) -> Path:
-    """Return the path of a suitable network.
-
-    It is a build of the road's network and lets drivers drive at their desired speed.
-    """
-    path = own.file if net_file is None else Path(net_file)
-    if not path.is_file():
-        raise InputError(f"{path}: no such network; build it with `python network/build.py`")
-    from sumolib.net import readNet
-
-    try:
-        net = readNet(str(path))
-    except Exception as error:  # sumolib raises errors of its parser
-        raise InputError(
-            f"{path}: not a SUMO network ({str(error).splitlines()[0]}); build it with `python network/build.py`"
-        ) from None
-    for name in own.mainline:
-        if not net.hasEdge(name):
-            raise InputError(f"{path}: has no edge {name!r}; routes are for builds of our own network")
-        limit = net.getEdge(name).getSpeed()
-        if limit < desired_speed - 1e-4:
-            raise InputError(
-                f"{path}: edge {name!r} allows {limit:g} m/s, below the desired speed {desired_speed:g} m/s, "
-                "which would cap every driver; build it with a higher --speed-limit-mph or lower desired_speed"
-            )
-    return path
 
 
 def _with_departures(table: pd.DataFrame, departures: Any, source: str) -> pd.DataFrame:

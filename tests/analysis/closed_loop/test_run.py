@@ -22,6 +22,7 @@ from idm_sumo.sumo.closed_loop.ego import Ego
 from idm_sumo.sumo.closed_loop.measurement import as_recording
 from idm_sumo.sumo.gui import gui_binary
 from idm_sumo.sumo.session import simulation
+from tests.helpers import ngsim_files
 from tests.helpers.builders import Car, recording
 
 SPEED = 12.0  # m/s
@@ -256,6 +257,18 @@ def test_bad_input_is_one_line_and_nothing_is_left(
     assert len(said) == 1
     assert complaint in said[0]
     assert list(tmp_path.iterdir()) == []
+
+
+def test_a_road_without_a_network_is_refused_with_what_can_be_done(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    file = ngsim_files.portal(tmp_path / "i80.csv", ngsim_files.table(frames=60), location="i-80")
+    with pytest.raises(SystemExit, match="2"):
+        main(["interactive", str(file), "--location", "i-80", "--replay-bias", "0", "-o", str(tmp_path / "out")])
+    said = capsys.readouterr().err.splitlines()[-1]
+    assert f"{file}: road 'i-80' has no SUMO network" in said
+    assert "--backend kernel" in said
+    assert not (tmp_path / "out").exists()
 
 
 def test_drivers_of_another_recording_are_refused(

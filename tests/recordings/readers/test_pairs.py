@@ -1,5 +1,7 @@
 """Leader-follower pairs become followers that see their own leader and nobody else."""
 
+from pathlib import Path
+
 import numpy as np
 import pandas as pd
 import pytest
@@ -158,3 +160,37 @@ def test_the_reconstructed_pairs_of_i80(shared_data) -> None:
     ]
     np.testing.assert_allclose(driven.gap[:, 0], expected, atol=0.05)  # the leader's path alone is filtered
     assert (driven.leader != NOBODY).all()
+
+
+@pytest.mark.parametrize(
+    ("names", "kept"),
+    [
+        ({"t": "Time", "follower": "follower_id", "leader": "leader_id", "x_follower": "x_f", "x_leader": "x_l"}, ()),
+        ({"t": "time (s)", "follower": "ID_FAV", "leader": "ID_LV", "x_follower": "Pos_FAV", "x_leader": "Pos_LV"}, ()),
+        ({"v_follower": "follower_speed(m/s)", "spacing": "gap"}, ("t", "follower", "leader", "v_follower", "spacing")),
+    ],
+)
+def test_names_that_people_use(tmp_path: Path, names: dict[str, str], kept: tuple[str, ...]) -> None:
+    time = np.arange(0, 10, 0.1)
+    table = pd.DataFrame({
+        "follower": 2, "leader": 1, "t": time, "x_follower": 20.0 * time, "x_leader": 20.0 * time + 34.5,
+        "leader_length": 4.5, "spacing": 30.0, "v_follower": 20.0,
+    })  # fmt: skip
+    table = table[list(kept) or list(table)].rename(columns=names)
+    table.to_csv(tmp_path / "pairs.csv", index=False)
+    recording = read_recording(tmp_path / "pairs.csv")
+    np.testing.assert_allclose(recording.table[c.HEADWAY], 34.5)
+    np.testing.assert_allclose(recording.table[c.SPEED], 20.0, atol=1e-6)
+    table.to_parquet(tmp_path / "pairs.parquet")
+    pd.testing.assert_frame_equal(read_recording(tmp_path / "pairs.parquet").table, recording.table)
+
+
+def test_cases_without_vehicle_numbers_at_five_frames_a_second(tmp_path: Path) -> None:
+    time = np.arange(0, 10, 0.2)
+    case = pd.DataFrame({"time": time, "leader_position": 20.0 * time + 34.5, "follower_position": 20.0 * time,
+                         "leader_length": 4.5})  # fmt: skip
+    pd.concat([case.assign(case_id=7), case.assign(case_id=9)]).to_csv(tmp_path / "cases.csv", index=False)
+    recording = read_recording(tmp_path / "cases.csv")
+    assert recording.vehicle_count == 2
+    np.testing.assert_allclose(recording.table[c.HEADWAY], 34.5)
+    assert recording.accounting.added == {"interpolated to frames of 0.1 s": 2 * 49}

@@ -334,7 +334,7 @@ def drawn(path: Path, folder: Path, vehicles: int = 400) -> pd.Series:
 
 
 def test_every_driver_equally_often(tmp_path: Path) -> None:
-    path = export_distribution(drivers(), tmp_path / "population.add.xml")
+    path = export_distribution(drivers(), tmp_path / "population.add.xml").file
     types = parse(path).getroot().findall("vTypeDistribution/vType")
     assert len(types) == 30
     assert {float(kind.attrib["probability"]) for kind in types} == {1 / 30}
@@ -349,7 +349,7 @@ def test_representatives_are_real_drivers_with_their_shares(tmp_path: Path) -> N
     for name, low, high in (("a", 0.6, 2.0), ("b", 1.0, 3.0), ("T", 0.8, 2.0), ("d0", 1.0, 3.0)):
         spread = 1.0 + 0.01 * np.sin(np.arange(40))
         table[name] = np.where(np.arange(40) < 10, low, high) * spread
-    path = export_distribution(table, tmp_path / "two.add.xml", representatives=2)
+    path = export_distribution(table, tmp_path / "two.add.xml", representatives=2).file
     kinds = [kind.attrib for kind in parse(path).getroot().iter("vType")]
     assert sorted(round(float(kind["probability"]), 9) for kind in kinds) == [0.25, 0.75]
     assert {float(kind["accel"]) for kind in kinds} <= set(table["a"])
@@ -362,14 +362,36 @@ def test_badly_determined_drivers_do_not_stand_for_others(tmp_path: Path) -> Non
     table = drivers()
     table.loc[:9, "at_bound"] = "b,T"
     table.loc[10:14, "status"] = "no leader"
-    path = export_distribution(table, tmp_path / "good.add.xml")
-    assert len(list(parse(path).getroot().iter("vType"))) == 15
+    written = export_distribution(table, tmp_path / "good.add.xml")
+    assert len(list(parse(written.file).getroot().iter("vType"))) == written.types == written.drivers == 15
+    assert "15 of 30 drivers are left out (10 a parameter at its bound, 5 no leader)" in written.notes[0]
+    assert f"T {table['T'][15:].median():.2f} (all: {table['T'].median():.2f})" in written.notes[0]
+    every = export_distribution(table, tmp_path / "every.add.xml", which="every")
+    assert every.types == every.drivers == 30
+    assert "left out" not in " ".join(every.notes)
     with pytest.raises(InputError, match="15 well-determined drivers cannot give 16 types"):
         export_distribution(table, tmp_path / "bad.add.xml", representatives=16)
     assert not (tmp_path / "bad.add.xml").exists()
 
 
 def test_the_distribution_fits_sumos_schema(exported: tuple[pd.DataFrame, Exported], tmp_path: Path) -> None:
-    path = export_distribution(exported[0], tmp_path / "population.add.xml", representatives=5)
+    path = export_distribution(exported[0], tmp_path / "population.add.xml", representatives=5).file
     run = sumo(exported[1].config_file, "--additional-files", str(path), "--end", "1")
     assert (run.returncode, run.stderr) == (0, "")
+
+
+@pytest.mark.parametrize(
+    ("old", "new", "complaint"),
+    [
+        ("<connection ", "<konnection ", "no way from edge"),
+        ('_4" index="4"', '_4" index="4" x="', "not a SUMO network"),
+    ],
+)
+def test_a_network_that_is_no_build_of_ours_is_refused_before_anything_is_written(
+    tmp_path: Path, old: str, new: str, complaint: str
+) -> None:
+    net = tmp_path / "other.net.xml"
+    net.write_text(network.of(US101).file.read_text(encoding="utf-8").replace(old, new), encoding="utf-8")
+    with pytest.raises(InputError, match=complaint):
+        export_routes(drivers(), tmp_path / "x.rou.xml", net_file=net)
+    assert [path.name for path in tmp_path.iterdir()] == ["other.net.xml"]
