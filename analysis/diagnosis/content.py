@@ -51,7 +51,8 @@ def contract(found: Diagnosis) -> dict[str, Any]:
         ],
         "without_gain": [_cause(cause, whole) for cause in found.without_gain],
         "untestable": dict(found.untestable),
-        "power": [vars(one) for one in found.power],
+        "detectable": [vars(one) for one in found.detectable],
+        "law_misfit": vars(found.misfit),
         "law": found.model.law,
     }
 
@@ -71,9 +72,9 @@ def _cause(cause: CauseFound, whole: dict[str, Range]) -> dict[str, Any]:
         },
         "where": where,
         "p_value": cause.p_value,
-        "share_of_gain": cause.share_of_gain,
         "evidence": cause.evidence,
-        "one_of": list(cause.inseparable_from),
+        "one_of": list(cause.one_of),
+        "probability": cause.probability,
         "gain": None if cause.gain is None else {name: getattr(cause.gain, name) for name in GAIN},
         "effective_drivers": cause.effective_drivers,
         "at_bound": cause.at_bound,

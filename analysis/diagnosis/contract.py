@@ -69,6 +69,12 @@ class Gain(_Part):
     held_out: Literal[True]
 
 
+class Share(Gain):
+    """The share of a driver's error that one cause spares."""
+
+    metric: Literal["share_of_ade"]  # type: ignore[assignment]
+
+
 class Cause(_Part):
     """A cause: its size, significance and gain.
 
@@ -76,8 +82,10 @@ class Cause(_Part):
     ----------
     one_of : list of str
         Effects from which these data cannot tell it.
-    gain : Gain or None
-        What it spares held-out drivers beside the other causes; None where it was not measured.
+    gain : Share or None
+        Share of a driver's error that it spares beside the other causes, on drivers that took no part in its size.
+    probability : float
+        That it is this and nothing else.
     effective_drivers : float
         On how many drivers it rests.
     at_bound : bool
@@ -88,10 +96,10 @@ class Cause(_Part):
     parameters: dict[str, Parameter]
     where: Where | None
     p_value: Probability
-    share_of_gain: Number
     evidence: Annotated[str, Field(min_length=1)]
     one_of: list[str]
-    gain: Gain | None
+    gain: Share | None
+    probability: Probability
     effective_drivers: Annotated[float, Field(ge=0.0, allow_inf_nan=False)]
     at_bound: bool
 
@@ -115,14 +123,30 @@ class RuledOut(_Part):
     why: str
 
 
-class Power(_Part):
-    """An effect's size that would be found with a probability."""
+class Detectable(_Part):
+    """How often an effect was found that was put into the recording's own followers."""
 
     name: str
     symbol: str
     unit: str
     size: Number
-    probability: Probability
+    found: Probability
+    of: Annotated[int, Field(ge=1)]
+
+
+class LawMisfit(_Part):
+    """The smooth acceleration of gap, speed and approach rate that the law lacks.
+
+    Attributes
+    ----------
+    deviation : float
+        Standard deviation (m/s²).
+    standard_errors : float
+        How sure it is.
+    """
+
+    deviation: Annotated[float, Field(ge=0.0, allow_inf_nan=False)]
+    standard_errors: Annotated[float, Field(ge=0.0, allow_inf_nan=False)]
 
 
 class Diagnosis(_Part):
@@ -138,7 +162,8 @@ class Diagnosis(_Part):
     ruled_out: list[RuledOut]
     without_gain: list[Cause]
     untestable: dict[str, str]
-    power: list[Power]
+    detectable: list[Detectable]
+    law_misfit: LawMisfit
     law: str
 
     @model_validator(mode="after")

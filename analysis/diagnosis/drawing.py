@@ -13,7 +13,7 @@ from idm_sumo.diagnosis import CauseFound, Diagnosis, RuledOut
 from idm_sumo.runtime.progress import Progress
 
 from ..page.style import save
-from . import figures, words
+from . import figures
 from .content import Range, extent
 from .curves import curves, lag_response, map_of
 
@@ -74,9 +74,6 @@ def draw(found: Diagnosis, folder: Path, progress: Progress) -> dict[str, Path]:
     tests = [(one.name, one.p_value, kind) for kind, each in zip(figures.KINDS, tried, strict=True) for one in each]
     if tests:
         drawn["evidence"] = figures.evidence(pd.DataFrame(tests, columns=["name", "p_value", "kind"]))
-    if found.power:
-        shares = [{**vars(one), "share": one.size / words.magnitude(one).typical} for one in found.power]
-        drawn["power"] = figures.power_sizes(pd.DataFrame(shares))
     paths = {}
     for done, (name, figure) in enumerate(drawn.items()):
         progress("drawing", done, len(drawn))

@@ -12,7 +12,6 @@ from matplotlib.colors import TwoSlopeNorm
 from matplotlib.figure import Figure
 
 from idm_sumo.diagnosis import Scan
-from idm_sumo.diagnosis.gates import SIGNIFICANT
 
 from ..page.style import new_figure
 from .curves import COVARIATES, clustered_mean
@@ -213,12 +212,8 @@ def evidence(tests: pd.DataFrame) -> Figure:
         of_kind = (ordered["kind"] == kind).to_numpy()
         if of_kind.any():
             ax.barh(y[of_kind], strength[of_kind], color=colour, label=kind)
-    ax.axvline(-np.log10(SIGNIFICANT), color="black", linestyle="--", linewidth=0.8)
     ax.set_yticks(y, [str(name).replace("_", " ") for name in ordered["name"]], fontsize=8)
-    ax.set(
-        xlabel="−log10 of p, corrected for the number of hypotheses\n"
-        f"(dashed: {SIGNIFICANT:g}; short of it only a clear gain names a cause)"
-    )
+    ax.set(xlabel="−log10 of p, corrected for the number of hypotheses")
     ax.legend(loc="lower right", fontsize=8)
     return figure
 
@@ -251,30 +246,4 @@ def free_accelerations(scans: Sequence[Scan]) -> Figure:
             ax.set_ylim(
                 float((scan.estimate - 1.2 * half)[sure].min()), float((scan.estimate + 1.2 * half)[sure].max())
             )
-    return figure
-
-
-def power_sizes(power: pd.DataFrame) -> Figure:
-    """Draw the size at which each effect is found.
-
-    Parameters
-    ----------
-    power : pandas.DataFrame
-        ``name, share, probability``; the share is that of the effect's typical size.
-
-    Returns
-    -------
-    matplotlib.figure.Figure
-        One row an effect.
-    """
-    ordered = power.sort_values("share", ascending=False)
-    y = np.arange(len(ordered))
-    figure, (ax,) = new_figure(7.5, 0.28 * len(ordered) + 1.0)
-    ax.hlines(y, 1e-3, ordered["share"], color="0.8")
-    ax.plot(ordered["share"], y, "o", color="black", markersize=4)
-    ax.axvline(1.0, color="0.6", linewidth=0.8)
-    ax.set_yticks(y, [str(name).replace("_", " ") for name in ordered["name"]], fontsize=8)
-    low, high = ordered["share"].min(), ordered["share"].max()
-    ax.set(xscale="log", xlim=(0.7 * min(low, 0.3), 1.4 * max(high, 1.0)))
-    ax.set_xlabel(f"size found with probability {power['probability'].iloc[0]:.2g} (multiples of a typical size)")
     return figure

@@ -158,7 +158,7 @@ def _write_tables(found: Diagnosis, folder: Path) -> None:
         "gains": gains_table([found.gain, *found.other_gains]),
         "ruled_out": ruled_out_table(found),
         "untestable": pd.DataFrame({"name": list(found.untestable), "reason": list(found.untestable.values())}),
-        "power": pd.DataFrame([vars(one) for one in found.power]),
+        "detectable": pd.DataFrame([vars(one) for one in found.detectable]),
         "laws": laws_table(found),
         "scans": pd.concat(
             [
@@ -230,7 +230,6 @@ def _write_page(
         unexplained=unexplained,
         laws=laws_table(found),
         ruled_out=ruled_out_table(found),
-        power=words.power_sentences(found),
         counts=counts,
         notes=notes,
         sentence=words.sentence,

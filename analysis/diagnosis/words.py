@@ -2,9 +2,11 @@
 
 from __future__ import annotations
 
-from idm_sumo.diagnosis import CauseFound, Diagnosis, Gain, Power, Region
+from idm_sumo.diagnosis import CauseFound, Diagnosis, Gain, Region
 from idm_sumo.models import laws
-from idm_sumo.models.effects import BY_NAME, Parameter, format_quantity
+from idm_sumo.models.effects import format_quantity
+
+SURE_MISFIT = 3.0  # standard errors, from which on the law's misfit is told
 
 
 def plain(name: str) -> str:
@@ -82,15 +84,13 @@ def headline(found: Diagnosis) -> str:
         return f"None: {sentence(found.notes[0])}"
     if found.without_gain:
         return "None: no effect of the catalogue improves the simulation."
-    if found.other_law is not None:
-        return "None: these data show no effect of the catalogue."
     return f"None: these data show nothing beyond {law_of(found)}."
 
 
 def _sized(cause: CauseFound) -> str:
     drivers = f"; rests on about {cause.effective_drivers:.0f} drivers" if cause.effective_drivers else ""
     bound = "; its size is at the bound of what is searched" if cause.at_bound else ""
-    shown = f"{_sizes(cause)}; {p_value(cause.p_value)}; {cause.share_of_gain:.0%} of the gain"
+    shown = f"{_sizes(cause)}; {p_value(cause.p_value)}; probability {cause.probability:.2f}"
     return f"{_what(cause)} ({shown}{drivers}{bound})"
 
 
@@ -254,53 +254,11 @@ def _with_causes(found: Diagnosis) -> str:
 
 
 def _another(found: Diagnosis) -> str:
-    if found.other_law is None:
+    misfit = found.misfit
+    if misfit.standard_errors < SURE_MISFIT:
         return ""
-    law, whose = found.other_law, law_of(found)
     return (
-        f"{sentence(whose).rstrip('.')} is not quite the law of these drivers, whatever its parameters: the "
-        f"residuals look like {plain(law.name)} with {law.symbol} = {format_quantity(law.value, law.unit, 2)} "
-        f"({law.standard_errors:.1f} standard errors), a sign that it cannot have. Estimated sizes refer to "
-        "that law, their intervals are wider because of it, and small effects may stay undetected."
+        f"{sentence(law_of(found)).rstrip('.')} is not quite the law of these drivers, whatever its parameters: it "
+        f"lacks a smooth acceleration of gap, speed and approach rate of about {misfit.deviation:.2g} m/s² "
+        f"({misfit.standard_errors:.0f} standard errors), with which every effect has to compete."
     )
-
-
-def power_sentences(found: Diagnosis) -> list[str]:
-    """Return which size of each effect would have been found.
-
-    Parameters
-    ----------
-    found : Diagnosis
-        The diagnosis.
-
-    Returns
-    -------
-    list of str
-        One line an effect, with the probability.
-    """
-    return [_seen(one) for one in found.power]
-
-
-def magnitude(power: Power) -> Parameter:
-    """Return the parameter to which a statement of power refers.
-
-    Parameters
-    ----------
-    power : Power
-        Size and probability.
-
-    Returns
-    -------
-    Parameter
-        Parameter of the catalogue.
-    """
-    return next(p for p in BY_NAME[power.name].all_parameters if p.symbol == power.symbol)
-
-
-def _seen(one: Power) -> str:
-    largest = magnitude(one).upper
-    if one.size > largest:
-        bound = f"{one.symbol} = {format_quantity(largest, one.unit)}"
-        return f"no {plain(one.name)} up to {bound} would have been found for sure"
-    size = f"{one.symbol} = {format_quantity(one.size, one.unit)}"
-    return f"{plain(one.name)} of {size} would have been found with probability {one.probability:.2f}"

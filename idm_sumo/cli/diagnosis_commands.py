@@ -87,8 +87,6 @@ def diagnose(options: argparse.Namespace) -> None:
         words.law_sentence(found),
     )
     say(*filter(None, sentences))
-    if found.verdict == "none" and found.power:
-        say(*words.power_sentences(found))
     if options.verbose:
         for name, seconds in found.seconds.items():
             note(f"{name}: {seconds:.1f} s")

@@ -153,12 +153,11 @@ def _at(one: Placed, value: float) -> Placed:
 
 def local_scores(subject: Subject, fit: Fit, plan: co.Plan, names: Sequence[str]) -> tuple[Floats, Floats]:
     """Return the recording's scores of a little more of effects in the model, and their Gram matrix."""
-    groups, first = [], 0
-    for name in names:
+    groups = []
+    for number, name in enumerate(names):
         form = co.present_form(fit, BY_NAME[name])
         assert form is not None
-        groups.append(co.Group(name, form, present=True, first=first))
-        first += 1
+        groups.append(co.Group(name, form, present=True, first=number))
     found = scores_of(subject, fit, replace(plan, groups=tuple(groups)))
     return found.u.sum(axis=0), found.gram
 
