@@ -10,7 +10,6 @@ import pytest
 from idm_sumo.diagnosis import rollout as ro
 from idm_sumo.diagnosis import windows as w
 from idm_sumo.diagnosis.fit import fit_drivers, for_rollouts
-from idm_sumo.diagnosis.linear_pulses import LINEAR, OF_LATE, OF_NEXT, linear_pulses
 from idm_sumo.diagnosis.luck import Noises, draw
 from idm_sumo.diagnosis.noise import QUIET
 from idm_sumo.diagnosis.twins import make_twin, refit
@@ -192,41 +191,6 @@ def test_models_side_by_side_are_each_alone(plain, delay):
     for n, model in enumerate(models):
         np.testing.assert_allclose(found[:, :, n], ro.positions(windows, theta, model), atol=1e-9)
     assert ro.positions_otherwise(windows, theta, []).shape[2] == 0
-
-
-def test_linear_pulses_are_the_derivatives_by_the_magnitudes(plain):
-    windows, theta = plain
-    response, state = ro.respond(windows.seen, windows.driver, theta, ro.PLAIN)
-    pulses = linear_pulses(windows.seen, state, pivot=9.0)
-    for name, slot in (("hysteresis", slots.HYSTERESIS), ("speed_dependent_headway", slots.SPEED_HEADWAY)):
-        m = ro.PLAIN.copy()
-        m[:, slot], m[:, slots.PIVOT_SPEED] = 1e-4, 9.0
-        change = (ro.positions(windows, theta, m) - ro.positions(windows, theta, ro.PLAIN)) / 1e-4
-        predicted = np.einsum("wkp,wp->wk", response, pulses[:, :, LINEAR.index(name)])
-        assert np.abs(predicted - change).max() < 0.06 * np.abs(change).max()
-
-
-@pytest.mark.parametrize(
-    ("name", "slot", "other", "number"),
-    [
-        ("adjacent_lane_friction", slots.FRICTION, slots.FRICTION_NEXT, OF_NEXT),
-        ("hysteresis", slots.HYSTERESIS, slots.HYSTERESIS_OF_LATE, OF_LATE),
-    ],
-)
-def test_both_forms_are_each_their_own_derivative(plain, name, slot, other, number):
-    windows, theta = plain
-    seen = windows.seen.copy()
-    seen[:, w.ADJACENT], seen[:, w.NEXT_BESIDE] = seen[:, w.SPEED] - 2.0, seen[:, w.SPEED] - 5.0
-    seen[:, w.ACCELERATION_OF_LATE] = 0.1 - 0.3 * seen[:, w.ACCELERATION]
-    windows = replace(windows, seen=seen)
-    response, state = ro.respond(seen, windows.driver, theta, ro.PLAIN)
-    pulses = linear_pulses(seen, state, pivot=9.0)
-    for column, form in ((LINEAR.index(name), 0.0), (number, 1.0)):
-        m = ro.PLAIN.copy()
-        m[:, slot], m[:, other] = 1e-4, form
-        change = (ro.positions(windows, theta, m) - ro.positions(windows, theta, ro.PLAIN)) / 1e-4
-        predicted = np.einsum("wkp,wp->wk", response, pulses[:, :, column])
-        assert np.abs(predicted - change).max() < 0.06 * np.abs(change).max()
 
 
 def test_the_fit_finds_the_drivers(plain):

@@ -8,7 +8,7 @@ import pandas as pd
 from scipy import stats
 
 from analysis.page.style import save
-from idm_sumo.diagnosis.hypotheses import BEFORE_A_CHANGE
+from idm_sumo.models.effects import CATALOGUE
 from tests.simulators.campaign.figures import at_a_glance
 from tests.simulators.campaign.scores import GAIN_CLASSES, RIGHT, RIGHT_AND_MORE, SILENT, scored, sized
 
@@ -152,7 +152,9 @@ def magnitudes(sizes: pd.DataFrame, keys: list[str]) -> pd.DataFrame:
 
 def _hangs_on(names: pd.Series) -> pd.Series:
     """Return whether effects hang on somebody's wish to change lanes."""
-    return names.str.contains("|".join(BEFORE_A_CHANGE)).map({True: "a lane change to come", False: "no wish"})
+    return names.str.contains("|".join(effect.name for effect in CATALOGUE if effect.hindsight)).map(
+        {True: "a lane change to come", False: "no wish"}
+    )
 
 
 def realised(graded: pd.DataFrame, key: str) -> pd.DataFrame:
