@@ -30,7 +30,6 @@ WIDTH = {POSITION: 16.0, TIME: 12.0}  # m, s: of the bins of a catalogued place 
 MOST_BINS, FREE_BINS, BLOCKS, QUANTILES = 48, 16, 6, 4
 # of them; of a free one; of each side of a rectangle; of a covariate
 MISFIT = "misfit"  # name of the law's own misfit
-SMALL_STEP = 0.25  # of a magnitude in the model, for its own column
 LONGEST, CALMEST = 3.0, 1.5  # times the ninetieth percentile of a column's length; times the median response
 NOTHING = 1e-9
 STRONGEST = 3.0  # m/s² (per s), of the model's own acceleration and its change
@@ -185,11 +184,15 @@ def _by_lane(effect: Effect, plan: Plan) -> Iterator[Group]:
 
 
 def present_form(fit: Fit, effect: Effect) -> Form | None:
-    """Return a small step of an effect that is in the model; None if it is not there."""
+    """Return the step back to nothing of an effect that is in the model; None if it is not there.
+
+    A secant over its whole size: a small step more moves the few drivers farthest who are at the edge of stability with it.
+    """
     for magnitude in (*effect.parameters[:1], *filter(None, [effect.alternative])):
-        value = float(np.abs(fit.by_lane[:, magnitude.slot]).max())
-        if value > 0.0:
-            return Form(magnitude.slot, size=SMALL_STEP * max(value, 0.5 * magnitude.typical))
+        each = fit.by_lane[:, magnitude.slot]
+        value = float(each[np.abs(each).argmax()])
+        if value != 0.0:
+            return Form(magnitude.slot, size=-value)
     return None
 
 

@@ -126,7 +126,8 @@ def claims_of(found: Found) -> list[Claim]:
         probability = component.probability(library)
         if careful.probability(library)[family] < SURE or drivers < settings.least_drivers:
             continue
-        if any(one.name == library.names[family] for one in claims):
+        is_known = library.is_free(winner) or any(one.name == library.names[family] for one in look.effects)
+        if not is_known or any(one.name == library.names[family] for one in claims):
             continue
         claims.append(_claim(look, component, careful, winner, probability, drivers))
     return sorted(claims, key=lambda one: -one.log_bf)

@@ -31,6 +31,7 @@ Floats = npt.NDArray[np.float64]
 Integers = npt.NDArray[np.int64]
 
 TAUS = (0.0, 0.01, 0.02, 0.04, 0.08, 0.16, 0.32)  # m/s², of the law's misfit
+RESPONSE_SPREAD = 1.0  # of the law's response, everywhere: that of another law
 ROUNDS = 12  # of the competition
 NULL_DRAWS = 2000  # for thresholds
 LEAST = 1e-9
@@ -89,6 +90,17 @@ class Selection:
     misfit_z: float
 
 
+def misfit_columns(library: Library, tau: float) -> tuple[Integers, Floats]:
+    """Return the columns of the law's misfit, and the precision of each one's prior.
+
+    The smooth functions come first, of deviation ``tau``, none of them if that is zero; a response that is stronger or weaker everywhere comes last.
+    """
+    columns = library.plan.of(MISFIT)
+    if tau == 0.0:
+        return columns[-1:], np.full(len(columns[-1:]), RESPONSE_SPREAD**-2)
+    return columns, np.append(np.full(len(columns) - 1, tau**-2), RESPONSE_SPREAD**-2)
+
+
 class Competition:
     """Scores and Gram matrix of all hypotheses, the law's misfit integrated out."""
 
@@ -97,16 +109,14 @@ class Competition:
         replicates = len(evidence.nulls)
         unsure = evidence.inflation * (1.0 + 1.0 / max(replicates, 1))
         score, gram = score / unsure, evidence.gram / unsure
-        rough = library.plan.of(MISFIT)
-        self.misfit_evidence = 0.0
-        if tau > 0.0 and len(rough):
-            inner = gram[np.ix_(rough, rough)]
-            held = np.linalg.inv(inner + np.eye(len(rough)) / tau**2)
-            pull = held @ score[rough]
-            self.misfit_evidence = 0.5 * float(score[rough] @ pull)
-            self.misfit_evidence -= 0.5 * float(np.linalg.slogdet(np.eye(len(rough)) + tau**2 * inner)[1])
-            by = gram[:, rough] @ held
-            score, gram = score - by @ score[rough], gram - by @ gram[rough]
+        rough, precision = misfit_columns(library, tau)
+        inner = gram[np.ix_(rough, rough)]
+        held = np.linalg.inv(inner + np.diag(precision))
+        pull = held @ score[rough]
+        self.misfit_evidence = 0.5 * float(score[rough] @ pull)
+        self.misfit_evidence -= 0.5 * float(np.linalg.slogdet(np.eye(len(rough)) + inner / precision)[1])
+        by = gram[:, rough] @ held
+        score, gram = score - by @ score[rough], gram - by @ gram[rough]
         self.score, self.gram = score, gram
         self.mixed = library.mix @ gram
         self.information = np.maximum(np.asarray(library.mix.multiply(self.mixed).sum(axis=1)).ravel(), LEAST)
@@ -214,12 +224,10 @@ def _settled(arena: Competition, components: list[Component]) -> list[Component]
 
 def _misfit(evidence: Evidence, library: Library, score: Floats, tau: float, sizes: Floats) -> tuple[Floats, float]:
     """Return the posterior mean of the law's misfit, given effects, and its largest standard error."""
-    rough = library.plan.of(MISFIT)
-    if tau == 0.0:
-        return np.zeros(len(rough)), 0.0
+    rough, precision = misfit_columns(library, tau)
     unsure = evidence.inflation * (1.0 + 1.0 / max(len(evidence.nulls), 1))
     gram = evidence.gram / unsure
     left = score[rough] / unsure - gram[rough] @ sizes
     inner = gram[np.ix_(rough, rough)]
-    mean = np.linalg.solve(inner + np.eye(len(rough)) / tau**2, left)
+    mean = np.linalg.solve(inner + np.diag(precision), left)
     return mean, float(np.sqrt(max(mean @ inner @ mean, 0.0)))

@@ -88,3 +88,17 @@ def test_chunks_hold_whole_drivers(recorded):
     assert rows[-1].stop == len(windows.seen)
     for r in rows[:-1]:
         assert windows.driver[r.stop - 1] != windows.driver[r.stop]
+
+
+@pytest.mark.parametrize("value", [0.6, 0.2])
+def test_an_effect_in_the_model_is_compared_with_none(recorded, value):
+    windows, fit, _ = recorded
+    name, form = "reaction_delay", CATALOGUE[0].forms[0]
+    plan = co.plan_of(windows, fit, free=False)
+    late = with_effects(fit, [Placed(name, form, {}, 0, value)], plan)
+    there = co.present_form(late, CATALOGUE[0])
+    assert there is not None
+    group = co.Group(name, there, present=True)
+    column = co.columns(windows, late, co.answer_of(windows, late), replace(plan, groups=(group,)))[:, :, 0]
+    whole = ro.positions(windows, fit.theta, late.by_lane) - ro.positions(windows, fit.theta, fit.by_lane)
+    np.testing.assert_allclose(column * value, whole, atol=1e-9)
