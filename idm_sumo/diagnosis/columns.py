@@ -299,7 +299,8 @@ SEEN = {
 
 def _powers() -> tuple[tuple[int, int, int], ...]:
     """Return exponents of speed, approach rate and gap; linear terms are the driver's own parameters."""
-    return tuple(p for p in itertools.product(range(4), repeat=3) if 2 <= sum(p) <= 3)
+    each = itertools.product(range(4), range(4), range(4))
+    return tuple((a, b, c) for a, b, c in each if 2 <= a + b + c <= 3)
 
 
 BASIS = _powers()

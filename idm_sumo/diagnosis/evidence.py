@@ -11,7 +11,7 @@ import numpy.typing as npt
 from idm_sumo.diagnosis import columns as co
 from idm_sumo.diagnosis import gls
 from idm_sumo.diagnosis import windows as w
-from idm_sumo.diagnosis.fit import Fit
+from idm_sumo.diagnosis.fit import Fit, Linear
 from idm_sumo.diagnosis.luck import Luck, Noises
 from idm_sumo.diagnosis.rollout import PARAMETERS
 from idm_sumo.diagnosis.twins import drawn_anew, make_twin, refit, start_behind
@@ -122,7 +122,7 @@ def _longest(windows: w.Windows, fit: Fit, answer: co.Answer, plan: co.Plan, mos
     """Return how long columns may be, from some of the windows."""
     every = max(1, len(windows.seen) // most)
     rows = np.arange(0, len(windows.seen), every)
-    line = co.Linear(*(one[rows] for one in vars(answer.line).values()))
+    line = Linear(*(one[rows] for one in vars(answer.line).values()))
     some = co.Answer(line, answer.response[rows], answer.state[rows])
     return co.lengths(co.columns(windows.of_rows(rows), fit, some, plan))
 

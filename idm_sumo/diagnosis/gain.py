@@ -131,8 +131,8 @@ def by_folds(windows: w.Windows, fits: Sequence[Fit], fold: npt.NDArray[np.int64
     residual = np.empty((len(windows.seen), each[0].residual.shape[1]))
     for part, one in zip((part for part in parts if len(part)), each, strict=True):
         residual[np.isin(windows.driver, part)] = one.residual
-    joined = [np.concatenate([getattr(one, name) for one in each])[order] for name in METRICS]
-    return Errors(*joined, residual)
+    joined = {name: np.concatenate([getattr(one, name) for one in each])[order] for name in METRICS}
+    return Errors(**joined, residual=residual)
 
 
 def lower_bound(gain: Gain, level: float) -> float:

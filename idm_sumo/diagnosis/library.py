@@ -62,7 +62,7 @@ class Library:
 
     def group_of(self, number: int) -> co.Group:
         """Return the columns that a hypothesis is a mix of."""
-        return self.plan.groups[self.group[number]]
+        return self.plan.groups[int(self.group[number])]
 
     def is_free(self, number: int) -> bool:
         """Return whether a hypothesis belongs to no effect."""
@@ -114,9 +114,10 @@ def library_of(plan: co.Plan, settings: Settings) -> Library:
     typical = np.array([_typical(plan.groups[n]) for n in of]).reshape(-1, 4)
     free = np.array([name not in BY_NAME for name in names])
     prior = np.where(free, settings.free / max(free.sum(), 1), (1.0 - settings.free) / max((~free).sum(), 1))
+    size, selection, lower, upper = typical.T
     return Library(
-        plan, group_of, tuple(bins), mix, family, names, *typical.T, within, prior / prior.sum()
-    )  # type: ignore[arg-type]  # fmt: skip
+        plan, group_of, tuple(bins), mix, family, names, size, selection, lower, upper, within, prior / prior.sum()
+    )  # fmt: skip
 
 
 def _typical(group: co.Group) -> tuple[float, float, float, float]:

@@ -173,8 +173,7 @@ def _unexplained(claim: Claim, found: Found) -> Unexplained:
     edges = found.last.library.edges(claim.hypothesis)
     position, period = edges.get("position"), edges.get("time")
     others = [ends for name, ends in edges.items() if name not in ("position", "time")]
-    whole = (others or [position, period])[0] or period
-    assert whole is not None
+    whole = others[0] if others else position if position is not None else edges["time"]
     return Unexplained(claim.name, whole, position, period, claim.p)
 
 

@@ -194,7 +194,9 @@ def compete(
     arena = Competition(evidence, library, settings, score, TAUS[best])
     components = _settled(arena, tried[best][1])
     order = sorted(components, key=lambda one: -float(one.by_family.max()))
-    misfit, surely = _misfit(evidence, library, score, TAUS[best], sum(map(arena.contribution, components)))
+    misfit, surely = _misfit(
+        evidence, library, score, TAUS[best], np.sum([arena.contribution(one) for one in components], axis=0)
+    )
     return Selection(tuple(order), TAUS[best], arena.thresholds(rng), misfit, surely)
 
 
@@ -229,5 +231,5 @@ def _misfit(evidence: Evidence, library: Library, score: Floats, tau: float, siz
     gram = evidence.gram / unsure
     left = score[rough] / unsure - gram[rough] @ sizes
     inner = gram[np.ix_(rough, rough)]
-    mean = np.linalg.solve(inner + np.diag(precision), left)
-    return mean, float(np.sqrt(max(mean @ inner @ mean, 0.0)))
+    mean = np.asarray(np.linalg.solve(inner + np.diag(precision), left), dtype=np.float64)
+    return mean, float(np.sqrt(max(float(mean @ inner @ mean), 0.0)))

@@ -9,6 +9,7 @@ In the alternative form the driver brakes a little while the other vehicle shows
 
 from __future__ import annotations
 
+import numpy as np
 from numba import njit
 
 from idm_sumo.models.effects import slots
@@ -61,7 +62,7 @@ def _of_headway(see: Moments) -> Floats:
 
 
 def _braking(see: Moments) -> Floats:
-    return -1.0 * ((see.until_cut_in >= 0.0) & (see.until_cut_in < SHOWN))
+    return np.where((see.until_cut_in >= 0.0) & (see.until_cut_in < SHOWN), -1.0, 0.0)
 
 
 EFFECT = Effect(

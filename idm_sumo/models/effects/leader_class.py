@@ -9,6 +9,7 @@ In the alternative form the distance is longer at every speed:
 
 from __future__ import annotations
 
+import numpy as np
 from numba import njit
 
 from idm_sumo.models.effects import slots
@@ -56,7 +57,7 @@ def farther_from_truck(leader_class: float, distance: float) -> float:
 
 
 def _behind_truck(see: Moments) -> Floats:
-    return see.by_headway * (see.leader_class == TRUCK)
+    return np.where(see.leader_class == TRUCK, see.by_headway, 0.0)
 
 
 EFFECT = Effect(

@@ -9,6 +9,7 @@ In the alternative form it brakes a little, or accelerates:
 
 from __future__ import annotations
 
+import numpy as np
 from numba import njit
 
 from idm_sumo.models.effects import slots
@@ -41,7 +42,7 @@ def _of_headway(see: Moments) -> Floats:
 
 
 def _braking(see: Moments) -> Floats:
-    return -1.0 * ((see.until_own_change >= 0.0) & (see.until_own_change < SHOWN))
+    return np.where((see.until_own_change >= 0.0) & (see.until_own_change < SHOWN), -1.0, 0.0)
 
 
 EFFECT = Effect(
