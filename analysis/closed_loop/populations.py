@@ -59,9 +59,7 @@ class Drivers:
     origin: str
 
 
-def drivers_of(
-    recording: Recording, path: Path | None, seed: int, *, refit: bool = False, progress: Progress = silent
-) -> Drivers:
+def drivers_of(recording: Recording, path: Path | None, *, refit: bool = False, progress: Progress = silent) -> Drivers:
     """Calibrate the drivers of a period, or read them.
 
     Parameters
@@ -86,7 +84,7 @@ def drivers_of(
         )
     one_for_all = pooled(scenes)
     progress("calibrating", 1, 4)
-    table = _calibrated(scenes, seed, refit) if path is None else _read(path, scenes)
+    table = _calibrated(scenes, refit) if path is None else _read(path, scenes)
     progress("calibrating", 3, 4)
     library = table if set(FEATURES.values()) <= set(table) else None
     predicted = None
@@ -97,9 +95,9 @@ def drivers_of(
     return Drivers(scenes, table, predicted, one_for_all, "calibrated in this run" if path is None else path.name)
 
 
-def _calibrated(scenes: Scenes, seed: int, refit: bool) -> pd.DataFrame:
+def _calibrated(scenes: Scenes, refit: bool) -> pd.DataFrame:
     """Fit every driver; add its code and what replaces d1."""
-    fits = calibrate(scenes, seed=seed)
+    fits = calibrate(scenes)
     fitted = np.isfinite(fits[PARAMETERS].to_numpy()).all(axis=1)
     codes = driving_code(scenes)
     table = fits.join(codes[[name for name in codes if name not in fits]])[fitted].reset_index(drop=True)
@@ -182,7 +180,7 @@ def parameters_for(
     if MEAN_SPEED not in table:
         table = table.assign(**{MEAN_SPEED: speeds.reindex(table[c.VEHICLE]).fillna(speeds.mean()).to_numpy()})
     way = "refit" if set(REFIT) <= set(table) else "linearised"
-    own_limits = desired_speeds(table, None, road, population)
+    own_limits = desired_speeds(table, road, population)
     own, _ = sumo_parameters(table, way, own_limits, "euler", population)
     known, row = _known_to(table, demand)
     theta[known], limits[known] = own[row], own_limits[row]

@@ -106,7 +106,7 @@ def interactive(settings: Settings, out: Path, *, command: list[str], progress: 
         demand = demand_of(recorded)
         _check_ego(settings, demand, recorded)
         drivers = (
-            drivers_of(recorded, settings.drivers, settings.seed, refit=settings.refit, progress=progress)
+            drivers_of(recorded, settings.drivers, refit=settings.refit, progress=progress)
             if _needs_drivers(settings)
             else None
         )

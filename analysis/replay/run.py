@@ -210,7 +210,7 @@ def _parameters(request: Request, scenes: Scenes) -> tuple[npt.NDArray[np.float6
     """
     wanted = request.desired_speed
     if request.drivers is None:
-        fit = calibrate(scenes, desired_speed=request.desired_speed, seed=request.seed)
+        fit = calibrate(scenes, desired_speed=request.desired_speed)
         if not np.isfinite(fit[PARAMETERS].to_numpy()).all():
             raise InputError(
                 f"vehicle {request.vehicle}: no fit ({fit['status'].iloc[0]}); give parameters with --drivers"

@@ -136,7 +136,7 @@ def prepare(source: Source, settings: Settings, window: Window, progress: Progre
 
 def _fits(drivers: Drivers, settings: Settings) -> pd.DataFrame:
     """Calibrate all drivers of one side, in their windows' order."""
-    fits = [calibrate(s, desired_speed=settings.desired_speed, seed=settings.seed) for s in drivers.scenes]
+    fits = [calibrate(s, desired_speed=settings.desired_speed) for s in drivers.scenes]
     return pd.concat(fits, ignore_index=True)
 
 

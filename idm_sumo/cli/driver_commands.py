@@ -137,6 +137,7 @@ def calibrate(options: argparse.Namespace) -> None:
     options : argparse.Namespace
     """
     from idm_sumo.calibration import calibrate as fit
+    from idm_sumo.calibration.search import Search
     from idm_sumo.calibration.without_d1 import refit_table, without_d1_costs
     from idm_sumo.prediction.driving_code import driving_code
 
@@ -146,9 +147,8 @@ def calibrate(options: argparse.Namespace) -> None:
         fits = fit(
             scenes,
             objective=options.objective,
-            solver=options.solver,
+            search=Search(options.solver, seed=options.seed),
             desired_speed=options.desired_speed,
-            seed=options.seed,
             jobs=options.jobs,
             progress=_named("calibrating", report),
         )

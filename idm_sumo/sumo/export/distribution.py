@@ -115,7 +115,7 @@ def export_distribution(
     check_name(Path(path))
     table, without = with_parameters(drivers, source)
     table, way, way_notes = chosen_without_d1(table, None, without_d1, EULER)
-    theta, notes = sumo_parameters(table, way, desired_speeds(table, None, road, source), EULER, source)
+    theta, notes = sumo_parameters(table, way, desired_speeds(table, road, source), EULER, source)
     good = well_determined(table) if which != EVERY else np.ones(len(table), dtype=bool)
     left_out = _left_out(table, good)
     table, theta = table[good].reset_index(drop=True), theta[good]
