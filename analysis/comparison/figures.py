@@ -12,7 +12,8 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
 from idm_sumo.evaluation import macroscopic as m
-from idm_sumo.evaluation.comparison import Comparison, TrafficMeasures, matched_periods
+from idm_sumo.evaluation.comparison import Comparison, matched_periods
+from idm_sumo.evaluation.traffic_measures import TrafficMeasures
 from idm_sumo.recordings import columns as c
 from idm_sumo.recordings.columns import FRAME_STEP
 from idm_sumo.recordings.recording import Recording
