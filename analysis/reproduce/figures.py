@@ -13,7 +13,7 @@ from idm_sumo.recordings.columns import FRAME_STEP
 from idm_sumo.scenes.windows import Scenes
 from idm_sumo.simulation.rollout import Trajectories
 
-from ..page.style import METHOD_COLOURS, METHOD_NAMES, new_figure
+from ..page.style import METHOD_COLOURS, METHOD_NAMES, label_ends, method_line, new_figure
 from .paper import NEIGHBOURS
 from .study import Study
 
@@ -133,21 +133,23 @@ def error_growth(study: Study, driven: dict[str, list[Trajectories]]) -> Figure:
     matplotlib.figure.Figure
         The figure.
     """
-    figure, (ax,) = new_figure()
+    figure, (ax,) = new_figure(8.0)
+    ends = {}
     for name, trajectories in driven.items():
         parts = [displacement(s, t) for s, t in zip(study.test.scenes, trajectories, strict=True)]
         error = np.pad(np.concatenate(parts), ((0, 0), (1, 0)))  # no error at the start
         seconds = np.arange(error.shape[1]) * FRAME_STEP
         mean, se = error.mean(axis=0), error.std(axis=0, ddof=1) / np.sqrt(len(error))
-        ax.plot(seconds, mean, color=METHOD_COLOURS[name], label=METHOD_NAMES[name])
+        ax.plot(seconds, mean, color=METHOD_COLOURS[name], linestyle=method_line(name))
+        ends[METHOD_NAMES[name]] = float(mean[-1])
         ax.fill_between(seconds, mean - se, mean + se, color=METHOD_COLOURS[name], alpha=0.2, linewidth=0)
     ax.set(
         xlabel="time since the start of the simulation (s)",
         ylabel="mean displacement error (m)",
         ylim=(0, None),
-        xlim=(0, None),
+        xlim=(0, seconds[-1]),
     )
-    ax.legend(fontsize=8)
+    label_ends(ax, ends, {METHOD_NAMES[name]: METHOD_COLOURS[name] for name in driven})
     return figure
 
 
@@ -168,8 +170,11 @@ def time_space(scenes: Scenes, which: int, driven: dict[str, Trajectories]) -> F
     matplotlib.figure.Figure
         The recorded vehicle, the modelled ones, and the traffic of its lane.
     """
-    figure, (ax,) = new_figure(7.5, 4.6)
+    figure, (ax,) = new_figure(9.0, 4.6)
     named = {METHOD_NAMES[name]: trajectories for name, trajectories in driven.items()}
     colours = {METHOD_NAMES[name]: METHOD_COLOURS[name] for name in driven}
     plot_time_space(scenes, named, which, ax=ax, colours=colours)
+    for name, line in zip(driven, ax.lines[1:], strict=True):
+        line.set_linestyle(method_line(name))
+    ax.legend(fontsize=8, loc="center left", bbox_to_anchor=(1.01, 0.5))
     return figure

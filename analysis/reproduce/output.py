@@ -20,6 +20,7 @@ from .agents import rows as agents
 from .agents import words as agent_words
 from .prediction import figures as prediction_figures
 from .prediction import words as prediction_words
+from .replays import Row, part_of, write_replays
 from .results import Results
 from .words import describe
 
@@ -51,7 +52,7 @@ def write_results(results: Results, folder: Path) -> None:
     (folder / "figures").mkdir()
     _write_tables(results, folder / "tables")
     _write_figures(results, folder / "figures")
-    _write_report(results, folder)
+    _write_report(results, folder, write_replays(results, folder))
 
 
 def _write_tables(results: Results, folder: Path) -> None:
@@ -134,19 +135,16 @@ def _median_driver(results: Results) -> tuple[int, int]:
     """Return period and row of the driver with median error."""
     ade = results.scores["idm_prediction"]["ade_m"].to_numpy()
     row = int(np.argsort(ade, kind="stable")[len(ade) // 2])
-    for part, scenes in enumerate(results.study.test.scenes):
-        if row < len(scenes):
-            return part, row
-        row -= len(scenes)
-    raise AssertionError("the scores have more rows than the scenes")
+    return part_of([len(scenes) for scenes in results.study.test.scenes], row)
 
 
-def _write_report(results: Results, part: Path) -> None:
+def _write_report(results: Results, part: Path, replays: list[Row]) -> None:
     settings = results.study.settings
     render(
         part / "report.html",
         "reproduce/report.html.j2",
         figures=part / "figures",
+        replays=replays,
         surrogate=bool(not_measured(results.source.periods)),
         methods=tables.beside_paper(results.methods[["method", *COLUMNS_FIRST]], paper.METHODS, "method"),
         features=tables.beside_paper(results.features[["features", *COLUMNS_FIRST]], paper.FEATURES, "features"),

@@ -1,0 +1,131 @@
+"""Drivers behind the table of methods: a page that plays each method's best, median and worst."""
+
+from __future__ import annotations
+
+from dataclasses import fields
+from pathlib import Path
+from typing import NamedTuple
+
+import numpy as np
+import numpy.typing as npt
+import pandas as pd
+
+from idm_sumo.recordings.columns import FRAME_STEP
+from idm_sumo.simulation.rollout import Trajectories
+
+from ..page.style import METHOD_NAMES
+from ..replay.player import Played, write_player
+from .results import Results
+
+FOLDER = "replays"
+PLAYED = ("constant_velocity", "irl_rl", "idm_average", "idm_prediction", "idm_rollout", "idm_pooled", "idm_oracle")
+PLACES = {"best": 0.0, "median": 0.5, "worst": 1.0}
+
+
+class Driver(NamedTuple):
+    """One driver of a table, and the page that plays it.
+
+    Attributes
+    ----------
+    text : str
+        Vehicle and error.
+    page : str
+        Path from the report.
+    """
+
+    text: str
+    page: str
+
+
+class Row(NamedTuple):
+    """Three drivers of one method.
+
+    Attributes
+    ----------
+    method : str
+        As readers know it.
+    best, median, worst : Driver
+    """
+
+    method: str
+    best: Driver
+    median: Driver
+    worst: Driver
+
+
+def write_replays(results: Results, folder: Path) -> list[Row]:
+    """Write the pages of the drivers that every method drives best, at the median and worst.
+
+    Parameters
+    ----------
+    results : Results
+    folder : Path
+        Of the report; the pages stand in ``replays`` below it.
+
+    Returns
+    -------
+    list of Row
+        What the report shows, one row a method.
+    """
+    (folder / FOLDER).mkdir()
+    methods = [name for name in PLAYED if name in results.scores]
+    chosen = {name: _places(results.scores[name]["ade_m"].to_numpy()) for name in methods}
+    pages = {
+        place: _write(results, methods, place, folder) for place in sorted({p for one in chosen.values() for p in one})
+    }
+    rows = []
+    for name, places in chosen.items():
+        ade = results.scores[name]["ade_m"].to_numpy()
+        three = [Driver(f"{pages[place][0]}, {ade[place]:.2f} m", pages[place][1]) for place in places]
+        rows.append(Row(METHOD_NAMES.get(name, name), *three))
+    return rows
+
+
+def _places(ade: npt.NDArray[np.float64]) -> list[int]:
+    """Return the rows of the drivers with the least, the median and the largest error."""
+    order = np.argsort(ade, kind="stable")
+    return [int(order[round(share * (len(order) - 1))]) for share in PLACES.values()]
+
+
+def _write(results: Results, methods: list[str], place: int, folder: Path) -> tuple[str, str]:
+    """Write one driver's page; return how the report calls it, and its path from there."""
+    part, row = part_of([len(scenes) for scenes in results.study.test.scenes], place)
+    scenes = results.study.test.scenes[part].subset(np.array([row]))
+    played = [Played(name, _one(results.driven[name][part], row), name != "constant_velocity") for name in methods]
+    table = pd.concat([results.scores[name].iloc[[place]].assign(method=name) for name in methods], ignore_index=True)
+    vehicle, period = scenes.vehicle[0], scenes.one_period
+    page = f"{FOLDER}/{period}_{vehicle}.html"
+    recording = results.source.periods[period]
+    seconds = scenes.window.horizon * FRAME_STEP
+    best = table.loc[table["ade_m"].idxmin()]
+    write_player(
+        folder / page, recording, scenes, played, table[["method", "ade_m", "fde_m", "min_gap_m"]],
+        title=f"Vehicle {vehicle} of period {period}, driven by {len(methods)} methods",
+        answer=f"Over {seconds:g} s {METHOD_NAMES.get(best['method'], best['method'])} stays nearest to the recorded "
+        f"vehicle: {best['ade_m']:.2f} m away on average.",
+        notes=[note for note in recording.notes if "surrogate" in note.lower()],
+        footnote="ADE and FDE: mean and final distance between modelled and recorded front bumper.",
+    )  # fmt: skip
+    return f"vehicle {vehicle}", page
+
+
+def part_of(lengths: list[int], place: int) -> tuple[int, int]:
+    """Return part and row of a place in parts laid end to end.
+
+    Parameters
+    ----------
+    lengths : list of int
+        Rows of each part.
+    place : int
+        Below their sum.
+    """
+    part = 0
+    while place >= lengths[part]:
+        place -= lengths[part]
+        part += 1
+    return part, place
+
+
+def _one(driven: Trajectories, row: int) -> Trajectories:
+    """Return one vehicle."""
+    return Trajectories(*(getattr(driven, field.name)[row : row + 1] for field in fields(driven)))
