@@ -10,15 +10,20 @@ import numpy as np
 import numpy.typing as npt
 import pandas as pd
 
+from idm_sumo.prediction import RolloutPredictor, first_second
 from idm_sumo.recordings.columns import FRAME_STEP
+from idm_sumo.scenes.windows import Scenes
 from idm_sumo.simulation.rollout import Trajectories
 
 from ..page.style import METHOD_NAMES
 from ..replay.player import Played, write_player
 from .results import Results
 
+Floats = npt.NDArray[np.float64]
+
 FOLDER = "replays"
 PLAYED = ("constant_velocity", "irl_rl", "idm_average", "idm_prediction", "idm_rollout", "idm_pooled", "idm_oracle")
+ROLLOUT, SHARES = "idm_rollout", (0.9, 0.5)  # of the drivers lie between the ends of these intervals
 PLACES = {"best": 0.0, "median": 0.5, "worst": 1.0}
 
 
@@ -81,7 +86,7 @@ def write_replays(results: Results, folder: Path) -> list[Row]:
     return rows
 
 
-def _places(ade: npt.NDArray[np.float64]) -> list[int]:
+def _places(ade: Floats) -> list[int]:
     """Return the rows of the drivers with the least, the median and the largest error."""
     order = np.argsort(ade, kind="stable")
     return [int(order[round(share * (len(order) - 1))]) for share in PLACES.values()]
@@ -91,7 +96,9 @@ def _write(results: Results, methods: list[str], place: int, folder: Path) -> tu
     """Write one driver's page; return how the report calls it, and its path from there."""
     part, row = part_of([len(scenes) for scenes in results.study.test.scenes], place)
     scenes = results.study.test.scenes[part].subset(np.array([row]))
-    played = [Played(name, _one(results.driven[name][part], row), name != "constant_velocity") for name in methods]
+    driven = {name: _one(results.driven[name][part], row) for name in methods}
+    fans = {ROLLOUT: _fan(results.study.learned.predictor, scenes, driven[ROLLOUT])} if ROLLOUT in driven else {}
+    played = [Played(name, one, name != "constant_velocity", fans.get(name, ())) for name, one in driven.items()]
     table = pd.concat([results.scores[name].iloc[[place]].assign(method=name) for name in methods], ignore_index=True)
     vehicle, period = scenes.vehicle[0], scenes.one_period
     page = f"{FOLDER}/{period}_{vehicle}.html"
@@ -107,6 +114,16 @@ def _write(results: Results, methods: list[str], place: int, folder: Path) -> tu
         footnote="ADE and FDE: mean and final distance between modelled and recorded front bumper.",
     )  # fmt: skip
     return f"vehicle {vehicle}", page
+
+
+def _fan(predictor: RolloutPredictor, scenes: Scenes, driven: Trajectories) -> list[tuple[float, Floats, Floats]]:
+    """Return where the predictor expects the vehicle: intervals (m along the road) about its rollout."""
+    found = predictor.predict_with_spread(first_second(scenes))
+    scale = predictor.scale(scenes, found)[0]
+    bands = [(share, *predictor.noise_.interval(share, scale)) for share in SHARES]
+    return [
+        (share, driven.x[0] + np.append(0.0, low), driven.x[0] + np.append(0.0, high)) for share, low, high in bands
+    ]
 
 
 def part_of(lengths: list[int], place: int) -> tuple[int, int]:

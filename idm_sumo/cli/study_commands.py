@@ -23,7 +23,7 @@ All other vehicles drive as recorded; this one follows its leader by the IDM
 from its last observed frame on.
 
 reads   RECORDING; with --drivers its parameters, without them it is calibrated
-leaves  DIR/replay.html (plays it), trajectory.parquet (modelled beside
+leaves  DIR/replay.html (plays it), trajectory.parquet (the last model beside
         recorded, frame by frame), scores.csv, time_space.png, replay.gif,
         manifest.json
 next    open DIR/replay.html; idm-sumo diagnose RECORDING -o out says why the
@@ -69,8 +69,10 @@ def _add_replay(commands: Any) -> None:
     parser.add_argument(
         "--drivers",
         type=Path,
+        action="append",
         metavar="FILE",
-        help="parameters from `calibrate` or `predict`; by default this driver's own fit (oracle)",
+        help="parameters from `calibrate` or `predict`; may be repeated, each is driven beside the others "
+        "(default: this driver's own fit)",
     )
     parser.add_argument(
         "--model",
@@ -146,7 +148,7 @@ def replay(options: argparse.Namespace) -> None:
         tuple(options.period or ()),
         shared.window_of(options),
         options.backend,
-        options.drivers,
+        tuple(options.drivers or ()),
         options.desired_speed,
         options.seed,
         options.model,
