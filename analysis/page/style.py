@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
+from zlib import crc32
 
 import numpy as np
 from matplotlib.axes import Axes
@@ -44,7 +45,7 @@ METHOD_COLOURS = {
     "extended": "#332288",
 }
 RECORDED = "#000000"
-OTHER = "#0072B2"  # of a model that has no colour of its own
+OTHERS = ("#0072B2", "#D55E00", "#009E73", "#CC79A7", "#E69F00", "#332288")  # of models without one of their own
 LIGHTER = 0.45  # share of white in a colour that is drawn on a dark page
 # Lengths of strokes and blanks, in line widths.
 METHOD_STROKES: dict[str, list[float]] = {
@@ -65,8 +66,13 @@ TRAFFIC = "#BBBBBB"
 
 
 def method_colour(method: str) -> str:
-    """Return the colour of a method as ``#rrggbb``."""
-    return METHOD_COLOURS.get(method, OTHER)
+    """Return the colour of a method as ``#rrggbb``; one that is not ours gets one of these by its name."""
+    return METHOD_COLOURS.get(method) or OTHERS[crc32(method.encode()) % len(OTHERS)]
+
+
+def method_name(method: str) -> str:
+    """Return how readers know a method."""
+    return METHOD_NAMES.get(method, method.replace("_", " "))
 
 
 def dark_colour(method: str) -> str:

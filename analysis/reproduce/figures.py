@@ -13,7 +13,7 @@ from idm_sumo.recordings.columns import FRAME_STEP
 from idm_sumo.scenes.windows import Scenes
 from idm_sumo.simulation.rollout import Trajectories
 
-from ..page.style import METHOD_COLOURS, METHOD_NAMES, label_ends, method_line, new_figure
+from ..page.style import METHOD_COLOURS, METHOD_NAMES, label_ends, method_colour, method_line, method_name, new_figure
 from .paper import NEIGHBOURS
 from .study import Study
 
@@ -171,8 +171,8 @@ def time_space(scenes: Scenes, which: int, driven: dict[str, Trajectories]) -> F
         The recorded vehicle, the modelled ones, and the traffic of its lane.
     """
     figure, (ax,) = new_figure(9.0, 4.6)
-    named = {METHOD_NAMES[name]: trajectories for name, trajectories in driven.items()}
-    colours = {METHOD_NAMES[name]: METHOD_COLOURS[name] for name in driven}
+    named = {method_name(name): trajectories for name, trajectories in driven.items()}
+    colours = {method_name(name): method_colour(name) for name in driven}
     plot_time_space(scenes, named, which, ax=ax, colours=colours)
     for name, line in zip(driven, ax.lines[1:], strict=True):
         line.set_linestyle(method_line(name))

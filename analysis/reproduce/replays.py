@@ -15,7 +15,7 @@ from idm_sumo.recordings.columns import FRAME_STEP
 from idm_sumo.scenes.windows import Scenes
 from idm_sumo.simulation.rollout import Trajectories
 
-from ..page.style import METHOD_NAMES
+from ..page.style import method_name
 from ..replay.player import Played, write_player
 from .results import Results
 
@@ -82,7 +82,7 @@ def write_replays(results: Results, folder: Path) -> list[Row]:
     for name, places in chosen.items():
         ade = results.scores[name]["ade_m"].to_numpy()
         three = [Driver(f"{pages[place][0]}, {ade[place]:.2f} m", pages[place][1]) for place in places]
-        rows.append(Row(METHOD_NAMES.get(name, name), *three))
+        rows.append(Row(method_name(name), *three))
     return rows
 
 
@@ -108,7 +108,7 @@ def _write(results: Results, methods: list[str], place: int, folder: Path) -> tu
     write_player(
         folder / page, recording, scenes, played, table[["method", "ade_m", "fde_m", "min_gap_m"]],
         title=f"Vehicle {vehicle} of period {period}, driven by {len(methods)} methods",
-        answer=f"Over {seconds:g} s {METHOD_NAMES.get(best['method'], best['method'])} stays nearest to the recorded "
+        answer=f"Over {seconds:g} s {method_name(best['method'])} stays nearest to the recorded "
         f"vehicle: {best['ade_m']:.2f} m away on average.",
         notes=[note for note in recording.notes if "surrogate" in note.lower()],
         footnote="ADE and FDE: mean and final distance between modelled and recorded front bumper.",
@@ -120,10 +120,11 @@ def _fan(predictor: RolloutPredictor, scenes: Scenes, driven: Trajectories) -> l
     """Return where the predictor expects the vehicle: intervals (m along the road) about its rollout."""
     found = predictor.predict_with_spread(first_second(scenes))
     scale = predictor.scale(scenes, found)[0]
-    bands = [(share, *predictor.noise_.interval(share, scale)) for share in SHARES]
-    return [
-        (share, driven.x[0] + np.append(0.0, low), driven.x[0] + np.append(0.0, high)) for share, low, high in bands
-    ]
+    bands = []
+    for share in SHARES:
+        low, high = (driven.x[0] + np.append(0.0, end) for end in predictor.noise_.interval(share, scale))
+        bands.append((share, low, high))
+    return bands
 
 
 def part_of(lengths: list[int], place: int) -> tuple[int, int]:
