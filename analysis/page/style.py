@@ -10,6 +10,7 @@ from zlib import crc32
 import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
+from sklearn.isotonic import isotonic_regression
 
 METHOD_NAMES = {
     "constant_velocity": "constant velocity",
@@ -100,7 +101,7 @@ def method_line(method: str) -> Any:
 
 
 def label_ends(ax: Axes, ends: Mapping[str, float], colours: Mapping[str, str]) -> None:
-    """Write names to the right of lines, in their order and apart from each other.
+    """Write names to the right of lines: in their order, apart from each other, and as near as that allows.
 
     Parameters
     ----------
@@ -113,9 +114,9 @@ def label_ends(ax: Axes, ends: Mapping[str, float], colours: Mapping[str, str]) 
     """
     low, high = ax.get_ylim()
     names = sorted(ends, key=lambda name: ends[name])
-    place = -np.inf
-    for name in names:
-        place = max((ends[name] - low) / (high - low), place + LABEL_HEIGHT)
+    steps = LABEL_HEIGHT * np.arange(len(names))
+    heights = (np.array([ends[name] for name in names]) - low) / (high - low)
+    for name, place in zip(names, isotonic_regression(heights - steps) + steps, strict=True):
         ax.text(1.01, place, name, transform=ax.transAxes, fontsize=7.5, color=colours[name], va="center")
 
 
