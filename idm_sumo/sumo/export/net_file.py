@@ -48,7 +48,7 @@ def checked_net(own: RoadNetwork, net_file: Path | str | None, desired_speed: fl
         if limit < desired_speed - 1e-4:
             raise InputError(
                 f"{path}: edge {name!r} allows {limit:g} m/s, below the desired speed {desired_speed:g} m/s, "
-                "which would cap every driver; build it with a higher --speed-limit-mph or lower desired_speed"
+                "which would cap every driver; build it with a higher --speed-limit-mph or lower desired_speed_m_s"
             )
     return path
 
