@@ -213,10 +213,18 @@ def _restore(model: PPO, environment: ReplayVecEnv, checkpoint: Path, identity: 
     """
     try:
         record = torch.load(checkpoint, weights_only=True)
+        same = record["identity"] == identity
     except Exception as error:
         raise InputError(f"{checkpoint}: cannot be read ({type(error).__name__}); remove it to start again") from None
-    if record["identity"] != identity:
+    if not same:
         raise InputError(f"{checkpoint}: belongs to other settings or another seed; choose another output or remove it")
+    try:
+        return _put_in(model, environment, record)
+    except (AttributeError, KeyError, IndexError, TypeError, ValueError, RuntimeError) as error:
+        raise InputError(f"{checkpoint}: is damaged ({type(error).__name__}); remove it to start again") from None
+
+
+def _put_in(model: PPO, environment: ReplayVecEnv, record: dict[str, Any]) -> list[list[float]]:
     model.policy.load_state_dict(record["policy"])
     model.policy.optimizer.load_state_dict(record["optimizer"])
     model.num_timesteps, model._n_updates = record["steps"], record["updates"]

@@ -18,6 +18,9 @@ from collections.abc import Iterator
 from contextlib import contextmanager, suppress
 from pathlib import Path
 
+from idm_sumo.runtime.errors import InputError
+from idm_sumo.runtime.places import parents_of
+
 try:
     import fcntl
 
@@ -84,6 +87,33 @@ def lock_of(path: Path) -> int | None:
         os.close(handle)
         raise
     return handle
+
+
+@contextmanager
+def locked(folder: Path, what: str) -> Iterator[None]:
+    """Keep other runs out of a folder that grows, such as a download's.
+
+    Parameters
+    ----------
+    folder : Path
+        Made if need be; gone again if the block fails and leaves it empty.
+    what : str
+        How a message calls the other run.
+
+    Raises
+    ------
+    InputError
+        If another run is at work there.
+    """
+    with parents_of(folder / PREFIX):
+        sweep(folder)
+        lock = lock_of(folder)
+        if lock is None:
+            raise InputError(f"{folder}: another {what} is at work there; wait for it, or give another folder")
+        try:
+            yield
+        finally:
+            os.close(lock)
 
 
 def sweep(folder: Path) -> None:

@@ -28,7 +28,7 @@ from idm_sumo.irl.learning import (
 from idm_sumo.irl.policy import Policy
 from idm_sumo.runtime.cache import cache_folder
 from idm_sumo.runtime.errors import InputError
-from idm_sumo.runtime.files import new_file
+from idm_sumo.runtime.files import new_files
 from idm_sumo.runtime.inputs import parse_json, read_text
 from idm_sumo.runtime.progress import Progress, silent
 from idm_sumo.runtime.workers import in_processes
@@ -36,6 +36,7 @@ from idm_sumo.runtime.workers import in_processes
 from ..drivers import Drivers
 from ..settings import Settings
 
+MARK = "drivers.json"  # of a folder: the fingerprint of what was learned from
 AGENT, CLONE = "irl_rl", "behaviour_cloning"
 LEFT_OUT = f"the row {AGENT} is left out; {INSTALL} installs what its training needs"
 
@@ -86,9 +87,15 @@ def learners_of(
     -------
     Learners
         Reward and policies.
+
+    Raises
+    ------
+    InputError
+        If the folder holds what was learned from other drivers, settings or code.
     """
-    folder = folder or cache_folder() / f"agent-{fingerprint(train, settings)}"
-    folder.mkdir(parents=True, exist_ok=True)
+    identity = {"drivers": fingerprint(train, settings)}
+    folder = folder or cache_folder() / f"agent-{identity['drivers']}"
+    _check_same(folder, identity)
     seeds = range(settings.seed, settings.seed + settings.agent_seeds)
     wanted = [folder / f"{name}-seed{seed}.npz" for seed in seeds for name in (AGENT, CLONE)]
     lessons = None
@@ -96,7 +103,7 @@ def learners_of(
         progress("tracking the training drivers", 0, 1)
         lessons = lessons_of(train.scenes)
         progress("tracking the training drivers", 1, 1)
-        _learn_reward(folder / "reward.json", lessons, settings, progress)
+        _learn_reward(folder, identity, lessons, settings, progress)
         _make_clones(folder, lessons, list(seeds))
         if rl_is_installed():
             _train(folder, lessons, settings, list(seeds), progress)
@@ -205,11 +212,25 @@ def fingerprint(train: Drivers, settings: Settings) -> str:
     return digest.hexdigest()[:12]
 
 
-def _learn_reward(path: Path, lessons: Lessons, settings: Settings, progress: Progress) -> None:
+def _check_same(folder: Path, identity: dict[str, str]) -> None:
+    """Raise if what a folder holds was learned from something else."""
+    mark, reward = folder / MARK, folder / "reward.json"
+    if not mark.is_file() and not reward.is_file():
+        return
+    if not mark.is_file() or parse_json(read_text(mark, "choose another folder"), mark) != identity:
+        raise InputError(f"{folder}: holds agents of other drivers, settings or another version; choose another folder")
+
+
+def _learn_reward(
+    folder: Path, identity: dict[str, str], lessons: Lessons, settings: Settings, progress: Progress
+) -> None:
+    """Learn the reward and write it together with what it was learned from."""
+    path = folder / "reward.json"
     if path.is_file():
         return
     report = learn_reward(lessons, most=settings.agent_demonstrations, seed=settings.seed, progress=progress)
-    with new_file(path) as part:
+    with new_files([folder / MARK, path]) as (mark, part):
+        mark.write_text(json.dumps(identity) + "\n", encoding="utf-8")
         part.write_text(json.dumps(report.to_json(), indent=2) + "\n", encoding="utf-8")
 
 
@@ -256,7 +277,7 @@ def train_one(folder: Path, lessons: Lessons, steps: int, seed: int, progress: P
     checkpoint = folder / f"{AGENT}-seed{seed}.pt"
     training = replace(Training(), steps=steps)
     policy, curve = train_agent(lessons, reward, training, seed=seed, checkpoint=checkpoint, progress=progress)
-    with new_file(folder / f"{AGENT}-seed{seed}.csv") as part:
-        curve.to_csv(part, index=False, float_format="%.6g")
-    policy.save(folder / f"{AGENT}-seed{seed}.npz")
+    with new_files([folder / f"{AGENT}-seed{seed}.{kind}" for kind in ("csv", "npz")]) as (table, arrays):
+        curve.to_csv(table, index=False, float_format="%.6g")
+        policy.write(arrays)
     checkpoint.unlink(missing_ok=True)
