@@ -17,13 +17,12 @@ import torch
 from stable_baselines3 import PPO
 from stable_baselines3.common.callbacks import BaseCallback
 
+from idm_sumo.irl.learning import CURVE
 from idm_sumo.irl.policy import Policy
 from idm_sumo.irl.vec_environment import ReplayVecEnv
 from idm_sumo.runtime.errors import InputError
 from idm_sumo.runtime.files import new_file
 from idm_sumo.runtime.progress import Progress, silent
-
-CURVE = ("steps", "episodes", "mean_return", "mean_length", "collision_share", "off_road_share", "seconds")
 
 
 @dataclass(frozen=True)

@@ -388,7 +388,7 @@ from idm_sumo.cli.guard import defended
 from idm_sumo.recordings.fetch import fetch
 
 with defended(verbose=False):
-    fetch(Path(sys.argv[1]), base_url=sys.argv[2], page_rows=70, retries=3, backoff=0.001, timeout=20.0)
+    fetch(Path(sys.argv[1]), base_url=sys.argv[2], page_rows=70, retries=3, backoff=0.001, timeout=120.0)
 """
 
 

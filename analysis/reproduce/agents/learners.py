@@ -16,6 +16,7 @@ from joblib import cpu_count
 from idm_sumo.evaluation import risk
 from idm_sumo.irl import simulation
 from idm_sumo.irl.learning import (
+    CURVE,
     INSTALL,
     Lessons,
     clone_drivers,
@@ -135,7 +136,7 @@ def read_learners(folder: Path) -> Learners:
     reward = read_reward(folder / "reward.json")
     if not policies:
         raise InputError(f"{folder}: holds no policy; make one with `idm-sumo irl train`")
-    curves = [_curve(path) for path in sorted(folder.glob(f"{AGENT}-seed*.csv"))]
+    curves = [read_curve(path) for path in sorted(folder.glob(f"{AGENT}-seed*.csv"))]
     missing = "" if AGENT in policies else LEFT_OUT
     return Learners(reward, policies, pd.concat(curves, ignore_index=True) if curves else pd.DataFrame(), missing)
 
@@ -171,18 +172,33 @@ def read_reward(path: Path) -> dict[str, Any]:
     return dict(reward)
 
 
-def _curve(path: Path) -> pd.DataFrame:
-    """Return the learning curve of one agent, with its seed."""
-    seed = path.stem.rpartition("seed")[2]
+def read_curve(path: Path) -> pd.DataFrame:
+    """Return the learning curve of one agent, with its seed.
+
+    Parameters
+    ----------
+    path : Path
+        ``NAME-seedN.csv`` of a folder of agents.
+
+    Returns
+    -------
+    pandas.DataFrame
+
+    Raises
+    ------
+    InputError
+        If it is no such curve.
+    """
+    advice = "make it with `idm-sumo irl train`"
+    text, seed = read_text(path, advice), path.stem.rpartition("seed")[2]
     try:
-        curve = pd.read_csv(io.StringIO(read_text(path, "make it with `idm-sumo irl train`")))
-        return curve.apply(pd.to_numeric).assign(seed=int(seed))
-    except (ValueError, TypeError, OverflowError) as error:  # pandas' own errors are ValueErrors
-        raise (
-            error
-            if isinstance(error, InputError)
-            else InputError(f"{path}: not a learning curve ({error}); make it with `idm-sumo irl train`")
-        ) from None
+        curve = pd.read_csv(io.StringIO(text))[list(CURVE)].apply(pd.to_numeric)
+        values = curve.to_numpy(dtype=np.float64)  # a rollout in which no episode ends has no means
+        if curve.empty or np.isinf(values).any() or np.isnan(values[:, 0]).any():
+            raise ValueError("rows or finite numbers are missing")
+        return curve.assign(seed=int(seed))
+    except (ValueError, KeyError, TypeError, OverflowError) as error:  # pandas' own errors are ValueErrors
+        raise InputError(f"{path}: not a learning curve ({error}); {advice}") from None
 
 
 def fingerprint(train: Drivers, settings: Settings) -> str:

@@ -54,8 +54,8 @@ def read(opened: Opened, columns: Mapping[str, str]) -> tuple[Recording, Account
     for name, recorded in ((c.SPEED, "speed"), (c.ACCELERATION, "acceleration"), (c.LEADER, "leader")):
         if recorded in raw:
             table[name] = raw[recorded]
-    if {"trackId", "class"} <= set(cars.table):
-        kind = cars.table.set_index("trackId")["class"].astype(str).str.strip().str.lower().map(CLASSES)
+    if (told := cars.by_key("trackId", "class")) is not None:
+        kind = told.astype(str).str.strip().str.lower().map(CLASSES)
         table[c.CLASS] = raw["id"].map(kind).fillna(0).astype("int8")
     notes.append("each carriageway is a period; x runs along the way of its longest recorded vehicle")
     limit = number_in(about, "speedLimit", float("nan"))
