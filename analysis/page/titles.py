@@ -11,6 +11,11 @@ TITLES = {
     "windows": "windows",
     "parameter": "parameter",
     "population": "population",
+    "rank": "rank",
+    "mean_rank": "mean rank",
+    "best_in": "first in (measures)",
+    "measures": "measures",
+    "disqualified": "why it cannot be first",
     "what": "what was left out or assumed",
     "count": "number",
     # How many.

@@ -86,6 +86,8 @@ def compare(
             headway, travel time and speed.
         ``speed_rmse_m_s``, ``flow_rmse_veh_h``, ``density_rmse_veh_km``
             root mean square differences from the reference by minute, lane and segment.
+        ``speed_profile_rmse_m_s``
+            root mean square difference of the mean speed by position.
 
         Distances and differences of the reference from itself are NaN.
 
@@ -133,6 +135,7 @@ def compare_measures(measures: dict[str, TrafficMeasures], *, seed: int = 1, res
             if measured is not reference:
                 figures |= _distances(reference, own, measured, theirs, rng, resamples)
                 figures |= _field_differences(reference, own, measured, theirs)
+                figures["speed_profile_rmse_m_s"] = _profile_difference(reference, own, measured, theirs)
             rows.append(figures)
     return Comparison(measures, pd.DataFrame(rows), _notes(measures))
 
@@ -233,6 +236,13 @@ def _field_differences(
         both = both.fillna({name + end: 0.0 for name in (m.FLOW, m.DENSITY) for end in ("", "_o")})
     names = {m.MEAN_SPEED: "speed_rmse_m_s", m.FLOW: "flow_rmse_veh_h", m.DENSITY: "density_rmse_veh_km"}
     return {to: float(np.sqrt(((both[name + "_o"] - both[name]) ** 2).mean())) for name, to in names.items()}
+
+
+def _profile_difference(reference: TrafficMeasures, own: list[str], other: TrafficMeasures, theirs: list[str]) -> float:
+    """Return the root mean square difference (m/s) of mean speeds by position, over all these periods."""
+    both = [_of(one.positions, periods) for one, periods in ((reference, own), (other, theirs))]
+    profiles = [one.groupby(m.SEGMENT)[m.MEAN_SPEED].mean() for one in both]
+    return float(np.sqrt(((profiles[1] - profiles[0]) ** 2).mean()))
 
 
 def _notes(measures: dict[str, TrafficMeasures]) -> tuple[str, ...]:

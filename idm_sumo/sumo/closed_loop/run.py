@@ -30,6 +30,7 @@ from idm_sumo.sumo.session import ALWAYS, simulation
 ON_TIME = 0.05  # s, half a step
 # A vehicle that finds no gap must not delay vehicles that enter by another lane of the edge.
 INSERTION = ("--eager-insert", "true", "--insertion-checks", SAFE)
+COUNTED = ("safety.emergencyBraking", "teleports.total")  # SUMO's names of its statistics
 FCD = (
     "--fcd-output.attributes", "x,y,angle,speed,acceleration",
     "--fcd-output.acceleration", "true",
@@ -64,6 +65,25 @@ class RunFiles:
 
 
 @dataclass(frozen=True)
+class Incidents:
+    """What no traffic engineer wants to see, by SUMO's own counts.
+
+    Attributes
+    ----------
+    collisions : int
+        Pairs of vehicles that overlapped lengthwise in a lane.
+    emergency_brakings : int
+        Vehicle-steps of braking harder than a driver's comfortable deceleration allows to be safe.
+    teleports : int
+        Vehicles that SUMO moved on because they were stuck.
+    """
+
+    collisions: int = 0
+    emergency_brakings: int = 0
+    teleports: int = 0
+
+
+@dataclass(frozen=True)
 class Outcome:
     """Result of a run.
 
@@ -74,8 +94,7 @@ class Outcome:
     departures : pandas.DataFrame
         ``vehicle, planned_s, departed_s, delay_s``, one row a vehicle of the demand: ``departed_s`` is NaN for one
         that found no room until the end, and its delay is what it had waited by then.
-    collisions : int
-        Pairs of vehicles that overlapped lengthwise in a lane, by SUMO's own check.
+    incidents : Incidents
     arrived : int
         Vehicles that left the network.
     ego : pandas.DataFrame or None
@@ -84,7 +103,7 @@ class Outcome:
 
     fcd: Path
     departures: pd.DataFrame
-    collisions: int
+    incidents: Incidents
     arrived: int
     ego: pd.DataFrame | None
 
@@ -199,18 +218,15 @@ def run(
         options += ["--additional-files", str(files.additional)]
     start = gui_simulation if gui else simulation
     with start(options, net=files.net) as sumo:
-        departed, collisions, arrived = _loop(sumo, files, ego, ours, progress)
+        departed, incidents, arrived = _loop(sumo, files, ego, ours, progress)
     table = _departures(files, departed)
-    return Outcome(fcd, table, len(collisions), arrived, None if ego is None else ego.table())
+    return Outcome(fcd, table, incidents, arrived, None if ego is None else ego.table())
 
 
 def _loop(
     sumo: Any, files: RunFiles, ego: Ego | None, ours: ModelDrivers | None, progress: Progress
-) -> tuple[dict[str, float], set[tuple[str, str]], int]:
-    """Step through the run.
-
-    Return departures (s), colliding pairs, and how many vehicles arrived.
-    """
+) -> tuple[dict[str, float], Incidents, int]:
+    """Step through the run; return departures (s), incidents, and how many vehicles arrived."""
     departed: dict[str, float] = {}
     collisions: set[tuple[str, str]] = set()
     entrance = Entrance(files.demand)
@@ -230,7 +246,8 @@ def _loop(
         if step % 100 == 0:
             progress("simulating", step, steps)
     progress("simulating", steps, steps)
-    return departed, collisions, arrived
+    counts = [int(sumo.simulation.getParameter("", f"stats.{name}")) for name in COUNTED]
+    return departed, Incidents(len(collisions), *counts), arrived
 
 
 def _departures(files: RunFiles, departed: dict[str, float]) -> pd.DataFrame:

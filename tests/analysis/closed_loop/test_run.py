@@ -75,7 +75,7 @@ def test_everybody_departs_in_time_or_is_reported(tmp_path: Path, recorded: Reco
     assert sorted(outcome.departures["vehicle"]) == sorted(recorded.table[c.VEHICLE].unique())
     assert outcome.departures["departed_s"].notna().all()
     assert outcome.late.empty
-    assert outcome.collisions == 0
+    assert outcome.incidents.collisions == 0
     driven = as_recording(outcome, recorded, demand, "drivers")
     assert set(driven.table[c.VEHICLE]) == set(recorded.table[c.VEHICLE])
     first = driven.table.groupby(c.VEHICLE)[[c.FRAME, c.X, c.SPEED]].first()
@@ -161,7 +161,7 @@ def test_our_ego_is_where_we_put_it_and_others_react_to_it(
     assert steps > 200
     assert np.allclose(path["x"][:steps], seen[c.X][:steps], atol=1e-3)
     assert np.allclose(path["y"], US101.lane_center(3), atol=0.05)
-    assert outcome.collisions == 0
+    assert outcome.incidents.collisions == 0
     behind = demand[(demand["lane"] == 3) & (demand["depart_s"] > entering["depart_s"])].iloc[0]
     without = as_recording(run(tmp_path / "b", recorded, demand), recorded, demand, "").table
     gone = [t[t[c.VEHICLE] == behind[c.VEHICLE]][c.SPEED].mean() for t in (driven, without)]
@@ -223,6 +223,12 @@ def test_the_command_leaves_a_whole_result(tmp_path: Path, file: Path) -> None:
     table = pd.read_csv(out / "tables" / "closed_loop.csv")
     assert table["population"].tolist() == ["recorded", "krauss", "default-idm"]
     assert table["vehicles"].nunique() == 1
+    assert sorted(table["rank"].dropna()) == [1, 2]
+    simulated = table[table["population"] != "recorded"]
+    assert (simulated["emergency_brakings"] >= 0).all()
+    assert (simulated["teleports"] == 0).all()
+    assert simulated["flow_error_share"].between(-0.5, 0.5).all()
+    assert simulated["speed_profile_rmse_m_s"].between(0.0, 15.0).all()
     for name in (
         "figures/time_space.png",
         "figures/comparison.png",
