@@ -38,7 +38,7 @@ SHOWN_LOOP = [
     "never_inserted",
     "collisions",
 ]
-TYPES = ("drivers", "predicted", "pooled", "default-idm", "krauss")
+TYPES = ("drivers", "drawn", "predicted", "pooled", "default-idm", "krauss")
 
 
 COMPARE = """\
@@ -208,7 +208,7 @@ def interactive(options: argparse.Namespace) -> None:
     """
     module = study_module("closed_loop.run")
     single = options.gui or options.ego is not None  # one population is all that can be watched or driven among
-    types = tuple(dict.fromkeys(options.types or (TYPES[:1] if single else TYPES)))
+    types = tuple(dict.fromkeys(options.types or (TYPES[:1] if single else _types_for(options.drivers))))
     if options.model is not None:
         from idm_sumo.models.effects import ExtendedModel
 
@@ -241,3 +241,14 @@ def interactive(options: argparse.Namespace) -> None:
         f"open {options.output / 'report.html'}",
     )
     shared.note_origin_of(options.output)
+
+
+def _types_for(drivers: Path | None) -> tuple[str, ...]:
+    """Return the populations that can be had of a driver table; all of drivers that are calibrated in the run."""
+    if drivers is None:
+        return TYPES
+    from idm_sumo.calibration.drawn import DRAWN
+    from idm_sumo.calibration.driver_table import read_drivers
+
+    has_drawn = set(DRAWN) <= set(read_drivers(drivers))
+    return TYPES if has_drawn else tuple(name for name in TYPES if name != "drawn")

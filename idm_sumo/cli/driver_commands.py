@@ -137,6 +137,7 @@ def calibrate(options: argparse.Namespace) -> None:
     options : argparse.Namespace
     """
     from idm_sumo.calibration import calibrate as fit
+    from idm_sumo.calibration.drawn import drawn_columns
     from idm_sumo.calibration.search import Search
     from idm_sumo.calibration.without_d1 import refit_table, without_d1_costs
     from idm_sumo.prediction.driving_code import driving_code
@@ -152,7 +153,8 @@ def calibrate(options: argparse.Namespace) -> None:
             jobs=options.jobs,
             progress=_named("calibrating", report),
         )
-    fits = _beside(fits, refit_table(fits, scenes))
+    drawn = drawn_columns(scenes, fits["desired_speed_m_s"])
+    fits = _beside(fits, drawn, refit_table(fits, scenes))
     table = _beside(fits, without_d1_costs(fits, scenes), driving_code(scenes))
     write(table, options.output)
     _note_faster(table)
