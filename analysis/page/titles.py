@@ -18,6 +18,10 @@ TITLES = {
     "disqualified": "why it cannot be first",
     "what": "what was left out or assumed",
     "count": "number",
+    "missing_share": "missing share",
+    "parameters": "parameters",
+    "ade_sd_m": "ADE, standard deviation (m)",
+    "fde_to_ade": "FDE/ADE",
     # How many.
     "vehicles": "vehicles",
     "drivers": "drivers",

@@ -14,7 +14,7 @@ from idm_sumo.scenes.windows import Scenes
 from idm_sumo.simulation.rollout import Trajectories
 
 from ..page.style import METHOD_COLOURS, METHOD_NAMES, label_ends, method_colour, method_line, method_name, new_figure
-from .paper import NEIGHBOURS
+from .paper import METHODS, MISSING, NEIGHBOURS
 from .study import Study
 
 LEVELS = ("idm_average", "idm_pooled", "idm_oracle")
@@ -150,6 +150,32 @@ def error_growth(study: Study, driven: dict[str, list[Trajectories]]) -> Figure:
         xlim=(0, seconds[-1]),
     )
     label_ends(ax, ends, {METHOD_NAMES[name]: METHOD_COLOURS[name] for name in driven})
+    return figure
+
+
+def missing_vehicles(table: pd.DataFrame) -> Figure:
+    """Draw ADE against the share of missing vehicles, and the paper's figures at its own share.
+
+    Parameters
+    ----------
+    table : pandas.DataFrame
+        As :func:`analysis.reproduce.missing.by_share` returns it.
+
+    Returns
+    -------
+    matplotlib.figure.Figure
+        Left with parameters found while nobody was missing, right with those found in the thinned scene.
+    """
+    figure, axes = new_figure(9.5, 4.0, columns=2)
+    for ax, (way, part) in zip(axes, table.groupby("parameters", sort=False), strict=False):
+        for name, one in part.groupby("method", sort=False):
+            ax.plot(100 * one["missing_share"], one["ade_m"], color=method_colour(str(name)), marker="o", markersize=3,
+                    linestyle=method_line(str(name)), label=method_name(str(name)))  # fmt: skip
+        for name, printed in METHODS.items():
+            if name in set(part["method"]):
+                ax.plot(100 * MISSING, printed.ade_m, marker="D", color=method_colour(name), markeredgecolor="black")
+        ax.set(title=str(way), xlabel="missing vehicles (%)", ylabel="ADE (m)", ylim=(0, None))
+        ax.legend(fontsize=7)
     return figure
 
 

@@ -18,11 +18,12 @@ from . import figures, paper, tables
 from .agents import figures as agent_figures
 from .agents import rows as agents
 from .agents import words as agent_words
+from .missing import by_share
 from .prediction import figures as prediction_figures
 from .prediction import words as prediction_words
 from .replays import Row, part_of, write_replays
 from .results import Results
-from .words import describe
+from .words import describe, missing_sentence
 
 COLUMNS_FIRST = ["ade_m", "ade_se_m", "fde_m", "fde_se_m", "collisions", "vehicles"]
 QUALITY = [
@@ -61,6 +62,7 @@ def _write_tables(results: Results, folder: Path) -> None:
     results.other_methods.to_csv(folder / "methods_other_start.csv", index=False, float_format="%.6g")
     for name, table in results.prediction.items():
         table.to_csv(folder / f"{name}.csv", index=False, float_format="%.6g")
+    results.missing.to_csv(folder / "missing_vehicles.csv", index=False, float_format="%.6g")
     left_out(results).to_csv(folder / "left_out.csv", index=False)
     fits = pd.concat({"train": results.study.train_fits, "test": results.study.test_fits}, names=["side"])
     fits.reset_index(level=0).to_csv(folder / "oracle.csv", index=False, float_format="%.6g")
@@ -115,6 +117,8 @@ def _write_figures(results: Results, folder: Path) -> None:
     save(figures.flat_directions(tables.flat_directions(study)), folder / "flat_directions.png")
     save(prediction_figures.fan(study), folder / "prediction_fan.png")
     save(prediction_figures.seconds(results.prediction["prediction_seconds"]), folder / "prediction_seconds.png")
+    if len(results.missing):
+        save(figures.missing_vehicles(by_share(results.missing)), folder / "missing_vehicles.png")
     part, which = _median_driver(results)
     chosen = {name: trajectories[part] for name, trajectories in results.driven.items()}
     save(figures.time_space(study.test.scenes[part], which, chosen), folder / "time_space.png")
@@ -154,6 +158,8 @@ def _write_report(results: Results, part: Path, replays: list[Row]) -> None:
         quality=results.methods[QUALITY],
         **results.prediction,
         at_bound=tables.at_bound(results.study),
+        missing=by_share(results.missing) if len(results.missing) else None,
+        missing_text=missing_sentence(results.missing),
         accounts=left_out(results),
         frame_start=max(settings.frame_counts),
         **_agent_section(results),

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from dataclasses import fields
 from pathlib import Path
 from typing import NamedTuple
 
@@ -96,7 +95,7 @@ def _write(results: Results, methods: list[str], place: int, folder: Path) -> tu
     """Write one driver's page; return how the report calls it, and its path from there."""
     part, row = part_of([len(scenes) for scenes in results.study.test.scenes], place)
     scenes = results.study.test.scenes[part].subset(np.array([row]))
-    driven = {name: _one(results.driven[name][part], row) for name in methods}
+    driven = {name: results.driven[name][part].rows(slice(row, row + 1)) for name in methods}
     fans = {ROLLOUT: _fan(results.study.learned.predictor, scenes, driven[ROLLOUT])} if ROLLOUT in driven else {}
     played = [Played(name, one, name != "constant_velocity", fans.get(name, ())) for name, one in driven.items()]
     table = pd.concat([results.scores[name].iloc[[place]].assign(method=name) for name in methods], ignore_index=True)
@@ -142,8 +141,3 @@ def part_of(lengths: list[int], place: int) -> tuple[int, int]:
         place -= lengths[part]
         part += 1
     return part, place
-
-
-def _one(driven: Trajectories, row: int) -> Trajectories:
-    """Return one vehicle."""
-    return Trajectories(*(getattr(driven, field.name)[row : row + 1] for field in fields(driven)))

@@ -165,10 +165,10 @@ def beside_paper(
     Returns
     -------
     pandas.DataFrame
-        With the paper's ADE, FDE and collisions, NaN where it has none.
+        With the paper's ADE and FDE, their standard errors, and collisions, NaN where it has none.
     """
     ours = table.copy()
-    for name in ("ade_m", "fde_m", "collisions"):
+    for name in ("ade_m", "ade_se_m", "fde_m", "fde_se_m", "collisions"):
         ours[f"paper_{name}"] = [getattr(printed[k], name) if k in printed else np.nan for k in table[key]]
     return ours
 
