@@ -13,7 +13,7 @@ from idm_sumo.evaluation.comparison import RECORDING, Comparison
 from idm_sumo.recordings.recording import Recording
 from idm_sumo.sumo.closed_loop.measurement import Measured, glimpse_of
 
-from ..comparison.figures import overview, time_space
+from ..comparison.figures import lane_change_map, overview, time_space
 from ..comparison.run import shown
 from ..page.page import not_measured, render
 from ..page.style import save
@@ -148,6 +148,7 @@ def write_results(
     }
     save(overview(comparison), figures / "comparison.png")
     save(time_space(glimpses), figures / "time_space.png")
+    save(lane_change_map(comparison), figures / "lane_changes.png")
     measures, distances = shown(comparison)
     render(
         part / "report.html",

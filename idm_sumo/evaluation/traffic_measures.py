@@ -28,7 +28,7 @@ class TrafficMeasures:
         :func:`idm_sumo.evaluation.macroscopic.edie`.
     positions : pandas.DataFrame
         :func:`idm_sumo.evaluation.macroscopic.speed_by_position`.
-    travel_times, lane_changes, waves : pandas.DataFrame
+    travel_times, lane_changes, lane_change_places, waves : pandas.DataFrame
         Of the functions with these names.
     following : pandas.DataFrame
         :func:`following`.
@@ -42,6 +42,7 @@ class TrafficMeasures:
     positions: pd.DataFrame
     travel_times: pd.DataFrame
     lane_changes: pd.DataFrame
+    lane_change_places: pd.DataFrame
     waves: pd.DataFrame
     following: pd.DataFrame
     counts: pd.Series
@@ -69,6 +70,7 @@ def measure_traffic(recording: Recording) -> TrafficMeasures:
     """
     return TrafficMeasures(
         m.edie(recording), m.speed_by_position(recording), m.travel_times(recording), m.lane_changes(recording),
+        m.lane_change_places(recording),
         wave_speeds(recording), following(recording), m.vehicle_counts(recording),
         not recording.has_leader_rows, recording.road,
     )  # fmt: skip
