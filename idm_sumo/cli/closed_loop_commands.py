@@ -37,6 +37,8 @@ SHOWN_LOOP = [
     "late",
     "never_inserted",
     "collisions",
+    "emergency_brakings",
+    "rank",
 ]
 TYPES = ("drivers", "drawn", "predicted", "pooled", "default-idm", "krauss")
 
