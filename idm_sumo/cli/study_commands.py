@@ -117,6 +117,11 @@ def _add_reproduce(commands: Any) -> None:
         help="drivers that a prediction averages (default 8)",
     )
     parser.add_argument(
+        "--code-speed",
+        choices=("own", "relative"),
+        help="what the driving code's nu is: the driver's own mean speed (default), or that relative to the leader",
+    )
+    parser.add_argument(
         "--desired-speed",
         type=shared.real(limits.DESIRED_SPEED),
         metavar="V",
@@ -177,6 +182,7 @@ def reproduce(options: argparse.Namespace) -> None:
         "test": options.test,
         "rollout_start": options.rollout_start,
         "neighbours": options.neighbours,
+        "code_speed": options.code_speed,
         "desired_speed": options.desired_speed,
         "backend": options.backend,
         "seed": options.seed,
