@@ -75,7 +75,9 @@ def features(study: Study) -> pd.DataFrame:
     """
     codes = study.test.code(study.settings.observed)
     k, other = study.settings.neighbours, "own" if study.settings.code_speed == "relative" else "relative"
-    cases = [("+".join(chosen), chosen, study.settings.code_speed) for chosen in FEATURE_SETS]
+    cases: list[tuple[str, tuple[str, ...], str]] = [
+        ("+".join(chosen), chosen, study.settings.code_speed) for chosen in FEATURE_SETS
+    ]
     cases += [("+".join(chosen).replace("nu", f"nu_{other}"), chosen, other) for chosen in (("nu",), tuple(FEATURES))]
     rows = [(name, study.neighbours(codes, k, chosen, speed)) for name, chosen, speed in cases]
     return pd.DataFrame([{"features": name, **_score(study.test, theta)} for name, theta in rows])
