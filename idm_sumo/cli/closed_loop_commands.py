@@ -128,6 +128,7 @@ def _add_interactive(commands: Any) -> None:
         help=f"whose demand drives: {shared.RECORDING_HELP} (default: that)",
     )
     shared.location_argument(parser)
+    shared.network_arguments(parser)
     shared.minutes_argument(parser, 45.0)
     parser.add_argument("--period", metavar="PERIOD", help="recording period to run (default: the first)")
     parser.add_argument(
@@ -217,7 +218,7 @@ def interactive(options: argparse.Namespace) -> None:
         ExtendedModel.read(options.model)  # before hours of simulation
         types = ("extended",) if single and not options.types else (*types, "own-loop", "extended")
     settings = study_module("closed_loop.settings").Settings(
-        recording=options.recording,
+        recording=str(shared.recording_path(options)) if options.net_file else options.recording,
         period=options.period,
         drivers=options.drivers,
         types=types,

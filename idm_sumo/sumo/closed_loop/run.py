@@ -32,7 +32,6 @@ ON_TIME = 0.05  # s, half a step
 INSERTION = ("--eager-insert", "true", "--insertion-checks", SAFE)
 COUNTED = ("safety.emergencyBraking", "teleports.total")  # SUMO's names of its statistics
 FCD = (
-    "--fcd-output.attributes", "x,y,angle,speed,acceleration",
     "--fcd-output.acceleration", "true",
     "--precision", "4",
 )  # fmt: skip
@@ -53,6 +52,8 @@ class RunFiles:
         As of :func:`idm_sumo.sumo.closed_loop.demand.demand_of`.
     options : tuple of str
         Further options of ``sumo``.
+    fcd_attributes : str
+        Attributes of SUMO's output that a recording is made from.
     """
 
     net: Path
@@ -62,6 +63,7 @@ class RunFiles:
     duration: float
     demand: pd.DataFrame
     options: tuple[str, ...]
+    fcd_attributes: str
 
 
 @dataclass(frozen=True)
@@ -141,12 +143,12 @@ def write_run(
     """
     folder.mkdir(parents=True, exist_ok=True)
     own = network.of(recording.road)
-    net, routes, config = folder / recording.road.network, folder / f"{name}.rou.xml", folder / f"{name}.sumocfg"
+    net, routes, config = folder / own.file.name, folder / f"{name}.rou.xml", folder / f"{name}.sumocfg"
     if not net.is_file():
         shutil.copyfile(own.file, net)
     write_routes(recording.road, demand, types, routes)
     additional = None
-    if downstream is not None:
+    if downstream is not None and own.layout.downstream:
         additional = folder / "downstream.add.xml"
         write_boundary(recording.road, downstream, additional)
     frames = recording.table[c.FRAME]
@@ -154,7 +156,7 @@ def write_run(
     root = run_recipe.configuration(net.name, routes.name, run_recipe.EULER)
     _complete(root, additional, duration, (*INSERTION, *options))
     save(root, config)
-    return RunFiles(net, routes, config, additional, duration, demand, tuple(options))
+    return RunFiles(net, routes, config, additional, duration, demand, tuple(options), own.fcd_attributes)
 
 
 def _complete(root: Element, additional: Path | None, duration: float, options: Sequence[str]) -> None:
@@ -213,7 +215,7 @@ def run(
         *INSERTION,
         *FCD,
     ]
-    options += ["--fcd-output", str(fcd)]
+    options += ["--fcd-output", str(fcd), "--fcd-output.attributes", files.fcd_attributes]
     if files.additional is not None:
         options += ["--additional-files", str(files.additional)]
     start = gui_simulation if gui else simulation

@@ -227,7 +227,10 @@ def _routes(net: RoadNetwork, table: pd.DataFrame, held: Expressed) -> Element:
     for note in held.notes:
         root.append(Comment(f" {note.replace('--', '- -')} "))  # no double hyphen within a comment
     ends = table[DESTINATION] if DESTINATION in table else pd.Series(THROUGH, index=table.index)
-    ends = ends.where(table["edge"] != net.layout.off_ramp, net.layout.off_ramp)
+    if net.layout.off_ramp:
+        ends = ends.where(table["edge"] != net.layout.off_ramp, net.layout.off_ramp)
+    else:
+        ends = pd.Series(net.destinations[0], index=table.index)
     names = {way: f"{way[0]}.to.{way[1]}" for way in dict.fromkeys(zip(table["edge"], ends, strict=True))}
     for way, name in names.items():
         SubElement(root, "route", id=name, edges=" ".join(net.route(str(way[0]), str(way[1]))))
