@@ -14,7 +14,7 @@ import numpy.typing as npt
 import pandas as pd
 
 from idm_sumo.calibration import calibrate
-from idm_sumo.calibration.driver_table import DESIRED_SPEED, read_drivers
+from idm_sumo.calibration.driver_table import DESIRED_SPEED, FIRST_FRAME, read_drivers
 from idm_sumo.evaluation.metrics import score
 from idm_sumo.models.effects import ExtendedModel
 from idm_sumo.recordings import columns as c
@@ -120,6 +120,8 @@ def replay_one(
         _check_drivers(model, request)
         request = changed(request, desired_speed=model.desired_speed)
     scenes = _scene_of(recording, request)
+    for path in request.drivers:
+        _check_recording(read_drivers(path), recording, path)
     models = _models(request, scenes)
     driven = {name: _drive(request.backend, scenes, one) for name, one in models.items()}
     if model is not None:
@@ -233,6 +235,22 @@ def _fitted(request: Request, scenes: Scenes) -> Modelled:
     if not np.isfinite(fit[PARAMETERS].to_numpy()).all():
         raise InputError(f"vehicle {request.vehicle}: no fit ({fit['status'].iloc[0]}); give parameters with --drivers")
     return Modelled(fit[PARAMETERS].to_numpy(), float(fit[DESIRED_SPEED].iloc[0]))
+
+
+def _check_recording(drivers: pd.DataFrame, recording: Recording, path: Path) -> None:
+    """Raise if a table's drivers have numbers of this recording, but none begins where it has it."""
+    if FIRST_FRAME not in drivers or recording.vehicles is None:
+        return
+    begins = recording.vehicles[[c.PERIOD, c.VEHICLE, "first_frame", "last_frame"]]
+    keys = drivers[[c.PERIOD, c.VEHICLE, FIRST_FRAME]].rename(columns={FIRST_FRAME: "told"})
+    shared = begins.assign(**{c.PERIOD: begins[c.PERIOD].astype(str)}).merge(
+        keys.assign(**{c.PERIOD: keys[c.PERIOD].astype(str)}), on=[c.PERIOD, c.VEHICLE]
+    )
+    if len(shared) and not (shared["first_frame"] == shared["told"]).any():
+        raise InputError(
+            f"{path}: belongs to another recording: no driver begins in the frame in which {recording.source} has it; "
+            "calibrate this recording"
+        )
 
 
 def _looked_up(request: Request, path: Path, scenes: Scenes) -> Modelled:

@@ -314,9 +314,12 @@ def scenes_of(options: argparse.Namespace, window: Window) -> Modelled:
     recording = load(options)
     scenes = build_scenes(recording.of_period(*(options.period or recording.periods)), window)
     if not len(scenes):
+        against = recording.accounting.vehicles_dropped
+        told = ", ".join(f"{count} {reason}" for reason, count in against.items())
         raise InputError(
-            f"{options.recording}: no vehicle is recorded for {window.frames} frames in a row; "
-            "lower --observed or --horizon"
+            f"{options.recording}: no vehicle that can be modelled is recorded for {window.frames} frames in a row"
+            + (f" (not modelled: {told})" if told else "")
+            + "; lower --observed or --horizon, or see `idm-sumo inspect RECORDING --vehicles`"
         )
     reasons = scenes.excluded["reason"].value_counts(sort=False)
     return Modelled(scenes, {str(reason): int(count) for reason, count in reasons.items()}, recording.notes)

@@ -11,6 +11,7 @@ from __future__ import annotations
 import errno
 import hashlib
 import os
+import re
 import secrets
 import shutil
 import tempfile
@@ -30,6 +31,7 @@ except ImportError:  # no such locks there: nothing is swept either
 
 WITHOUT_LOCKS = (errno.ENOLCK, errno.EOPNOTSUPP, errno.ENOSYS, errno.EINVAL, errno.EBADF)  # of a file system
 PREFIX, OLD = ".idm-sumo.", ".old"
+OURS = re.compile(r"\.idm-sumo\.[0-9a-f]{12}\.[0-9a-f]{8}(\.|$)")  # other names with that prefix may be a user's
 LONGEST_ENDING = 40  # characters of a target's endings that a temporary name keeps, for writers that go by them
 
 
@@ -122,7 +124,7 @@ def sweep(folder: Path) -> None:
         return
     with suppress(OSError):
         for name in os.listdir(folder):
-            if name.startswith(PREFIX) and not name.endswith(OLD):
+            if OURS.match(name) and not name.endswith(OLD):
                 _remove_if_dead(folder / name)
 
 

@@ -134,6 +134,15 @@ def test_replay_of_predicted_parameters(recording: Path, drivers: Path, tmp_path
     assert set(table["period"]) == {"0805-0820"}
 
 
+def test_a_table_of_another_recordings_drivers_is_refused(
+    recording: Path, drivers: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    table = pd.read_parquet(drivers)
+    table.assign(first_frame=table["first_frame"] + 1).to_parquet(tmp_path / "other.parquet")
+    arguments = ["replay", str(recording), "--vehicle", "3", "--drivers", str(tmp_path / "other.parquet")]
+    assert "belongs to another recording" in refused([*arguments, "-o", str(tmp_path / "out")], capsys)
+
+
 def test_several_driver_tables_are_driven_in_one_replay(
     recording: Path, drivers: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:

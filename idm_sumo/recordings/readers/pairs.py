@@ -56,7 +56,7 @@ def to_recording(raw: pd.DataFrame, ledger: Ledger, *, road: Road, source: str) 
     """
     ledger.total += len(raw)
     told: list[str] = []
-    raw = completed(raw, told)
+    raw = completed(raw, told, source)
     period = raw["period"].where(raw["period"].notna(), "(none)").astype(str) if "period" in raw else "recording"
     raw = raw.assign(period=period)
     raw = raw.assign(**{name: numbers(raw[name], name, source) for name in PAIR_NUMBERS if name in raw})
