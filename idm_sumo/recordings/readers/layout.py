@@ -20,7 +20,7 @@ from idm_sumo.roads import Road
 from idm_sumo.runtime import parquet
 from idm_sumo.runtime.errors import InputError
 
-_UNIT = re.compile(r"[(\[].*?[)\]]")
+_UNIT = re.compile(r"[(\[][^()\[\]]*[)\]]")  # no bracket within: else a row of brackets takes minutes
 
 
 def plain(name: str) -> str:
