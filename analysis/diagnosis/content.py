@@ -73,6 +73,10 @@ def _cause(cause: CauseFound, whole: dict[str, Range]) -> dict[str, Any]:
         "p_value": cause.p_value,
         "share_of_gain": cause.share_of_gain,
         "evidence": cause.evidence,
+        "one_of": list(cause.inseparable_from),
+        "gain": None if cause.gain is None else {name: getattr(cause.gain, name) for name in GAIN},
+        "effective_drivers": cause.effective_drivers,
+        "at_bound": cause.at_bound,
     }
 
 

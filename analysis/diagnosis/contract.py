@@ -57,27 +57,6 @@ class Where(_Part):
     lanes: list[int] | None = None
 
 
-class Cause(_Part):
-    """A cause: its size, significance and share of the gain."""
-
-    name: str
-    parameters: dict[str, Parameter]
-    where: Where | None
-    p_value: Probability
-    share_of_gain: Number
-    evidence: Annotated[str, Field(min_length=1)]
-
-
-class Unexplained(_Part):
-    """A pattern that no cause of the catalogue explains."""
-
-    covariate: str
-    range: Interval
-    position_m: Interval | None = None
-    time_s: Interval | None = None
-    p_value: Probability
-
-
 class Gain(_Part):
     """The gain of the extended model on held-out drivers."""
 
@@ -88,6 +67,43 @@ class Gain(_Part):
     ci95: Interval
     vehicles: Annotated[int, Field(ge=0)]
     held_out: Literal[True]
+
+
+class Cause(_Part):
+    """A cause: its size, significance and gain.
+
+    Attributes
+    ----------
+    one_of : list of str
+        Effects from which these data cannot tell it.
+    gain : Gain or None
+        What it spares held-out drivers beside the other causes; None where it was not measured.
+    effective_drivers : float
+        On how many drivers it rests.
+    at_bound : bool
+        Whether its magnitude is at a bound of what is searched.
+    """
+
+    name: str
+    parameters: dict[str, Parameter]
+    where: Where | None
+    p_value: Probability
+    share_of_gain: Number
+    evidence: Annotated[str, Field(min_length=1)]
+    one_of: list[str]
+    gain: Gain | None
+    effective_drivers: Annotated[float, Field(ge=0.0, allow_inf_nan=False)]
+    at_bound: bool
+
+
+class Unexplained(_Part):
+    """A pattern that no cause of the catalogue explains."""
+
+    covariate: str
+    range: Interval
+    position_m: Interval | None = None
+    time_s: Interval | None = None
+    p_value: Probability
 
 
 class RuledOut(_Part):
@@ -132,6 +148,17 @@ class Diagnosis(_Part):
         if self.verdict == "unknown" and not self.unexplained:
             raise ValueError("verdict 'unknown' needs an entry in `unexplained`")
         return self
+
+
+def schema() -> dict[str, Any]:
+    """Return the JSON schema of ``diagnosis.json``.
+
+    Returns
+    -------
+    dict
+        As it is kept beside this module, in ``diagnosis.schema.json``.
+    """
+    return Diagnosis.model_json_schema()
 
 
 def write_diagnosis(path: Path, content: dict[str, Any]) -> None:

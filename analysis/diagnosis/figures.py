@@ -215,7 +215,10 @@ def evidence(tests: pd.DataFrame) -> Figure:
             ax.barh(y[of_kind], strength[of_kind], color=colour, label=kind)
     ax.axvline(-np.log10(SIGNIFICANT), color="black", linestyle="--", linewidth=0.8)
     ax.set_yticks(y, [str(name).replace("_", " ") for name in ordered["name"]], fontsize=8)
-    ax.set(xlabel=f"−log10 of p, corrected for the number of hypotheses (dashed: {SIGNIFICANT:g}, required of a cause)")
+    ax.set(
+        xlabel="−log10 of p, corrected for the number of hypotheses\n"
+        f"(dashed: {SIGNIFICANT:g}; short of it only a clear gain names a cause)"
+    )
     ax.legend(loc="lower right", fontsize=8)
     return figure
 

@@ -88,7 +88,10 @@ def headline(found: Diagnosis) -> str:
 
 
 def _sized(cause: CauseFound) -> str:
-    return f"{_what(cause)} ({_sizes(cause)}; {p_value(cause.p_value)}; {cause.share_of_gain:.0%} of the gain)"
+    drivers = f"; rests on about {cause.effective_drivers:.0f} drivers" if cause.effective_drivers else ""
+    bound = "; its size is at the bound of what is searched" if cause.at_bound else ""
+    shown = f"{_sizes(cause)}; {p_value(cause.p_value)}; {cause.share_of_gain:.0%} of the gain"
+    return f"{_what(cause)} ({shown}{drivers}{bound})"
 
 
 def _what(cause: CauseFound) -> str:

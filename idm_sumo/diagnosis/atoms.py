@@ -194,7 +194,7 @@ def _scans(windows: w.Windows, state: Floats, grid: Grid) -> list[Scan]:
         *([_across(seen[:, w.LANE], by_v0, lanes[-1])] if len(lanes) >= FALLS_OVER else []),
         Scan(by_place, place, None),
         Scan(of_headway, place, state[:, :, ro.BY_T]),
-        Scan(by_time, time, state[:, :, ro.BY_T]),
+        *([] if w.several_periods(windows) else [Scan(by_time, time, state[:, :, ro.BY_T])]),
     ]
 
 

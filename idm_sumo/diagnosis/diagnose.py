@@ -12,12 +12,14 @@ from numba import get_num_threads, set_num_threads
 from threadpoolctl import threadpool_limits
 
 from idm_sumo.diagnosis import atoms as at
-from idm_sumo.diagnosis import free_gates, law, luck, some_drivers, statements, tables
+from idm_sumo.diagnosis import free_gates, gates, law, luck, some_drivers, statements, tables
+from idm_sumo.diagnosis import hypotheses as hy
 from idm_sumo.diagnosis import noise as no
 from idm_sumo.diagnosis.artefact import find_seam, repaired
 from idm_sumo.diagnosis.fit import Fit, first_guess, fit_drivers, for_rollouts
 from idm_sumo.diagnosis.gain import Errors, all_gains, compare, driven, typical_gain
 from idm_sumo.diagnosis.gain_gates import LAWLIKE, NO_SHAPE, is_confirmed
+from idm_sumo.diagnosis.hypotheses import Candidate
 from idm_sumo.diagnosis.law import Followed
 from idm_sumo.diagnosis.look import Subject
 from idm_sumo.diagnosis.result import NAMED, NONE, UNKNOWN, Diagnosis, Gain, Law
@@ -35,6 +37,7 @@ from idm_sumo.runtime.progress import Progress, silent
 HELD_OUT = 4  # every fourth block of neighbours takes no part in naming and fitting
 LEAST_DRIVERS = 24  # that name and fit
 LEAST_WINDOWS = 60
+LEAST_HELD_OUT = 1e-3  # of the ADE of held-out drivers, that a further cause must spare beside the others
 
 
 def diagnose(recording: Recording, *, seed: int = 0, jobs: int = 1, progress: Progress = silent) -> Diagnosis:
@@ -199,9 +202,44 @@ def _confirmed(found: Found, held: Windows, rng: np.random.Generator) -> tuple[F
         first = found.accepted[0]
         typical = typical_gain(base.ade_m, extended.ade_m, held.platoon, rng, held_out=True)
         if is_confirmed(gains[0], typical, first.gain, first.candidate):
-            return found, base, extended, gains
+            kept = _each_by_itself(found, held, extended, rng)
+            if kept is found:
+                return found, base, extended, gains
+            if not kept.accepted:
+                found = _refused(found)
+                return found, base, base, all_gains(base, base, held.platoon, rng)
+            extended = driven(held, kept.fit)
+            return kept, base, extended, all_gains(base, extended, held.platoon, rng)
         found = _refused(found)
     return found, base, base, all_gains(base, base, held.platoon, rng)
+
+
+def _each_by_itself(found: Found, held: Windows, extended: Errors, rng: np.random.Generator) -> Found:
+    """Return what was found without causes that rest on few drivers, or spare held-out ones nothing beside the others.
+
+    They are there without gain; the drivers are fitted anew without them.
+    """
+
+    def is_idle(name: str) -> bool:
+        without = driven(held, without_cause(found.fit, name))
+        gain = typical_gain(without.ade_m, extended.ade_m, held.platoon, rng, held_out=True)
+        return gain.difference < LEAST_HELD_OUT and not gain.is_likely
+
+    idle = [
+        cause for number, cause in enumerate(found.accepted)
+        if _is_of_few(found, cause.candidate) or (number > 0 and is_idle(cause.candidate.name))
+    ]  # fmt: skip
+    fit = found.fit
+    for cause in idle:
+        fit = without_cause(fit, cause.candidate.name)
+    there = (*found.without_gain, *(cause.candidate for cause in idle))
+    kept = tuple(cause for cause in found.accepted if cause not in idle)
+    return replace(found, fit=fit, accepted=kept, without_gain=there) if idle else found
+
+
+def _is_of_few(found: Found, candidate: Candidate) -> bool:
+    """Return whether a cause rests on too few drivers to be one."""
+    return hy.effective_drivers(found.first, candidate) < gates.FEWEST_DRIVERS
 
 
 def _refused(found: Found) -> Found:
@@ -246,8 +284,9 @@ def _told(
     if found.share is not None:
         held = some_drivers.by_their_other_windows(held, found.fit, found.share.value)
         windows = some_drivers.by_their_windows(windows, found.fit, found.share.value)
-    found, base, extended, gains = _confirmed(found, held, rng)
-    shares = _shares(held, found, base.ade_m.mean(), extended.ade_m.mean())
+    found, base, extended, whole = _confirmed(found, held, rng)
+    gains = _gains(held, found, extended, rng)
+    shares = _shares(gains)
     verdict = NAMED if found.accepted else UNKNOWN if found.unexplained else NONE
     clock.append(("gain", time.perf_counter()))
     known = {
@@ -255,11 +294,11 @@ def _told(
     }  # fmt: skip
     return Diagnosis(
         verdict=verdict,
-        causes=statements.causes(found, shares),
+        causes=statements.causes(found, shares, gains),
         without_gain=statements.without_gain(found),
         unexplained=statements.unexplained(found),
-        gain=gains[0],
-        other_gains=gains[1:],
+        gain=whole[0],
+        other_gains=whole[1:],
         ruled_out=statements.ruled_out(found),
         untestable=statements.untestable(recording, windows, found),
         power=statements.power(found),
@@ -284,16 +323,16 @@ def _law(held: Windows, followed: Followed, by_idm: Fit, rng: np.random.Generato
     return Law(laws.NAMES[law.law_of(followed.fit)], followed.likelier, gain)
 
 
-def _shares(held: Windows, found: Found, base: float, extended: float) -> Mapping[str, float]:
+def _gains(held: Windows, found: Found, extended: Errors, rng: np.random.Generator) -> dict[str, Gain]:
+    """Return what each cause spares of the ADE of held-out drivers, beside the others."""
+    out = {}
+    for name in _names(found):
+        without = driven(held, without_cause(found.fit, name))
+        out[name] = compare("ade_m", without.ade_m, extended.ade_m, held.platoon, rng, held_out=True)
+    return out
+
+
+def _shares(gains: Mapping[str, Gain]) -> Mapping[str, float]:
     """Return each cause's share of the gain: what is lost when it alone is left out, scaled to sum to one."""
-    names = [a.candidate.name for a in found.accepted]
-    if len(names) < 2:
-        return dict.fromkeys(names, 1.0)
-    lost = {
-        a.candidate.name: max(_ade_without(held, found.fit, a.candidate.name) - extended, 1e-6) for a in found.accepted
-    }
+    lost = {name: max(gain.difference, 1e-6) for name, gain in gains.items()}
     return {name: value / sum(lost.values()) for name, value in lost.items()}
-
-
-def _ade_without(held: Windows, fit: Fit, name: str) -> float:
-    return float(driven(held, without_cause(fit, name)).ade_m.mean())

@@ -86,6 +86,15 @@ class Evidence:
         between = (self.twins @ mix).var(axis=0, ddof=1) / len(self.twins) if len(self.twins) > 1 else 0.0
         return np.asarray((sums**2).sum(axis=0) + between)
 
+    def effective_drivers(self, mix: Floats) -> float:
+        """Return on how many drivers a combination's score rests.
+
+        Kish's formula on what each driver says for it: one who says it all counts as one.
+        """
+        own = self.u @ mix
+        own = np.maximum(own * np.sign(own.sum()), 0.0)
+        return float(own.sum() ** 2 / max((own**2).sum(), 1e-300))
+
     @cached_property
     def inflation(self) -> float:
         """By how much the clustered variance exceeds the model's, the median over bins of place and time."""

@@ -62,6 +62,7 @@ ACCELERATION, HEADWAY, RESPONSE, DELAY = "", "headway", "response", "delay"
 CHANGES = (RESPONSE, DELAY)
 IN_LANE = " in lane "
 REGION = "position and time"
+TIMED = ("time", REGION)  # how the names of what lies along the time begin
 MOVING = f"{REGION}, moving at "
 # m/s: of a band that moves along the road. Between two of them it strays by half its width in the minutes it takes to cross; faster is
 # the traffic itself, whose vehicles are drivers.
@@ -256,10 +257,14 @@ Families = Callable[[w.Windows, Floats, Grid], Iterator[tuple[Family, Integers]]
 
 def families(windows: w.Windows, state: Floats, grid: Grid) -> Iterator[tuple[Family, Integers]]:
     """Yield each family, and the number of the bin that each frame is in (-1: none)."""
+    timeless = w.several_periods(windows)
     for covariate, edges, number in _partitions(covariates(windows, state), grid):
+        if timeless and covariate.startswith(TIMED):
+            continue
         for content in _contents_along(covariate):
             yield Family(covariate, content, edges), number
-    yield from _moving(windows, state, grid)
+    if not timeless:
+        yield from _moving(windows, state, grid)
 
 
 def inside(intervals: Sequence[Interval]) -> Families:
@@ -267,7 +272,7 @@ def inside(intervals: Sequence[Interval]) -> Families:
 
     def each(windows: w.Windows, state: Floats, grid: Grid) -> Iterator[tuple[Family, Integers]]:
         x, t = state[:, :, ro.BASE_X], windows.seen[:, w.TIME, w.LEAD : -1]
-        for interval in intervals:
+        for interval in intervals if not w.several_periods(windows) else ():
             held, free, bins = (x, t, grid.time) if interval.axis == HELD[0] else (t, x, grid.place)
             edges, there = _coarser(bins, MOST_BINS), (held >= interval.begin) & (held < interval.end)
             family = Family(WITHIN[interval.axis], interval.content, (edges,), within=interval)

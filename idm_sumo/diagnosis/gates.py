@@ -32,6 +32,7 @@ LIKELY, LEAST_SUPPORT = 3.5, 150.0
 TO_COME = hy.BEFORE_A_CHANGE  # a change of lane that nobody has made yet
 # Nor does any motion make up who is ahead, where and when: of what is not quite significant (p) a clear gain may decide.
 NO_MOTION, DOUBTFUL = ("leader_class", "location", "time_of_day", *TO_COME), 0.02
+FEWEST_DRIVERS = 5.0  # effective number of drivers on which what is there must rest
 CLEAR = 5.0  # standard errors that a further cause needs
 FREE_CLEAR = 5.5  # standard errors from which on something free stands out
 STILL = 0.5  # of a squared z, that is left with the best cause in the model: that cause does not hold it

@@ -213,6 +213,37 @@ def _consistent(each: list[Candidate]) -> Candidate:
     return min((c for c in each if abs(c.z) >= CONSISTENT * strongest), key=_inconsistent)
 
 
+def effective_drivers(evidence: Evidence, candidate: Candidate) -> float:
+    """Return on how many drivers a candidate rests.
+
+    Parameters
+    ----------
+    evidence : Evidence
+        In which it was found.
+    candidate : Candidate
+    """
+    atom, lane = candidate.atom, candidate.atom.lane if candidate.only_lanes else 0
+    rows = [
+        n for n in informative(evidence, candidate.name)
+        if candidate.name not in SCANNED or is_drift(atom) or _overlaps(evidence.atoms[n], atom)
+    ]  # fmt: skip
+    alike = [n for n in rows if evidence.atoms[n].fixed == atom.fixed] or rows
+    if not alike:  # of a form that this evidence does not hold
+        return float(len(evidence.u))
+    mix = np.zeros(len(evidence.atoms))
+    if candidate.name in SCANNED:
+        mix[alike] = 1.0
+    else:
+        mix[max(alike, key=lambda n: evidence.gram[n, n])] = 1.0
+    inside = evidence.of(evidence.lane == lane) if lane else evidence
+    return inside.effective_drivers(mix)
+
+
+def _overlaps(bin_: Atom, whole: Atom) -> bool:
+    """Return whether the middle of a bin is in an interval."""
+    return bool(whole.low <= 0.5 * (bin_.low + bin_.high) < whole.high)
+
+
 def each_form(evidence: Evidence, name: str, rows: list[int]) -> list[Candidate]:
     """Return the candidate in the form of each of an effect's atoms."""
     unit = np.eye(len(evidence.atoms))

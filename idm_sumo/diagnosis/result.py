@@ -54,6 +54,12 @@ class CauseFound:
         One sentence.
     inseparable_from : tuple of str
         Catalogue names that these data cannot tell from it.
+    gain : Gain or None
+        ADE (m) of held-out drivers without this cause, and with it beside the others; None where it was not measured.
+    effective_drivers : float
+        On how many drivers it rests: one who says it all counts as one. Zero where that was not measured.
+    at_bound : bool
+        Whether its magnitude is at a bound of what is searched.
     """
 
     name: str
@@ -63,6 +69,9 @@ class CauseFound:
     share_of_gain: float
     evidence: str
     inseparable_from: tuple[str, ...] = ()
+    gain: Gain | None = None
+    effective_drivers: float = 0.0
+    at_bound: bool = False
 
 
 @dataclass(frozen=True)

@@ -15,12 +15,23 @@ from idm_sumo.diagnosis.fit import Fit
 from idm_sumo.diagnosis.hypotheses import Candidate
 from idm_sumo.diagnosis.law import law_of, reaction_of
 from idm_sumo.diagnosis.noise import Noise
-from idm_sumo.diagnosis.result import Z95, CauseFound, Estimate, OtherLaw, Power, Region, RuledOut, Scan, Unexplained
+from idm_sumo.diagnosis.result import (
+    Z95,
+    CauseFound,
+    Estimate,
+    Gain,
+    OtherLaw,
+    Power,
+    Region,
+    RuledOut,
+    Scan,
+    Unexplained,
+)
 from idm_sumo.diagnosis.rollout import ROWS
 from idm_sumo.diagnosis.search import Found
-from idm_sumo.diagnosis.windows import HORIZON, SECOND, UNTIL_CUT_IN, Windows
+from idm_sumo.diagnosis.windows import HORIZON, SECOND, UNTIL_CUT_IN, Windows, several_periods
 from idm_sumo.models import laws
-from idm_sumo.models.effects import BY_NAME, Cause, ExtendedModel, format_quantity, slots
+from idm_sumo.models.effects import BY_NAME, Cause, ExtendedModel, Parameter, format_quantity, slots
 from idm_sumo.models.idm import IDMParameters
 from idm_sumo.recordings.columns import FRAME_STEP
 from idm_sumo.recordings.recording import Recording
@@ -66,10 +77,12 @@ def _values(fit: Fit, name: str) -> dict[str, float]:
     return {p.symbol: float(fit.by_lane[0, p.slot]) for p in BY_NAME[name].acting(fit.by_lane[0])}
 
 
-def causes(found: Found, shares: Mapping[str, float]) -> tuple[CauseFound, ...]:
-    """Return the named causes, the one with the largest evidence first."""
-    doubt = form_doubt(found.last)
-    named = [_cause(found, a, shares[a.candidate.name], doubt) for a in found.accepted]
+def causes(
+    found: Found, shares: Mapping[str, float], gains: Mapping[str, Gain] | None = None
+) -> tuple[CauseFound, ...]:
+    """Return the named causes, the one with the largest evidence first, each with its own gain."""
+    doubt, gains = form_doubt(found.last), {} if gains is None else gains
+    named = [_cause(found, a, shares[a.candidate.name], doubt, gains.get(a.candidate.name)) for a in found.accepted]
     return tuple(named)
 
 
@@ -98,11 +111,18 @@ def seam_cause(seam: Seam) -> CauseFound:
     )  # fmt: skip
 
 
-def _cause(found: Found, accepted: Accepted, share: float, doubt: float) -> CauseFound:
+def within_bounds(first: Parameter, value: float, half: float) -> Estimate:
+    """Return a magnitude with its interval, which ends where the magnitude may not go."""
+    low, high = max(value - half, first.lower), min(value + half, first.upper)
+    return Estimate(value, first.unit, (min(low, value), max(high, value)))
+
+
+def _cause(found: Found, accepted: Accepted, share: float, doubt: float, gain: Gain | None) -> CauseFound:
     fit, candidate = found.fit, accepted.candidate
     first, *others = BY_NAME[candidate.name].acting(fit.by_lane[0])
     half = Z95 * float(np.hypot(accepted.error, doubt * accepted.value))
-    parameters = {first.symbol: Estimate(accepted.value, first.unit, (accepted.value - half, accepted.value + half))}
+    parameters = {first.symbol: within_bounds(first, accepted.value, half)}
+    at_bound = not first.lower < accepted.value < first.upper
     for parameter in others:
         value = float(fit.by_lane[0, parameter.slot])
         slack = _slack(parameter.symbol, value, _bin(found.first, candidate.name))
@@ -110,10 +130,15 @@ def _cause(found: Found, accepted: Accepted, share: float, doubt: float) -> Caus
         parameters[parameter.symbol] = Estimate(value, parameter.unit, within)
     region = _region(candidate, _edges(fit, candidate))
     sentence = _sentence(accepted)
+    if at_bound:
+        sentence += "; its size is at the bound of what is searched, and may be larger"
     if found.share is not None and of_some(fit, candidate.name):
         parameters[SHARE] = found.share
         sentence += f"; {found.share.value:.0%} of the drivers have it, the others are likelier without"
-    return CauseFound(candidate.name, parameters, region, candidate.p, share, sentence, accepted.rivals)
+    drivers = hy.effective_drivers(found.first, candidate)
+    return CauseFound(
+        candidate.name, parameters, region, candidate.p, share, sentence, accepted.rivals, gain, drivers, at_bound
+    )
 
 
 EDGES = ("x_1", "x_2", "t_1", "t_2")
@@ -182,6 +207,7 @@ def present(found: Found) -> list[Candidate]:
     return [
         c for c in found.without_gain
         if c.name not in ev.ENDOGENOUS and (is_idm or gain_gates.is_unlike_laws(c))
+        and hy.effective_drivers(found.first, c) >= gates.FEWEST_DRIVERS
     ]  # fmt: skip
 
 
@@ -190,10 +216,21 @@ def without_gain(found: Found) -> tuple[CauseFound, ...]:
     out = []
     for c in present(found):
         first = hy.acting_of(c)[0]
-        estimate = Estimate(c.value, first.unit, (c.value - Z95 * c.error, c.value + Z95 * c.error))
+        estimate = within_bounds(first, c.value, Z95 * c.error)
         sentence = f"present ({abs(c.z):.1f} standard errors) without making rollouts better"
+        region, drivers = _region(c, (c.atom.low, c.atom.high)), hy.effective_drivers(found.first, c)
+        at_bound = hy.is_at_bound(c)
         out.append(
-            CauseFound(c.name, {first.symbol: estimate}, _region(c, (c.atom.low, c.atom.high)), c.p, 0.0, sentence)
+            CauseFound(
+                c.name,
+                {first.symbol: estimate},
+                region,
+                c.p,
+                0.0,
+                sentence,
+                effective_drivers=drivers,
+                at_bound=at_bound,
+            )
         )
     return tuple(out)
 
@@ -211,8 +248,7 @@ def ruled_out(found: Found) -> tuple[RuledOut, ...]:
         if c.name in named:
             continue
         effect = BY_NAME[c.name]
-        half = Z95 * c.error
-        estimate = Estimate(c.value, hy.acting_of(c)[0].unit, (c.value - half, c.value + half))
+        estimate = within_bounds(hy.acting_of(c)[0], c.value, Z95 * c.error)
         out.append(RuledOut(c.name, c.p, effect.confusable_with, estimate, why_not(c, found, every)))
     return tuple(out)
 
@@ -220,6 +256,8 @@ def ruled_out(found: Found) -> tuple[RuledOut, ...]:
 def why_not(candidate: Candidate, found: Found, every: list[Candidate]) -> str:
     """Return in words why one of every effect, neither named nor present without gain, is not claimed."""
     asked = gates.SURER.get(candidate.name, 0.0)
+    if candidate in found.without_gain and hy.effective_drivers(found.first, candidate) < gates.FEWEST_DRIVERS:
+        return f"rests on fewer than {gates.FEWEST_DRIVERS:g} drivers"
     if candidate.p >= gates.SIGNIFICANT:
         return "chance makes as much"
     if not candidate.is_possible:
@@ -272,7 +310,9 @@ def untestable(recording: Recording, windows: Windows, found: Found) -> dict[str
         if name in tested or name in why or name == "measurement_artefact":
             continue
         effect = BY_NAME[name]
-        if blind:
+        if name == hy.SCANNED[1] and several_periods(windows):
+            why[name] = "several periods, each with its own clock: nothing is looked for along the time"
+        elif blind:
             why[name] = (
                 f"the recording does not show {', '.join(effect.required_stimuli)}: it holds followers and headways only"
             )
@@ -292,6 +332,8 @@ def scans(evidence: ev.Evidence) -> tuple[Scan, ...]:
     out = []
     for name, covariate, unit in (("location", "position_m", "m/s^2"), ("time_of_day", "time_s", "1")):
         rows = [n for n, atom in enumerate(evidence.atoms) if atom.name == name and not atom.fixed]
+        if not rows:
+            continue
         gram = evidence.gram[np.ix_(rows, rows)]
         scale = np.sqrt(np.maximum(np.diag(gram), 1e-12))
         ridge = gram / np.outer(scale, scale) + 0.02 * np.eye(len(rows))

@@ -125,6 +125,14 @@ class Windows:
         )  # fmt: skip
 
 
+def several_periods(windows: Windows) -> bool:
+    """Return whether windows are of several periods, each with its own clock.
+
+    Then nothing is looked for along the time: it would lay one period over another.
+    """
+    return len(np.unique(windows.period)) > 1
+
+
 def cut_windows(recording: Recording, own: Smoother, leaders: Smoother) -> Windows:
     """Smooth a recording (unless it is smooth), followers and leaders each by their filter, and cut it into windows.
 

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import sys
 from dataclasses import replace
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
@@ -20,6 +21,7 @@ from idm_sumo.diagnosis.result import Gain
 from idm_sumo.diagnosis.search import Found
 from idm_sumo.diagnosis.sizes import Tried, with_cause
 from idm_sumo.models import laws
+from idm_sumo.models.effects import BY_NAME
 from tests.helpers.followers import candidate, evidence, followers, free
 
 diagnosing = sys.modules["idm_sumo.diagnosis.diagnose"]  # the package's name is that of the function
@@ -190,6 +192,31 @@ def test_what_is_there_without_gain_may_be_a_cause_beyond_the_law_that_is_likeli
     ((fit, names),) = asked
     assert names == ["speed_dependent_headway"]
     np.testing.assert_array_equal(fit.by_lane, with_cause(base, there).by_lane)
+
+
+@pytest.mark.parametrize(
+    ("spared", "drivers", "kept"),
+    [
+        (0.2, 30.0, ["perception_threshold", "hysteresis"]),
+        (0.0, 30.0, ["perception_threshold"]),  # the further one spares nothing
+        (0.2, 3.0, []),  # nor may three drivers name anything
+    ],
+)
+def test_each_cause_must_spare_held_out_drivers_something_by_itself(monkeypatch, beyond, spared, drivers, kept):
+    subject, _, found = beyond
+    (cause,) = found.accepted
+    further = replace(cause, tried=replace(cause.tried, candidate=candidate(8.0, "hysteresis", 0.2)))
+    found = replace(found, accepted=(cause, further))
+    ade = np.linspace(0.5, 1.5, subject.windows.drivers)
+    monkeypatch.setattr(diagnosing, "driven", lambda *_: SimpleNamespace(ade_m=ade * (1.0 + spared)))
+    monkeypatch.setattr(diagnosing.hy, "effective_drivers", lambda *_: drivers)
+    extended, rng = SimpleNamespace(ade_m=ade), np.random.default_rng(0)
+    after = diagnosing._each_by_itself(found, subject.windows, extended, rng)
+    assert [one.candidate.name for one in after.accepted] == kept
+    left_out = {"perception_threshold", "hysteresis"} - set(kept)
+    assert {one.name for one in after.without_gain} == left_out
+    for name in left_out:
+        assert not np.any(after.fit.by_lane[:, [p.slot for p in BY_NAME[name].parameters]])
 
 
 def test_what_is_there_without_gain_is_asked_for_beyond_another_law(monkeypatch, beyond):

@@ -232,3 +232,22 @@ def test_a_location_of_all_lanes_fills_all():
 def test_a_sure_headway_at_a_place_may_be_less_different(value, z, is_large):
     atom = Atom("location", fixed=((slots.PLACE_HEADWAY, 1.0),), low=100.0, high=200.0)
     assert hy.Candidate("location", value, value / z, z, 1e-9, atom).large_enough is is_large
+
+
+@pytest.mark.parametrize(("said_by", "drivers"), [(DRIVERS, DRIVERS), (4, 4), (1, 1)])
+def test_a_place_rests_on_the_drivers_who_say_it(said_by, drivers):
+    seen = evidence(np.zeros(BINS), 0.0)
+    u = np.zeros_like(seen.u)
+    u[:said_by, 10:20] = -1.0
+    seen = replace(seen, u=u)
+    found = replace(hy.candidates(seen)[0], atom=Atom("location", low=10 * WIDTH, high=20 * WIDTH))
+    assert hy.effective_drivers(seen, found) == pytest.approx(drivers)
+
+
+def test_who_says_the_contrary_does_not_count():
+    seen = evidence(np.zeros(BINS), 0.0)
+    u = np.zeros_like(seen.u)
+    u[:10, 10:20], u[10:12, 10:20] = -1.0, 1.0
+    seen = replace(seen, u=u)
+    found = replace(hy.candidates(seen)[0], atom=Atom("location", low=10 * WIDTH, high=20 * WIDTH))
+    assert hy.effective_drivers(seen, found) == pytest.approx(10.0)

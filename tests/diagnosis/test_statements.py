@@ -25,7 +25,7 @@ from idm_sumo.diagnosis.statements import (
     without_gain,
 )
 from idm_sumo.models import laws
-from idm_sumo.models.effects import slots
+from idm_sumo.models.effects import BY_NAME, slots
 from tests.helpers.followers import FIT, evidence, free, tried
 
 
@@ -129,3 +129,28 @@ def test_what_is_ruled_out_says_its_size_and_why():
     (late,) = ruled_out(NOTHING)
     assert (late.name, late.why) == ("reaction_delay", "chance makes as much")
     assert late.estimate.ci95[0] < late.estimate.value < late.estimate.ci95[1]
+
+
+def test_no_interval_ends_beyond_a_bound_and_a_size_at_one_says_so():
+    lower = next(p for p in BY_NAME["pre_insertion"].parameters if p.symbol == "c").lower
+    by_lane = ro.PLAIN.copy()
+    by_lane[:, slots.PRE_INSERTION] = lower
+    several = replace(found(tried(9.0, "pre_insertion", lower)), fit=replace(FIT, by_lane=by_lane))
+    (cause,) = causes(several, {"pre_insertion": 1.0})
+    low, high = cause.parameters["c"].ci95
+    assert low == cause.parameters["c"].value == lower
+    assert high > lower
+    assert cause.at_bound
+    assert "at the bound of what is searched" in cause.evidence
+
+
+def test_what_one_driver_alone_says_is_not_told_as_present():
+    one = tried(7.0, "reaction_delay").candidate
+    by_all, by_one = evidence(7.0), evidence(7.0)
+    u = np.zeros_like(by_one.u)
+    u[3] = by_one.u.sum(axis=0)
+    refused = replace(NOTHING, first=by_all, without_gain=(one,))
+    assert [cause.name for cause in without_gain(refused)] == ["reaction_delay"]
+    refused = replace(refused, first=replace(by_one, u=u))
+    assert not without_gain(refused)
+    assert why_not(replace(one, p=1e-9), refused, [one]) == "rests on fewer than 5 drivers"

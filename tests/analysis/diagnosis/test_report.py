@@ -2,20 +2,22 @@
 
 import json
 from dataclasses import replace
+from pathlib import Path
 
 import numpy as np
 import pandas as pd
 import pytest
 from pydantic import ValidationError
 
+from analysis.diagnosis import contract as contract_module
 from analysis.diagnosis import report as diagnosis_report
 from analysis.diagnosis import words as diagnosis_words
 from analysis.diagnosis.content import contract
 from analysis.diagnosis.contract import Diagnosis as Contract
-from analysis.diagnosis.contract import write_diagnosis
+from analysis.diagnosis.contract import schema, write_diagnosis
 from analysis.diagnosis.curves import clustered_mean, curves, lag_response, map_of
 from analysis.diagnosis.report import groups
-from analysis.diagnosis.tables import laws_table
+from analysis.diagnosis.tables import causes_table, laws_table
 from idm_sumo.calibration.driver_table import check_departures, read_drivers
 from idm_sumo.cli import main
 from idm_sumo.diagnosis import CauseFound, Diagnosis, Estimate, Gain, Power, Region, RuledOut, Scan, Unexplained
@@ -110,6 +112,8 @@ def test_the_folder_holds_all_of_it(tmp_path, monkeypatch) -> None:
     }  # fmt: skip
     assert content["causes"][0]["where"]["lanes"] is None
     assert content["law"] == "idm"
+    needed = schema()["$defs"]["Cause"]["required"]
+    assert set(content["causes"][0]) == set(needed)
     assert content["power"] == [
         {"name": "reaction_delay", "symbol": "tau", "unit": "s", "size": 0.2, "probability": 0.93}
     ]
@@ -142,6 +146,22 @@ def test_the_folder_holds_all_of_it(tmp_path, monkeypatch) -> None:
         "scans",
         "laws",
     } <= tables
+
+
+def test_the_schema_in_the_repository_is_that_of_the_contract() -> None:
+    kept = Path(contract_module.__file__).parent / "diagnosis.schema.json"
+    assert json.loads(kept.read_text(encoding="utf-8")) == schema()
+
+
+def test_a_cause_at_a_bound_says_so_and_on_how_many_drivers_it_rests() -> None:
+    (cause,) = named().causes
+    found = replace(named(), causes=(replace(cause, effective_drivers=31.4, at_bound=True),))
+    said = diagnosis_words.headline(found)
+    assert "rests on about 31 drivers; its size is at the bound of what is searched" in said
+    table = causes_table(found.causes)
+    assert table["value"].tolist()[0].endswith("(bound)")
+    (written,) = contract(found)["causes"]
+    assert (written["effective_drivers"], written["at_bound"]) == (31.4, True)
 
 
 def test_a_verdict_without_causes_says_what_would_have_been_seen() -> None:
