@@ -272,7 +272,7 @@ def inside(intervals: Sequence[Interval]) -> Families:
 
     def each(windows: w.Windows, state: Floats, grid: Grid) -> Iterator[tuple[Family, Integers]]:
         x, t = state[:, :, ro.BASE_X], windows.seen[:, w.TIME, w.LEAD : -1]
-        for interval in intervals if not w.several_periods(windows) else ():
+        for interval in intervals:
             held, free, bins = (x, t, grid.time) if interval.axis == HELD[0] else (t, x, grid.place)
             edges, there = _coarser(bins, MOST_BINS), (held >= interval.begin) & (held < interval.end)
             family = Family(WITHIN[interval.axis], interval.content, (edges,), within=interval)

@@ -26,6 +26,7 @@ from idm_sumo.diagnosis.result import Estimate
 from idm_sumo.diagnosis.sizes import Tried, anew, magnitude_of, refined, without_cause
 from idm_sumo.diagnosis.together import two_together
 from idm_sumo.diagnosis.twins import driver_noise
+from idm_sumo.diagnosis.windows import several_periods
 from idm_sumo.models.effects import BY_NAME, slots
 from idm_sumo.runtime.progress import Progress, silent
 
@@ -132,7 +133,7 @@ def _examined(
     """Return the evidence with causes in the model; of places and times whether they are so at all times, and places."""
     causes = [one.candidate for one in accepted if one.candidate.name in hy.SCANNED and not one.candidate.only_lanes]
     intervals = [interval for cause in causes if (interval := _interval(fit, cause.name)) is not None]
-    free = ff.inside(intervals) if intervals else None
+    free = ff.inside(intervals) if intervals and not several_periods(subject.windows) else None
     return ev.examine(subject, fit, lucks, progress=progress, stage="looking for further causes", free=free)
 
 

@@ -14,6 +14,7 @@ from idm_sumo.diagnosis import search
 from idm_sumo.diagnosis.atoms import Atom
 from idm_sumo.diagnosis.choice import Accepted
 from idm_sumo.diagnosis.fit import fit_drivers
+from idm_sumo.diagnosis.hypotheses import Candidate
 from idm_sumo.diagnosis.look import Subject
 from idm_sumo.diagnosis.luck import Noises
 from idm_sumo.diagnosis.noise import QUIET
@@ -247,3 +248,17 @@ def test_what_two_effects_together_take_away_is_not_outside_the_catalogue(monkey
     found = search._outside(None, None, evidence(0.0, strange), [], search.Known(), lambda *_: None)
     assert found == ((strange,) if is_outside else ())
     assert beside == [[], ["lane_change_relaxation"]][: len(beside)]
+
+
+@pytest.mark.parametrize("periods", [1, 2])
+def test_a_place_is_asked_whether_it_is_so_at_all_times_of_one_period_only(monkeypatch, periods):
+    windows, _ = followers(ro.PLAIN, np.random.default_rng(5))
+    names = np.array(["p", "q"])[np.arange(windows.drivers) % periods]
+    subject = Subject(replace(windows, period=names), Noises(QUIET, QUIET), at.grid_of(windows), True)
+    place = Candidate("location", -0.2, 0.01, 8.0, 1e-9, Atom("location", low=50.0, high=90.0))
+    fit = with_cause(fit_drivers(windows, ro.PLAIN.copy(), np.array([1e-4, 1e-4]), rounds=1), place)
+    cause = Accepted(Tried(place, fit, 60.0), -0.2, 0.01, Gain("ade_m", 1.0, 0.9, 0.1, (0.0, 0.2), 10, False), ())
+    asked = []
+    monkeypatch.setattr(search.ev, "examine", lambda *_, free, **__: asked.append(free))
+    search._examined(subject, fit, [cause], [], lambda *_: None)
+    assert (asked[0] is not None) is (periods == 1)
