@@ -221,9 +221,10 @@ def _each_by_itself(found: Found, held: Windows, extended: Errors, rng: np.rando
     """
 
     def is_idle(name: str) -> bool:
-        without = driven(held, without_cause(found.fit, name))
-        gain = typical_gain(without.ade_m, extended.ade_m, held.platoon, rng, held_out=True)
-        return gain.difference < LEAST_HELD_OUT and not gain.is_likely
+        without = driven(held, without_cause(found.fit, name)).ade_m
+        mean = compare("ade_m", without, extended.ade_m, held.platoon, rng, held_out=True)
+        typical = typical_gain(without, extended.ade_m, held.platoon, rng, held_out=True)
+        return mean.difference < LEAST_HELD_OUT * mean.base and typical.ci95[0] <= 0.0
 
     idle = [
         cause for number, cause in enumerate(found.accepted)
