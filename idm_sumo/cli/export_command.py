@@ -91,7 +91,7 @@ def export(options: argparse.Namespace) -> None:
     options : argparse.Namespace
     """
     from idm_sumo.calibration.drawn import as_drawn
-    from idm_sumo.calibration.driver_table import read_drivers
+    from idm_sumo.calibration.driver_table import read_drivers, road_of_drivers
     from idm_sumo.calibration.without_d1 import cost_summary
     from idm_sumo.models.effects import ExtendedModel
     from idm_sumo.runtime.errors import InputError
@@ -123,6 +123,7 @@ def export(options: argparse.Namespace) -> None:
         drivers,
         options.output,
         net_file=options.net_file,
+        road=road_of_drivers(options.drivers),
         model=model,
         without_d1=options.without_d1,
         integration=options.integration,

@@ -30,6 +30,7 @@ from tests.roads import networks, traffic
 SECONDS = 150.0  # of every run
 STEPS, NOISES, LENGTHS = (0.1, 0.5, 1.0), (0.0, 0.2), (10, 30, 60)  # s, m, s
 DRIVERS = 60
+WINDOWS = 300  # at most, of a network, step, noise and length
 SETTLED = 200.0  # m, by which a vehicle follows: where it enters, SUMO may brake it harder than any IDM
 PARAMETERS = ("a", "b", "T", "d0")
 
@@ -92,6 +93,7 @@ def named(recording: Recording, truth: Truth) -> dict[int, str]:
 def errors(one: networks.Network, truth: Truth, recording: Recording, seconds: int) -> pd.DataFrame:
     """Calibrate windows of a length and return, for each driver, its error and what is true of it."""
     scenes = build_scenes(recording, Window(observed=10, horizon=10 * seconds - 10, every=100))
+    scenes = scenes.subset(np.unique(np.linspace(0, len(scenes) - 1, WINDOWS).astype(np.int64)))
     fits = calibrate(scenes)
     fits = fits.join(refit_table(fits, scenes)[["a_refit", "b_refit", "T_refit", "d0_refit", "ade_refit_m"]])
     name = fits["vehicle"].map(named(recording, truth))
@@ -139,6 +141,22 @@ def table(*, seed: int = 1, which: tuple[str, ...] = ()) -> pd.DataFrame:
     return pd.DataFrame(rows)
 
 
+def markdown(found: pd.DataFrame) -> str:
+    """Return the table as Markdown: errors in percent, correlations of logarithms."""
+    head = ["network", "step (s)", "noise (m)", "window (s)", "windows", "ADE (m)"]
+    shown = found[head].astype(str).assign(**{"ADE (m)": found["ADE (m)"].map("{:.4f}".format)})
+    for name in PARAMETERS:
+        told = (found[f"{name}: {what}"] for what in ("determined", "error", "log-correlation"))
+        shown[name] = [_told(*one) for one in zip(*told, strict=True)]
+    rows = [list(shown), ["---"] * len(shown.columns), *shown.to_numpy().tolist()]
+    return "".join(f"| {' | '.join(row)} |\n" for row in rows)
+
+
+def _told(determined: float, error: float, correlation: float) -> str:
+    """Return the share of windows that determine a parameter, its median error and correlation in them."""
+    return f"{determined:.0%}" + ("" if np.isnan(error) else f": {error:.1%}, {correlation:.2f}")
+
+
 def main() -> None:
     """Write the table as Markdown."""
     parser = argparse.ArgumentParser(description=__doc__)
@@ -149,7 +167,7 @@ def main() -> None:
     found = table(seed=options.seed, which=tuple(options.only))
     found.to_csv(options.output.with_suffix(".csv"), index=False)
     with new_file(options.output) as part:
-        part.write_text(found.round(3).to_markdown(index=False) + "\n")
+        part.write_text(markdown(found), encoding="utf-8")
 
 
 if __name__ == "__main__":
