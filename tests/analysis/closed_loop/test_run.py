@@ -22,7 +22,6 @@ from idm_sumo.sumo.closed_loop.ego import Ego
 from idm_sumo.sumo.closed_loop.measurement import as_recording
 from idm_sumo.sumo.gui import gui_binary
 from idm_sumo.sumo.session import simulation
-from tests.helpers import ngsim_files
 from tests.helpers.builders import Car, recording
 
 SPEED = 12.0  # m/s
@@ -268,12 +267,20 @@ def test_bad_input_is_one_line_and_nothing_is_left(
 def test_a_road_without_a_network_is_refused_with_what_can_be_done(
     tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
-    file = ngsim_files.portal(tmp_path / "i80.csv", ngsim_files.table(frames=60), location="i-80")
+    frame, file = np.arange(60), tmp_path / "street.txt"
+    rows = [np.column_stack([
+        np.full(60, vehicle), frame, np.full(60, 60), 1118846980000 + 100 * frame, np.full(60, 6.0),
+        300 - 130 * vehicle + 6.5 * frame, np.zeros((60, 2)), np.full(60, 13.0), np.full(60, 6.0), np.full(60, 2),
+        np.full(60, 65.0), np.zeros(60), np.ones(60), np.zeros((60, 3)), np.full((60, 2), 2), np.ones(60),
+        np.full(60, vehicle - 1), np.zeros((60, 3)),
+    ]) for vehicle in (1, 2)]  # fmt: skip
+    np.savetxt(file, np.concatenate(rows), fmt="%.6f")
     with pytest.raises(SystemExit, match="2"):
-        main(["interactive", str(file), "--location", "i-80", "--replay-bias", "0", "-o", str(tmp_path / "out")])
+        main(["interactive", str(file), "--replay-bias", "0", "-o", str(tmp_path / "out")])
     said = capsys.readouterr().err.splitlines()[-1]
-    assert f"{file}: road 'i-80' has no SUMO network" in said
-    assert "--backend kernel" in said
+    assert f"{file}: road " in said
+    assert "traffic lights" in said
+    assert "calibrate, predict and diagnose" in said
     assert not (tmp_path / "out").exists()
 
 
