@@ -66,7 +66,6 @@ def export_distribution(
     without_d1: str | None = None,
     representatives: int | None = None,
     name: str = NAME,
-    maximum_speed: float = FASTEST,
     seed: int = 0,
     road: Road = DEFAULT,
     source: str = "drivers",
@@ -94,8 +93,6 @@ def export_distribution(
         default every driver with the same probability, the empirical distribution.
     name : str
         The distribution's name, used as ``type="calibrated"`` of a vehicle or flow.
-    maximum_speed : float
-        m/s. By default so high that the desired speed is the lane's limit, as in the calibration.
     seed : int
         Seed of k-means.
     road : Road, optional
@@ -130,7 +127,7 @@ def export_distribution(
     # Names of their own: the same drivers may be in the route file, and SUMO refuses two types of one name.
     names = [identifier(name, own) for own in identifiers(table)]
     for row, share in zip(rows, shares, strict=True):
-        driver = driver_type(table.iloc[row], names[row], theta[row], maximum_speed, road)
+        driver = driver_type(table.iloc[row], names[row], theta[row], FASTEST, road)
         type_element(driver, distribution, probability=number(share))
     with new_file(path) as part:
         save(root, part)
