@@ -20,7 +20,8 @@ open the page of a result in the browser
 
 reads   DIR, the folder that `reproduce`, `replay`, `diagnose`, `interactive`
         or `compare` has left
-leaves  nothing; a machine without a browser is told the page's path"""
+leaves  nothing; a machine without a browser is told the page's path
+next    read the answer at the top; a click on a header sorts its table"""
 
 
 def add(commands: Any) -> None:
