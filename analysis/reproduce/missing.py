@@ -1,4 +1,6 @@
-"""Vehicles that are missing from the recording: what they do to every method's error.
+"""Vehicles that are missing from the recording.
+
+Vehicles that are missing from the recording: what they do to every method's error.
 
 The paper models 1,992 of 2,169 and 1,521 of 2,017 counted vehicles. If the others are missing from the replayed scene
 too, a modelled vehicle follows the wrong leader.
@@ -35,7 +37,9 @@ COLUMNS = ["missing_share", "seed", "parameters", "method", "ade_m", "ade_se_m",
 
 @dataclass(frozen=True)
 class Thinned:
-    """One side of the study in a scene with vehicles missing.
+    """One side of the study with vehicles missing.
+
+    One side of the study in a scene with vehicles missing.
 
     Attributes
     ----------
@@ -84,7 +88,10 @@ def missing_vehicles(study: Study, progress: Progress = silent) -> pd.DataFrame:
 
 
 def _thin(side: Drivers, share: float, rng: np.random.Generator) -> Thinned:
-    """Take away a share of the recorded vehicles of every period, modelled or not."""
+    """Take away a share of the vehicles of every period.
+
+    Take away a share of the recorded vehicles of every period, modelled or not.
+    """
     scenes, there = [], []
     for one in side.scenes:
         recorded = np.unique(one.traffic.vehicle)

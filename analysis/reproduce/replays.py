@@ -1,4 +1,7 @@
-"""Drivers behind the table of methods: a page that plays each method's best, median and worst."""
+"""Drivers behind the table of methods.
+
+Drivers behind the table of methods: a page that plays each method's best, median and worst.
+"""
 
 from __future__ import annotations
 
@@ -27,7 +30,9 @@ PLACES = {"best": 0.0, "median": 0.5, "worst": 1.0}
 
 
 class Driver(NamedTuple):
-    """One driver of a table, and the page that plays it.
+    """One driver of a table.
+
+    One driver of a table, and the page that plays it.
 
     Attributes
     ----------
@@ -58,7 +63,9 @@ class Row(NamedTuple):
 
 
 def write_replays(results: Results, folder: Path) -> list[Row]:
-    """Write the pages of the drivers that every method drives best, at the median and worst.
+    """Write the pages of the drivers.
+
+    Write the pages of the drivers that every method drives best, at the median and worst.
 
     Parameters
     ----------
@@ -86,13 +93,19 @@ def write_replays(results: Results, folder: Path) -> list[Row]:
 
 
 def _places(ade: Floats) -> list[int]:
-    """Return the rows of the drivers with the least, the median and the largest error."""
+    """Return the rows of three drivers.
+
+    Return the rows of the drivers with the least, the median and the largest error.
+    """
     order = np.argsort(ade, kind="stable")
     return [int(order[round(share * (len(order) - 1))]) for share in PLACES.values()]
 
 
 def _write(results: Results, methods: list[str], place: int, folder: Path) -> tuple[str, str]:
-    """Write one driver's page; return how the report calls it, and its path from there."""
+    """Write one driver's page.
+
+    Write one driver's page; return how the report calls it, and its path from there.
+    """
     part, row = part_of([len(scenes) for scenes in results.study.test.scenes], place)
     scenes = results.study.test.scenes[part].subset(np.array([row]))
     driven = {name: results.driven[name][part].rows(slice(row, row + 1)) for name in methods}
@@ -116,7 +129,10 @@ def _write(results: Results, methods: list[str], place: int, folder: Path) -> tu
 
 
 def _fan(predictor: RolloutPredictor, scenes: Scenes, driven: Trajectories) -> list[tuple[float, Floats, Floats]]:
-    """Return where the predictor expects the vehicle: intervals (m along the road) about its rollout."""
+    """Return where the predictor expects the vehicle.
+
+    Return where the predictor expects the vehicle: intervals (m along the road) about its rollout.
+    """
     found = predictor.predict_with_spread(first_second(scenes))
     scale = predictor.scale(scenes, found)[0]
     bands = []
@@ -127,7 +143,9 @@ def _fan(predictor: RolloutPredictor, scenes: Scenes, driven: Trajectories) -> l
 
 
 def part_of(lengths: list[int], place: int) -> tuple[int, int]:
-    """Return part and row of a place in parts laid end to end.
+    """Return part and row of a place.
+
+    Return part and row of a place in parts laid end to end.
 
     Parameters
     ----------

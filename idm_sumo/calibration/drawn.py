@@ -1,4 +1,6 @@
-"""Drivers drawn to their population, as columns of the driver table.
+"""Drivers drawn to their population.
+
+Drivers drawn to their population, as columns of the driver table.
 
 Ten seconds give back a trajectory, not the driver: many fits end at a bound of the search, and a vehicle
 type at a bound blocks a road. Drawn to the population (:mod:`idm_sumo.calibration.hierarchical`), a driver

@@ -237,7 +237,17 @@ def _where(table: pd.DataFrame, row: int) -> str:
 
 
 def write_drivers(table: pd.DataFrame, path: Path, road: Road) -> None:
-    """Write a driver table as Parquet that knows its road, if that is not the default."""
+    """Write a driver table as Parquet that knows its road.
+
+    Write a driver table as Parquet that knows its road, if that is not the default.
+
+    Parameters
+    ----------
+    table : pandas.DataFrame
+        Driver table.
+    path : Path
+    road : Road
+    """
     if road == DEFAULT:
         table.to_parquet(path, index=False, write_page_checksum=True)
         return
@@ -247,7 +257,14 @@ def write_drivers(table: pd.DataFrame, path: Path, road: Road) -> None:
 
 
 def road_of_drivers(path: Path | str) -> Road:
-    """Return the road that a driver table was calibrated on; the default where the table does not tell.
+    """Return the road that a driver table was calibrated on.
+
+    Return the road that a driver table was calibrated on; the default where the table does not tell.
+
+    Parameters
+    ----------
+    path : Path
+
 
     Raises
     ------

@@ -1,4 +1,7 @@
-"""Calibration of each driver over all of its windows: the driver, not ten seconds of it."""
+"""Calibration of each driver over all of its windows.
+
+Calibration of each driver over all of its windows: the driver, not ten seconds of it.
+"""
 
 from __future__ import annotations
 
@@ -17,7 +20,9 @@ WINDOWS = "windows"  # column: how many windows of the driver its parameters wer
 
 
 def fit_whole_drivers(fits: pd.DataFrame, scenes: Scenes, progress: Progress = silent) -> pd.DataFrame:
-    """Return one row a driver, fitted to all of its windows together.
+    """Fit every driver to all of its windows together.
+
+    Return one row a driver, fitted to all of its windows together.
 
     Parameters
     ----------
@@ -66,6 +71,9 @@ def _one(fits: pd.DataFrame, scenes: Scenes, every: np.ndarray[tuple[int], np.dt
 
 
 def _common(names: pd.Series) -> list[str]:
-    """Return the names that every one of the lists has, in their order."""
+    """Return the names that every one of the lists has.
+
+    Return the names that every one of the lists has, in their order.
+    """
     lists = [set(str(one).split(",")) for one in names]
     return [name for name in PARAMETERS if all(name in one for one in lists)]

@@ -239,7 +239,10 @@ def _field_differences(
 
 
 def _profile_difference(reference: TrafficMeasures, own: list[str], other: TrafficMeasures, theirs: list[str]) -> float:
-    """Return the root mean square difference (m/s) of mean speeds by position, over all these periods."""
+    """Return the difference (m/s) of mean speeds by position.
+
+    Return the root mean square difference (m/s) of mean speeds by position, over all these periods.
+    """
     both = [_of(one.positions, periods) for one, periods in ((reference, own), (other, theirs))]
     profiles = [one.groupby(m.SEGMENT)[m.MEAN_SPEED].mean() for one in both]
     return float(np.sqrt(((profiles[1] - profiles[0]) ** 2).mean()))

@@ -253,7 +253,10 @@ def lane_change_places(recording: Recording, *, held: int = HELD) -> pd.DataFram
 
 
 def _changes(recording: Recording, held: int) -> tuple[Integers, Integers, Integers]:
-    """Return the rows in which a vehicle is first in another lane, and the lanes before and after."""
+    """Return where vehicles change lanes, as rows.
+
+    Return the rows in which a vehicle is first in another lane, and the lanes before and after.
+    """
     table, main = recording.table, recording.road.main_lanes
     lane = np.minimum(table[c.LANE].to_numpy(np.int64), main + 1)  # side lanes continue each other
     starts, lengths = runs(table)

@@ -1,4 +1,7 @@
-"""Where drivers stand or brake for a traffic light: there they follow nobody."""
+"""Where drivers stand or brake for a traffic light.
+
+Where drivers stand or brake for a traffic light: there they follow nobody.
+"""
 
 from __future__ import annotations
 
@@ -17,7 +20,14 @@ Integers = npt.NDArray[np.int64]
 
 
 def for_a_light(recording: Recording) -> npt.NDArray[np.bool_]:
-    """Return which rows stand or brake without a leader near; shape ``(rows,)``."""
+    """Return which rows stand or brake without a leader near.
+
+    Return which rows stand or brake without a leader near; shape ``(rows,)``.
+
+    Parameters
+    ----------
+    recording : Recording
+    """
     table = recording.table
     ahead = row_ahead(table)
     front, length = table[c.X].to_numpy(), table[c.LENGTH].fillna(recording.road.car_length).to_numpy()
@@ -28,7 +38,9 @@ def for_a_light(recording: Recording) -> npt.NDArray[np.bool_]:
 
 
 def following(recording: Recording, first: Integers, rows: Integers, frames: int) -> tuple[Integers, Integers]:
-    """Return runs of rows without those that stand or brake for a light.
+    """Leave out rows that stand or brake for a light.
+
+    Return runs of rows without those that stand or brake for a light.
 
     Parameters
     ----------

@@ -65,7 +65,9 @@ class Traffic:
         return replace(self, offsets=self.offsets[first : last + 1] - rows.start, **columns)
 
     def without(self, vehicles: npt.ArrayLike) -> Traffic:
-        """Return the traffic as if some vehicles had not been recorded.
+        """Return the traffic without some of its vehicles.
+
+        Return the traffic as if some vehicles had not been recorded.
 
         Parameters
         ----------

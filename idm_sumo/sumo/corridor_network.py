@@ -1,4 +1,7 @@
-"""The SUMO network of a road that is a corridor of a user's own network."""
+"""The SUMO network of a road.
+
+The SUMO network of a road that is a corridor of a user's own network.
+"""
 
 from __future__ import annotations
 
@@ -20,7 +23,10 @@ CENTIMETRE = 0.01  # m
 
 @dataclass(frozen=True)
 class CorridorNetwork(RoadNetwork):
-    """As :class:`RoadNetwork`, with places told by the road's pieces: roads bend, and edges are anybody's."""
+    """As :class:`RoadNetwork`, with places told by the road's pieces.
+
+    As :class:`RoadNetwork`, with places told by the road's pieces: roads bend, and edges are anybody's.
+    """
 
     @property
     def file(self) -> Path:
@@ -42,18 +48,37 @@ class CorridorNetwork(RoadNetwork):
         return "x,y,angle,speed,acceleration,lane,pos,type"
 
     def reach(self, sumo: Any) -> tuple[float, float]:
-        """Return the first and last ``x`` (m) of the network."""
+        """Return the first and last ``x`` (m) of the network.
+
+        Parameters
+        ----------
+        sumo : module
+            A running simulation.
+        """
         return self.road.reach[0], self.road.reach[1]
 
     def mainline_ends(self) -> tuple[float, ...]:
-        """Return where each edge of the main road ends: ``x`` (m), in the order of ``mainline``."""
+        """Return where each edge of the main road ends.
+
+        Return where each edge of the main road ends: ``x`` (m), in the order of ``mainline``.
+        """
         return tuple(max(piece.end for piece in self._outside() if _edge(piece) == edge) for edge in self.mainline)
 
     def _outside(self) -> list[Piece]:
         return [piece for piece in self.road.pieces if not piece.internal]
 
     def place(self, x: npt.ArrayLike, lane: npt.ArrayLike) -> Place:
-        """Return edge, lane and position of recorded places; within a junction, the end of the edge before it.
+        """Return edge, lane and position of recorded places.
+
+        Return edge, lane and position of recorded places; within a junction, the end of the edge before it.
+
+        Parameters
+        ----------
+        x : float or array_like
+            m, along the road.
+        lane : int or array_like of int
+            Main lanes, 1 leftmost.
+
 
         Raises
         ------
@@ -74,7 +99,13 @@ class CorridorNetwork(RoadNetwork):
         return _edge(piece), _index(piece), share * piece.length
 
     def coordinates(self, where: Place) -> tuple[Floats, Floats, npt.NDArray[np.int64]]:
-        """Return recorded coordinates of places; inverts :meth:`place`."""
+        """Return recorded coordinates of places; inverts :meth:`place`.
+
+        Parameters
+        ----------
+        where : Sequence
+            Positions of lanes.
+        """
         edge, index, position = np.broadcast_arrays(*where)
         lanes = [f"{one}_{number}" for one, number in zip(edge.ravel(), index.ravel(), strict=True)]
         pieces = [by_lane(self.road)[lane] for lane in lanes]
@@ -84,25 +115,71 @@ class CorridorNetwork(RoadNetwork):
         return np.array(x).reshape(edge.shape), self.road.lane_center(lane), lane
 
     def recorded_lane(self, edge: str, lane_index: int) -> int:
-        """Return the recorded number of a SUMO lane."""
+        """Return the recorded number of a SUMO lane.
+
+        Parameters
+        ----------
+        edge : str
+            Of the network.
+        lane_index : int
+            As SUMO counts lanes.
+        """
         return by_lane(self.road)[f"{edge}_{lane_index}"].number
 
     def main_lane(self, edge: str, lane: int) -> str:
-        """Return SUMO's name of a main lane on an edge."""
+        """Return SUMO's name of a main lane on an edge.
+
+        Parameters
+        ----------
+        edge : str
+            Of the network.
+        lane : int or array_like of int
+            Main lanes, 1 leftmost.
+        """
         return next(piece.lane for piece in strip_of(self.road, lane) if _edge(piece) == edge)
 
     def strip(self, lane: int) -> tuple[str, ...]:
-        """Return SUMO's lanes that make up a main lane, those within junctions too."""
+        """Return SUMO's lanes that make up a main lane.
+
+        Return SUMO's lanes that make up a main lane, those within junctions too.
+
+        Parameters
+        ----------
+        lane : int or array_like of int
+            Main lanes, 1 leftmost.
+        """
         return tuple(piece.lane for piece in strip_of(self.road, lane))
 
     def plane(self, x: Sequence[float], y: Sequence[float], angle: Sequence[float]) -> Any:
-        """Return where SUMO puts positions of the straightened road, and the angles there."""
+        """Return where SUMO puts positions of the straightened road.
+
+        Return where SUMO puts positions of the straightened road, and the angles there.
+
+        Parameters
+        ----------
+        x : float or array_like
+            m, along the road.
+        y : float or array_like
+            m, to the left.
+        angle : float or array_like
+            Degrees, as SUMO counts them.
+        """
         place = shown(self.road, x, y)
         turned = np.asarray(angle, dtype=np.float64) - np.degrees(place.heading)
         return place.x.tolist(), place.y.tolist(), turned.tolist()
 
     def seen(self, sumo: Any, names: Sequence[str]) -> Floats:
-        """Return where SUMO has vehicles, ``x, y`` (m) on the straightened road; shape ``(names, 2)``."""
+        """Return where SUMO has vehicles on the straightened road.
+
+        Return where SUMO has vehicles, ``x, y`` (m) on the straightened road; shape ``(names, 2)``.
+
+        Parameters
+        ----------
+        sumo : module
+            A running simulation.
+        names : sequence of str
+            Vehicles.
+        """
         out = np.empty((len(names), 2))
         for row, name in enumerate(names):
             piece = by_lane(self.road)[sumo.vehicle.getLaneID(name)]
@@ -113,7 +190,10 @@ class CorridorNetwork(RoadNetwork):
 
 
 def _x_at(piece: Piece, position: float) -> float:
-    """Return the ``x`` (m) of a position on a piece, as SUMO counts it."""
+    """Return the ``x`` (m) of a position on a piece.
+
+    Return the ``x`` (m) of a position on a piece, as SUMO counts it.
+    """
     return piece.start + position / piece.length * (piece.end - piece.start)
 
 

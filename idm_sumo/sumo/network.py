@@ -92,12 +92,18 @@ class RoadNetwork:
 
     @property
     def origins(self) -> tuple[str, ...]:
-        """Edges that vehicles come from: main road and, if there is one, on-ramp."""
+        """Edges that vehicles come from.
+
+        Edges that vehicles come from: main road and, if there is one, on-ramp.
+        """
         return tuple(filter(None, (self.mainline[0], self.layout.on_ramp)))
 
     @property
     def destinations(self) -> tuple[str, ...]:
-        """Edges that vehicles go to: main road and, if there is one, off-ramp."""
+        """Edges that vehicles go to.
+
+        Edges that vehicles go to: main road and, if there is one, off-ramp.
+        """
         return tuple(filter(None, (self.mainline[-1], self.layout.off_ramp)))
 
     @property
@@ -106,16 +112,46 @@ class RoadNetwork:
         return "x,y,angle,speed,acceleration"
 
     def reach(self, sumo: Any) -> tuple[float, float]:
-        """Return the first and last ``x`` (m) of the network that a simulation has loaded."""
+        """Return the first and last ``x`` (m) of the network.
+
+        Return the first and last ``x`` (m) of the network that a simulation has loaded.
+
+        Parameters
+        ----------
+        sumo : module
+            A running simulation.
+        """
         (start, _), (end, _) = sumo.simulation.getNetBoundary()
         return float(start), float(end)
 
     def plane(self, x: Sequence[float], y: Sequence[float], angle: Sequence[float]) -> Any:
-        """Return where SUMO puts positions of the straightened road, and the angles there: here they are the same."""
+        """Return where SUMO puts positions of the straightened road.
+
+        Return where SUMO puts positions of the straightened road, and the angles there: here they are the same.
+
+        Parameters
+        ----------
+        x : float or array_like
+            m, along the road.
+        y : float or array_like
+            m, to the left.
+        angle : float or array_like
+            Degrees, as SUMO counts them.
+        """
         return x, y, angle
 
     def seen(self, sumo: Any, names: Sequence[str]) -> npt.NDArray[np.float64]:
-        """Return where SUMO has vehicles, ``x, y`` (m) on the straightened road; shape ``(names, 2)``."""
+        """Return where SUMO has vehicles on the straightened road.
+
+        Return where SUMO has vehicles, ``x, y`` (m) on the straightened road; shape ``(names, 2)``.
+
+        Parameters
+        ----------
+        sumo : module
+            A running simulation.
+        names : sequence of str
+            Vehicles.
+        """
         return np.array([sumo.vehicle.getPosition(name) for name in names]).reshape(-1, 2)
 
     @property

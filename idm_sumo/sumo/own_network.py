@@ -1,4 +1,7 @@
-"""A road from any SUMO network: a corridor of edges, its lanes numbered from the left, its ramps beside them."""
+"""A road from any SUMO network.
+
+A road from any SUMO network: a corridor of edges, its lanes numbered from the left, its ramps beside them.
+"""
 
 from __future__ import annotations
 
@@ -16,7 +19,10 @@ SHOWN = 12  # names of edges in a message
 
 
 class _Part(NamedTuple):
-    """An edge of the corridor: where it begins (m), and the number of its leftmost lane before renumbering."""
+    """An edge of the corridor.
+
+    An edge of the corridor: where it begins (m), and the number of its leftmost lane before renumbering.
+    """
 
     edge: Any
     start: float
@@ -82,6 +88,11 @@ def road_of(path: Path | str, corridor: Sequence[str] = ()) -> Road:
 def read_net(path: Path) -> Any:
     """Return the :class:`sumolib.net.Net` of a file.
 
+    Parameters
+    ----------
+    path : Path
+
+
     Raises
     ------
     InputError
@@ -101,7 +112,10 @@ def read_net(path: Path) -> Any:
 
 
 def _plain_edges(net: Any) -> list[Any]:
-    """Return the edges that cars drive on, without those within junctions."""
+    """Return the edges that cars drive on.
+
+    Return the edges that cars drive on, without those within junctions.
+    """
     return [edge for edge in net.getEdges(withInternal=False) if edge.getFunction() == "" and _lanes_of_cars(edge)]
 
 
@@ -124,7 +138,10 @@ def _between(net: Any, path: Path | str, corridor: Sequence[str]) -> list[Any]:
 
 
 def _only_road(net: Any, path: Path | str) -> list[Any]:
-    """Return the edges of the network's one road: the way with most lane length, all others being its ramps."""
+    """Return the edges of the network's one road.
+
+    Return the edges of the network's one road: the way with most lane length, all others being its ramps.
+    """
     edges = _plain_edges(net)
     ways = [way for edge in edges if not _neighbours(edge.getIncoming()) for way in _ways(edge, ())]
     best = max(ways, key=_lane_length, default=[])
@@ -142,7 +159,10 @@ def _only_road(net: Any, path: Path | str) -> list[Any]:
 
 
 def _ways(edge: Any, before: tuple[Any, ...]) -> list[list[Any]]:
-    """Return every way from an edge to the network's end that meets no edge twice, at most a thousand."""
+    """Return every way from an edge to the end.
+
+    Return every way from an edge to the network's end that meets no edge twice, at most a thousand.
+    """
     way = (*before, edge)
     onward = [one for one in _neighbours(edge.getOutgoing()) if one not in way]
     if not onward:
@@ -159,7 +179,10 @@ def _lane_length(edges: Sequence[Any]) -> float:
 
 
 def _parts(net: Any, edges: Sequence[Any], path: Path | str) -> list[_Part]:
-    """Return the edges with their starts and the numbers of their lanes, which go on along connections."""
+    """Return the edges with their starts and lanes.
+
+    Return the edges with their starts and the numbers of their lanes, which go on along connections.
+    """
     parts = [_Part(edges[0], 0.0, 0)]
     for one, following in pairwise(edges):
         links = [link for link in one.getConnections(following) if link.getFromLane().allows("passenger")]
@@ -197,7 +220,10 @@ def _widest(parts: Sequence[_Part], number: int) -> float:
 
 
 def _strip(net: Any, parts: Sequence[_Part], number: int, renumbered: int) -> list[Piece]:
-    """Return the pieces of a lane where it is there, with those within junctions."""
+    """Return the pieces of a lane where it is there.
+
+    Return the pieces of a lane where it is there, with those within junctions.
+    """
     pieces = []
     for place, part in enumerate(parts):
         if number not in part.numbers:
@@ -223,7 +249,10 @@ def _piece(lane: Any, number: int, start: float, end: float, *, internal: bool =
 
 
 def _beside(net: Any, parts: Sequence[_Part], main: dict[int, int]) -> tuple[list[SideLane], list[Piece]]:
-    """Return lanes that are on some edges only, as auxiliary lanes, and their pieces."""
+    """Return lanes that are on some edges only.
+
+    Return lanes that are on some edges only, as auxiliary lanes, and their pieces.
+    """
     lanes, pieces = [], []
     extra = sorted({number for part in parts for number in part.numbers} - set(main))
     for place, number in enumerate(extra, len(main) + 1):
@@ -236,7 +265,10 @@ def _beside(net: Any, parts: Sequence[_Part], main: dict[int, int]) -> tuple[lis
 
 
 def _ramps(net: Any, parts: Sequence[_Part], used: int) -> tuple[list[SideLane], list[Piece]]:
-    """Return the edges that lead onto the corridor or off it, as ramps, and their pieces."""
+    """Return the edges beside the corridor as ramps.
+
+    Return the edges that lead onto the corridor or off it, as ramps, and their pieces.
+    """
     corridor = {part.edge.getID() for part in parts}
     lanes, pieces = [], []
     for place, part in enumerate(parts):
@@ -256,7 +288,10 @@ def _ramps(net: Any, parts: Sequence[_Part], used: int) -> tuple[list[SideLane],
 
 
 def _ramp(net: Any, edge: Any, part: _Part, kind: str, number: int) -> list[Piece]:
-    """Return a ramp's lane and its way through the junction, upstream first."""
+    """Return a ramp's lane and its way through the junction.
+
+    Return a ramp's lane and its way through the junction, upstream first.
+    """
     joins = kind == "on-ramp"
     links = edge.getConnections(part.edge) if joins else part.edge.getConnections(edge)
     inner = _via(net, links[0]) if links else []

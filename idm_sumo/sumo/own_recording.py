@@ -1,4 +1,7 @@
-"""A recording on a user's own network, kept as one file that names its road."""
+"""A recording on a user's own network.
+
+A recording on a user's own network, kept as one file that names its road.
+"""
 
 from __future__ import annotations
 
@@ -17,7 +20,9 @@ from idm_sumo.sumo.own_network import road_of
 def read_on_network(
     recording: Path, net: Path, *, corridor: Sequence[str] = (), route_files: Sequence[Path] = (), location: str
 ) -> Recording:
-    """Return a recording of the road that edges of a network make up.
+    """Read a recording on edges of a network.
+
+    Return a recording of the road that edges of a network make up.
 
     Parameters
     ----------
@@ -39,9 +44,19 @@ def read_on_network(
 def kept_on_network(
     recording: Path, net: Path, *, corridor: Sequence[str] = (), route_files: Sequence[Path] = (), location: str
 ) -> Path:
-    """Return a file of the recording that :func:`read_on_network` returns, made if the cache lacks it.
+    """Return a file of a recording on a network.
+
+    Return a file of the recording that :func:`read_on_network` returns, made if the cache lacks it.
 
     Whatever reads it knows the road, so that programs which pass on the path of a recording need not.
+
+    Parameters
+    ----------
+    recording : Recording
+    net : object
+    corridor : object
+    route_files : object
+    location : object
     """
     files = [recording, net, *route_files]
     told = [[str(path.resolve()), path.stat().st_size, path.stat().st_mtime_ns] for path in files if path.exists()]

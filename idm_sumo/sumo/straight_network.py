@@ -1,4 +1,7 @@
-"""A SUMO network of a straight road, written where it is needed; netconvert need not be there."""
+"""A SUMO network of a straight road.
+
+A SUMO network of a straight road, written where it is needed; netconvert need not be there.
+"""
 
 from __future__ import annotations
 
@@ -19,7 +22,9 @@ LAYOUT = Layout(mainline=EDGES, weave="section", downstream="downstream", on_ram
 
 
 def network_of(road: Road) -> Path:
-    """Return the network of a straight road: its main lanes, in the recording's coordinates.
+    """Return the network of a straight road: its main lanes.
+
+    Return the network of a straight road: its main lanes, in the recording's coordinates.
 
     It is kept in the cache, one file a geometry.
 

@@ -229,7 +229,10 @@ def fingerprint(train: Drivers, settings: Settings) -> str:
 
 
 def _check_same(folder: Path, identity: dict[str, str]) -> None:
-    """Raise if what a folder holds was learned from something else."""
+    """Raise if a folder was learned from something else.
+
+    Raise if what a folder holds was learned from something else.
+    """
     mark, reward = folder / MARK, folder / "reward.json"
     if not mark.is_file() and not reward.is_file():
         return
@@ -240,7 +243,10 @@ def _check_same(folder: Path, identity: dict[str, str]) -> None:
 def _learn_reward(
     folder: Path, identity: dict[str, str], lessons: Lessons, settings: Settings, progress: Progress
 ) -> None:
-    """Learn the reward and write it together with what it was learned from."""
+    """Learn the reward and write it with its origin.
+
+    Learn the reward and write it together with what it was learned from.
+    """
     path = folder / "reward.json"
     if path.is_file():
         return

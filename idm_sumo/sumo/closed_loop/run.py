@@ -68,7 +68,9 @@ class RunFiles:
 
 @dataclass(frozen=True)
 class Incidents:
-    """What no traffic engineer wants to see, by SUMO's own counts.
+    """What no traffic engineer wants to see.
+
+    What no traffic engineer wants to see, by SUMO's own counts.
 
     Attributes
     ----------
@@ -228,7 +230,10 @@ def run(
 def _loop(
     sumo: Any, files: RunFiles, ego: Ego | None, ours: ModelDrivers | None, progress: Progress
 ) -> tuple[dict[str, float], Incidents, int]:
-    """Step through the run; return departures (s), incidents, and how many vehicles arrived."""
+    """Step through the run.
+
+    Step through the run; return departures (s), incidents, and how many vehicles arrived.
+    """
     departed: dict[str, float] = {}
     collisions: set[tuple[str, str]] = set()
     entrance = Entrance(files.demand)

@@ -155,7 +155,10 @@ def well_determined(table: pd.DataFrame) -> npt.NDArray[np.bool_]:
 
 
 def _left_out(table: pd.DataFrame, good: npt.NDArray[np.bool_]) -> tuple[str, ...]:
-    """Return how many drivers are not well determined, why, and whether the others stand for them."""
+    """Return how many drivers are not well determined.
+
+    Return how many drivers are not well determined, why, and whether the others stand for them.
+    """
     if good.all():
         return ()
     status = table[d.STATUS] if d.STATUS in table else pd.Series(d.OK, index=table.index)
