@@ -52,11 +52,11 @@ def kept_on_network(
 
     Parameters
     ----------
-    recording : Recording
-    net : object
-    corridor : object
-    route_files : object
-    location : object
+    recording, net : Path
+    corridor : sequence of str
+        Edges in driving order.
+    route_files : sequence of Path
+    location : str
     """
     files = [recording, net, *route_files]
     told = [[str(path.resolve()), path.stat().st_size, path.stat().st_mtime_ns] for path in files if path.exists()]
