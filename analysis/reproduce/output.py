@@ -57,8 +57,11 @@ def write_results(results: Results, folder: Path) -> None:
 
 
 def _write_tables(results: Results, folder: Path) -> None:
-    for name in ("methods", "features", "frames", "neighbours"):
+    for name in ("methods", "frames", "neighbours"):
         getattr(results, name).to_csv(folder / f"{name}.csv", index=False, float_format="%.6g")
+    printed = results.features["features"].isin(list(paper.FEATURES))  # the others read the paper's nu otherwise
+    for name, rows in (("features", printed), ("features_other_reading", ~printed)):
+        results.features[rows].to_csv(folder / f"{name}.csv", index=False, float_format="%.6g")
     results.other_methods.to_csv(folder / "methods_other_start.csv", index=False, float_format="%.6g")
     for name, table in results.prediction.items():
         table.to_csv(folder / f"{name}.csv", index=False, float_format="%.6g")

@@ -120,6 +120,7 @@ def test_a_signal_at_any_time_ends_in_one_line(number: signal.Signals, after: fl
         [sys.executable, "-X", "importtime", "-m", "idm_sumo", "surrogate", "--minutes", "4",
          "-o", str(tmp_path / "s.parquet")],
         cwd=ROOT, stderr=subprocess.PIPE, stdout=subprocess.DEVNULL, text=True,
+        preexec_fn=lambda: signal.signal(number, signal.SIG_DFL),  # a shell's background ignores SIGINT
     )  # fmt: skip
     assert process.stderr is not None
     for line in process.stderr:
