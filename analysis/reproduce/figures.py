@@ -156,7 +156,7 @@ def error_growth(study: Study, driven: dict[str, list[Trajectories]]) -> Figure:
 def missing_vehicles(table: pd.DataFrame) -> Figure:
     """Draw ADE against the share of missing vehicles.
 
-    Draw ADE against the share of missing vehicles, and the paper's figures at its own share.
+    The diamonds are the paper's figures, at its own share.
 
     Parameters
     ----------

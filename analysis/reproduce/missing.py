@@ -1,6 +1,6 @@
 """Vehicles that are missing from the recording.
 
-Vehicles that are missing from the recording: what they do to every method's error.
+What they do to every method's error.
 
 The paper models 1,992 of 2,169 and 1,521 of 2,017 counted vehicles. If the others are missing from the replayed scene
 too, a modelled vehicle follows the wrong leader.

@@ -1,6 +1,6 @@
 """Drivers behind the table of methods.
 
-Drivers behind the table of methods: a page that plays each method's best, median and worst.
+A page that plays each method's best, median and worst.
 """
 
 from __future__ import annotations
@@ -32,7 +32,7 @@ PLACES = {"best": 0.0, "median": 0.5, "worst": 1.0}
 class Driver(NamedTuple):
     """One driver of a table.
 
-    One driver of a table, and the page that plays it.
+    The page plays it.
 
     Attributes
     ----------
@@ -104,7 +104,7 @@ def _places(ade: Floats) -> list[int]:
 def _write(results: Results, methods: list[str], place: int, folder: Path) -> tuple[str, str]:
     """Write one driver's page.
 
-    Write one driver's page; return how the report calls it, and its path from there.
+    Return how the report calls it, and its path from there.
     """
     part, row = part_of([len(scenes) for scenes in results.study.test.scenes], place)
     scenes = results.study.test.scenes[part].subset(np.array([row]))
@@ -131,7 +131,7 @@ def _write(results: Results, methods: list[str], place: int, folder: Path) -> tu
 def _fan(predictor: RolloutPredictor, scenes: Scenes, driven: Trajectories) -> list[tuple[float, Floats, Floats]]:
     """Return where the predictor expects the vehicle.
 
-    Return where the predictor expects the vehicle: intervals (m along the road) about its rollout.
+    Intervals (m along the road) about its rollout.
     """
     found = predictor.predict_with_spread(first_second(scenes))
     scale = predictor.scale(scenes, found)[0]

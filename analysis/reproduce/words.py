@@ -52,7 +52,7 @@ def describe(results: Results) -> dict[str, str | tuple[str, ...]]:
 def missing_sentence(table: pd.DataFrame) -> str:
     """Say what missing vehicles do to the oracle.
 
-    Say what missing vehicles do to the oracle, beside what the paper reports.
+    Beside what the paper reports.
 
     Parameters
     ----------

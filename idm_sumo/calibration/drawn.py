@@ -1,6 +1,6 @@
 """Drivers drawn to their population.
 
-Drivers drawn to their population, as columns of the driver table.
+As columns of the driver table.
 
 Ten seconds give back a trajectory, not the driver: many fits end at a bound of the search, and a vehicle
 type at a bound blocks a road. Drawn to the population (:mod:`idm_sumo.calibration.hierarchical`), a driver
@@ -15,11 +15,11 @@ import pandas as pd
 
 from idm_sumo.calibration.hierarchical import FEWEST_DRIVERS, hierarchical
 from idm_sumo.calibration.without_d1 import REFIT, REFIT_ADE, REFIT_INTEGRATION
-from idm_sumo.models.idm import IDMParameters
 from idm_sumo.runtime.errors import InputError
 from idm_sumo.scenes.windows import Scenes
+from idm_sumo.simulation.driver_parameters import PARAMETERS
 
-NAMES = list(IDMParameters._fields)
+NAMES = list(PARAMETERS)
 DRAWN = [f"{name}_drawn" for name in NAMES]
 DRAWN_SHARE = "drawn_share"  # 0 where the window alone decides, 1 where it says nothing
 

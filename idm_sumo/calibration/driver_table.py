@@ -239,7 +239,7 @@ def _where(table: pd.DataFrame, row: int) -> str:
 def write_drivers(table: pd.DataFrame, path: Path, road: Road) -> None:
     """Write a driver table as Parquet that knows its road.
 
-    Write a driver table as Parquet that knows its road, if that is not the default.
+    The road is kept if it is not the default.
 
     Parameters
     ----------
@@ -259,7 +259,7 @@ def write_drivers(table: pd.DataFrame, path: Path, road: Road) -> None:
 def road_of_drivers(path: Path | str) -> Road:
     """Return the road that a driver table was calibrated on.
 
-    Return the road that a driver table was calibrated on; the default where the table does not tell.
+    The default where the table does not tell.
 
     Parameters
     ----------

@@ -1,6 +1,6 @@
 """Calibration of each driver over all of its windows.
 
-Calibration of each driver over all of its windows: the driver, not ten seconds of it.
+The driver, not ten seconds of it.
 """
 
 from __future__ import annotations
@@ -13,16 +13,14 @@ from idm_sumo.calibration.status import OK
 from idm_sumo.recordings import columns as c
 from idm_sumo.runtime.progress import Progress, silent
 from idm_sumo.scenes.windows import Scenes
+from idm_sumo.simulation.driver_parameters import PARAMETERS
 from idm_sumo.simulation.rollout import drive_idm
 
-PARAMETERS = ("a", "b", "T", "d0", "d1")
 WINDOWS = "windows"  # column: how many windows of the driver its parameters were fitted to
 
 
 def fit_whole_drivers(fits: pd.DataFrame, scenes: Scenes, progress: Progress = silent) -> pd.DataFrame:
     """Fit every driver to all of its windows together.
-
-    Return one row a driver, fitted to all of its windows together.
 
     Parameters
     ----------
@@ -71,9 +69,6 @@ def _one(fits: pd.DataFrame, scenes: Scenes, every: np.ndarray[tuple[int], np.dt
 
 
 def _common(names: pd.Series) -> list[str]:
-    """Return the names that every one of the lists has.
-
-    Return the names that every one of the lists has, in their order.
-    """
+    """Return the names that all lists have, in order."""
     lists = [set(str(one).split(",")) for one in names]
     return [name for name in PARAMETERS if all(name in one for one in lists)]

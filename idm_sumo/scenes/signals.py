@@ -1,6 +1,6 @@
 """Where drivers stand or brake for a traffic light.
 
-Where drivers stand or brake for a traffic light: there they follow nobody.
+There they follow nobody.
 """
 
 from __future__ import annotations
@@ -22,7 +22,7 @@ Integers = npt.NDArray[np.int64]
 def for_a_light(recording: Recording) -> npt.NDArray[np.bool_]:
     """Return which rows stand or brake without a leader near.
 
-    Return which rows stand or brake without a leader near; shape ``(rows,)``.
+    Shape ``(rows,)``.
 
     Parameters
     ----------

@@ -25,7 +25,7 @@ CENTIMETRE = 0.01  # m
 class CorridorNetwork(RoadNetwork):
     """As :class:`RoadNetwork`, with places told by the road's pieces.
 
-    As :class:`RoadNetwork`, with places told by the road's pieces: roads bend, and edges are anybody's.
+    Roads bend, and edges are anybody's.
     """
 
     @property
@@ -60,7 +60,7 @@ class CorridorNetwork(RoadNetwork):
     def mainline_ends(self) -> tuple[float, ...]:
         """Return where each edge of the main road ends.
 
-        Return where each edge of the main road ends: ``x`` (m), in the order of ``mainline``.
+        ``x`` (m), in the order of ``mainline``.
         """
         return tuple(max(piece.end for piece in self._outside() if _edge(piece) == edge) for edge in self.mainline)
 
@@ -70,7 +70,7 @@ class CorridorNetwork(RoadNetwork):
     def place(self, x: npt.ArrayLike, lane: npt.ArrayLike) -> Place:
         """Return edge, lane and position of recorded places.
 
-        Return edge, lane and position of recorded places; within a junction, the end of the edge before it.
+        Within a junction, the end of the edge before it.
 
         Parameters
         ----------
@@ -141,7 +141,7 @@ class CorridorNetwork(RoadNetwork):
     def strip(self, lane: int) -> tuple[str, ...]:
         """Return SUMO's lanes that make up a main lane.
 
-        Return SUMO's lanes that make up a main lane, those within junctions too.
+        Those within junctions too.
 
         Parameters
         ----------
@@ -153,7 +153,7 @@ class CorridorNetwork(RoadNetwork):
     def plane(self, x: Sequence[float], y: Sequence[float], angle: Sequence[float]) -> Any:
         """Return where SUMO puts positions of the straightened road.
 
-        Return where SUMO puts positions of the straightened road, and the angles there.
+        The angles there come with them.
 
         Parameters
         ----------
@@ -192,7 +192,7 @@ class CorridorNetwork(RoadNetwork):
 def _x_at(piece: Piece, position: float) -> float:
     """Return the ``x`` (m) of a position on a piece.
 
-    Return the ``x`` (m) of a position on a piece, as SUMO counts it.
+    As SUMO counts it.
     """
     return piece.start + position / piece.length * (piece.end - piece.start)
 

@@ -94,7 +94,7 @@ class RoadNetwork:
     def origins(self) -> tuple[str, ...]:
         """Edges that vehicles come from.
 
-        Edges that vehicles come from: main road and, if there is one, on-ramp.
+        Main road and, if there is one, on-ramp.
         """
         return tuple(filter(None, (self.mainline[0], self.layout.on_ramp)))
 
@@ -102,7 +102,7 @@ class RoadNetwork:
     def destinations(self) -> tuple[str, ...]:
         """Edges that vehicles go to.
 
-        Edges that vehicles go to: main road and, if there is one, off-ramp.
+        Main road and, if there is one, off-ramp.
         """
         return tuple(filter(None, (self.mainline[-1], self.layout.off_ramp)))
 
@@ -127,7 +127,7 @@ class RoadNetwork:
     def plane(self, x: Sequence[float], y: Sequence[float], angle: Sequence[float]) -> Any:
         """Return where SUMO puts positions of the straightened road.
 
-        Return where SUMO puts positions of the straightened road, and the angles there: here they are the same.
+        The angles there come with them; here they are the same.
 
         Parameters
         ----------

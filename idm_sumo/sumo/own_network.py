@@ -1,6 +1,6 @@
 """A road from any SUMO network.
 
-A road from any SUMO network: a corridor of edges, its lanes numbered from the left, its ramps beside them.
+A corridor of edges, its lanes numbered from the left, its ramps beside them.
 """
 
 from __future__ import annotations
@@ -21,7 +21,7 @@ SHOWN = 12  # names of edges in a message
 class _Part(NamedTuple):
     """An edge of the corridor.
 
-    An edge of the corridor: where it begins (m), and the number of its leftmost lane before renumbering.
+    Where it begins (m), and the number of its leftmost lane before renumbering.
     """
 
     edge: Any
@@ -114,7 +114,7 @@ def read_net(path: Path) -> Any:
 def _plain_edges(net: Any) -> list[Any]:
     """Return the edges that cars drive on.
 
-    Return the edges that cars drive on, without those within junctions.
+    Without those within junctions.
     """
     return [edge for edge in net.getEdges(withInternal=False) if edge.getFunction() == "" and _lanes_of_cars(edge)]
 
@@ -140,7 +140,7 @@ def _between(net: Any, path: Path | str, corridor: Sequence[str]) -> list[Any]:
 def _only_road(net: Any, path: Path | str) -> list[Any]:
     """Return the edges of the network's one road.
 
-    Return the edges of the network's one road: the way with most lane length, all others being its ramps.
+    The way with most lane length, all others being its ramps.
     """
     edges = _plain_edges(net)
     ways = [way for edge in edges if not _neighbours(edge.getIncoming()) for way in _ways(edge, ())]
@@ -222,7 +222,7 @@ def _widest(parts: Sequence[_Part], number: int) -> float:
 def _strip(net: Any, parts: Sequence[_Part], number: int, renumbered: int) -> list[Piece]:
     """Return the pieces of a lane where it is there.
 
-    Return the pieces of a lane where it is there, with those within junctions.
+    With those within junctions.
     """
     pieces = []
     for place, part in enumerate(parts):
@@ -251,7 +251,7 @@ def _piece(lane: Any, number: int, start: float, end: float, *, internal: bool =
 def _beside(net: Any, parts: Sequence[_Part], main: dict[int, int]) -> tuple[list[SideLane], list[Piece]]:
     """Return lanes that are on some edges only.
 
-    Return lanes that are on some edges only, as auxiliary lanes, and their pieces.
+    As auxiliary lanes, and their pieces.
     """
     lanes, pieces = [], []
     extra = sorted({number for part in parts for number in part.numbers} - set(main))
@@ -290,7 +290,7 @@ def _ramps(net: Any, parts: Sequence[_Part], used: int) -> tuple[list[SideLane],
 def _ramp(net: Any, edge: Any, part: _Part, kind: str, number: int) -> list[Piece]:
     """Return a ramp's lane and its way through the junction.
 
-    Return a ramp's lane and its way through the junction, upstream first.
+    Upstream first.
     """
     joins = kind == "on-ramp"
     links = edge.getConnections(part.edge) if joins else part.edge.getConnections(edge)

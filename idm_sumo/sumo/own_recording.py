@@ -1,6 +1,6 @@
 """A recording on a user's own network.
 
-A recording on a user's own network, kept as one file that names its road.
+Kept as one file that names its road.
 """
 
 from __future__ import annotations

@@ -1,6 +1,6 @@
 """Paths as SUMO reads them.
 
-Paths as SUMO reads them: what is syntax in its options stands for other files.
+What is syntax in its options stands for other files.
 
 A comma parts a list, ``${HOME}`` and ``%41`` are replaced, ``~`` is a home, a colon may begin a
 port and a backslash parts folders. Such a path goes to SUMO by another name: a symbolic link.

@@ -1,6 +1,6 @@
 """A SUMO network of a straight road.
 
-A SUMO network of a straight road, written where it is needed; netconvert need not be there.
+Written where it is needed; netconvert need not be there.
 """
 
 from __future__ import annotations
@@ -24,7 +24,7 @@ LAYOUT = Layout(mainline=EDGES, weave="section", downstream="downstream", on_ram
 def network_of(road: Road) -> Path:
     """Return the network of a straight road: its main lanes.
 
-    Return the network of a straight road: its main lanes, in the recording's coordinates.
+    In the recording's coordinates.
 
     It is kept in the cache, one file a geometry.
 

@@ -70,7 +70,7 @@ class RunFiles:
 class Incidents:
     """What no traffic engineer wants to see.
 
-    What no traffic engineer wants to see, by SUMO's own counts.
+    By SUMO's own counts.
 
     Attributes
     ----------
@@ -232,7 +232,7 @@ def _loop(
 ) -> tuple[dict[str, float], Incidents, int]:
     """Step through the run.
 
-    Step through the run; return departures (s), incidents, and how many vehicles arrived.
+    Return departures (s), incidents, and how many vehicles arrived.
     """
     departed: dict[str, float] = {}
     collisions: set[tuple[str, str]] = set()

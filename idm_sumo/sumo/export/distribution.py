@@ -157,7 +157,7 @@ def well_determined(table: pd.DataFrame) -> npt.NDArray[np.bool_]:
 def _left_out(table: pd.DataFrame, good: npt.NDArray[np.bool_]) -> tuple[str, ...]:
     """Return how many drivers are not well determined.
 
-    Return how many drivers are not well determined, why, and whether the others stand for them.
+    Why, and whether the others stand for them.
     """
     if good.all():
         return ()

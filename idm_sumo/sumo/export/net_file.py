@@ -1,6 +1,6 @@
 """The network that exported routes are for: ours.
 
-The network that exported routes are for: ours, or another build of it.
+Or another build of it.
 """
 
 from __future__ import annotations
@@ -59,7 +59,7 @@ def checked_net(own: RoadNetwork, net_file: Path | str | None, desired_speed: fl
 def _check_edges(own: RoadNetwork, net: Any, path: Path) -> None:
     """Raise unless a network has our edges.
 
-    Raise unless a network has our edges, with as many lanes, and leads from one to the next.
+    With as many lanes, and leads from one to the next.
     """
     routes = [own.route(origin, end) for origin in own.origins for end in own.destinations]
     for name in dict.fromkeys(name for route in routes for name in route):
