@@ -21,10 +21,8 @@ extensions = [
     "sphinx.ext.autodoc",
     "sphinx.ext.autosummary",
     "sphinx-mathjax-offline",
+    "sphinx_gallery.gen_gallery",
 ]
-HAS_EXAMPLES = any((ROOT / "docs/examples").glob("*.py"))
-if HAS_EXAMPLES:
-    extensions.append("sphinx_gallery.gen_gallery")
 exclude_patterns = ["_build", "examples"]
 root_doc = "index"
 templates_path = ["_templates"]
@@ -64,10 +62,8 @@ html_theme_options = {
 
 
 def setup(app):
-    """Leave out what scikit-learn adds to every estimator, and the gallery where there are no examples."""
+    """Leave out what scikit-learn adds to every estimator."""
     added = re.compile(r"set_\w+_request|get_metadata_routing")  # they refer to pages of scikit-learn's own
     app.connect(
         "autodoc-skip-member", lambda app, what, name, member, skip, options: skip or bool(added.fullmatch(name))
     )
-    if not HAS_EXAMPLES:
-        app.connect("source-read", lambda app, page, text: text.append(text.pop().replace("gallery/index\n", "")))

@@ -13,6 +13,7 @@ import numpy.typing as npt
 import pandas as pd
 
 from idm_sumo.calibration import calibrate, pooled
+from idm_sumo.calibration.drawn import as_drawn, drawn_columns
 from idm_sumo.calibration.driver_table import DESIRED_SPEED, FIRST_FRAME, HAS, read_drivers
 from idm_sumo.calibration.without_d1 import MEAN_SPEED, REFIT, mean_speeds, refit_table
 from idm_sumo.models.effects import ExtendedModel
@@ -31,7 +32,7 @@ from idm_sumo.sumo.export.translation import checked_speeds, desired_speeds, sum
 Floats = npt.NDArray[np.float64]
 
 PARAMETERS = list(IDMParameters._fields)
-CALIBRATED = ("drivers", "predicted", "pooled")  # populations that need the drivers of the recording
+CALIBRATED = ("drivers", "drawn", "predicted", "pooled")  # populations that need the drivers of the recording
 OBSERVED, NEIGHBOURS = 10, 8
 LEAST_LIBRARY = 2
 
@@ -59,9 +60,7 @@ class Drivers:
     origin: str
 
 
-def drivers_of(
-    recording: Recording, path: Path | None, seed: int, *, refit: bool = False, progress: Progress = silent
-) -> Drivers:
+def drivers_of(recording: Recording, path: Path | None, *, refit: bool = False, progress: Progress = silent) -> Drivers:
     """Calibrate the drivers of a period, or read them.
 
     Parameters
@@ -86,7 +85,7 @@ def drivers_of(
         )
     one_for_all = pooled(scenes)
     progress("calibrating", 1, 4)
-    table = _calibrated(scenes, seed, refit) if path is None else _read(path, scenes)
+    table = _calibrated(scenes, refit) if path is None else _read(path, scenes)
     progress("calibrating", 3, 4)
     library = table if set(FEATURES.values()) <= set(table) else None
     predicted = None
@@ -97,9 +96,10 @@ def drivers_of(
     return Drivers(scenes, table, predicted, one_for_all, "calibrated in this run" if path is None else path.name)
 
 
-def _calibrated(scenes: Scenes, seed: int, refit: bool) -> pd.DataFrame:
+def _calibrated(scenes: Scenes, refit: bool) -> pd.DataFrame:
     """Fit every driver; add its code and what replaces d1."""
-    fits = calibrate(scenes, seed=seed)
+    fits = calibrate(scenes)
+    fits = fits.merge(drawn_columns(scenes, fits[DESIRED_SPEED]), on=[c.PERIOD, c.VEHICLE, FIRST_FRAME])
     fitted = np.isfinite(fits[PARAMETERS].to_numpy()).all(axis=1)
     codes = driving_code(scenes)
     table = fits.join(codes[[name for name in codes if name not in fits]])[fitted].reset_index(drop=True)
@@ -147,7 +147,7 @@ def parameters_for(
     Parameters
     ----------
     population : str
-        ``drivers``, ``predicted`` or ``pooled``.
+        ``drivers``, ``drawn``, ``predicted`` or ``pooled``.
     drivers : Drivers
     demand : pandas.DataFrame
     speeds : pandas.Series
@@ -174,7 +174,9 @@ def parameters_for(
     theta, _ = sumo_parameters(everybody, "linearised", limits, "euler", "pooled")
     if population == "pooled":
         return theta, limits, len(demand)
-    table = drivers.table if population == "drivers" else drivers.predicted
+    table = drivers.predicted if population == "predicted" else drivers.table
+    if population == "drawn":
+        table = as_drawn(drivers.table, drivers.origin)
     if table is None:
         raise InputError(
             f"--types {population}: the driver table has no driving codes; write it with `idm-sumo calibrate`"
@@ -182,7 +184,7 @@ def parameters_for(
     if MEAN_SPEED not in table:
         table = table.assign(**{MEAN_SPEED: speeds.reindex(table[c.VEHICLE]).fillna(speeds.mean()).to_numpy()})
     way = "refit" if set(REFIT) <= set(table) else "linearised"
-    own_limits = desired_speeds(table, None, road, population)
+    own_limits = desired_speeds(table, road, population)
     own, _ = sumo_parameters(table, way, own_limits, "euler", population)
     known, row = _known_to(table, demand)
     theta[known], limits[known] = own[row], own_limits[row]

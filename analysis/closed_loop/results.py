@@ -2,16 +2,18 @@
 
 from __future__ import annotations
 
+from dataclasses import asdict
 from pathlib import Path
 from typing import Any
 
+import numpy as np
 import pandas as pd
 
 from idm_sumo.evaluation.comparison import RECORDING, Comparison
 from idm_sumo.recordings.recording import Recording
 from idm_sumo.sumo.closed_loop.measurement import Measured, glimpse_of
 
-from ..comparison.figures import overview, time_space
+from ..comparison.figures import lane_change_map, overview, time_space
 from ..comparison.run import shown
 from ..page.page import not_measured, render
 from ..page.style import save
@@ -38,7 +40,21 @@ FIRST = [
     "mean_delay_s",
     "never_inserted",
     "collisions",
+    "emergency_brakings",
+    "teleports",
+    "flow_error_share",
+    "speed_profile_rmse_m_s",
+    "rank",
 ]
+INSERTION = {
+    "late": "inserted late",
+    "largest_delay_s": "largest delay (s)",
+    "mean_delay_s": "mean delay (s)",
+    "never_inserted": "never inserted",
+    "collisions": "collisions, at fault or not",
+    "emergency_brakings": "emergency brakings",
+    "teleports": "teleports",
+}
 
 
 def closed_loop_table(comparison: Comparison, measured: list[tuple[Case, Measured]]) -> pd.DataFrame:
@@ -56,7 +72,8 @@ def closed_loop_table(comparison: Comparison, measured: list[tuple[Case, Measure
     pandas.DataFrame
         Columns of :func:`idm_sumo.evaluation.comparison.compare`'s summary, and ``population, seed, late``
         (vehicles inserted later than recorded, or never), ``largest_delay_s, mean_delay_s`` (over all
-        vehicles), ``never_inserted, collisions``.
+        vehicles), ``never_inserted, collisions, emergency_brakings, teleports``, ``flow_error_share`` (of the
+        recorded flow), ``speed_profile_rmse_m_s`` (of mean speeds by position), and the population's ``rank``.
     """
     rows: list[dict[str, Any]] = [{POPULATION: RECORDED, RECORDING: RECORDED}]
     for case, m in measured:
@@ -70,10 +87,13 @@ def closed_loop_table(comparison: Comparison, measured: list[tuple[Case, Measure
                 "largest_delay_s": float(delays.max()),
                 "mean_delay_s": float(delays.mean()),
                 "never_inserted": int(m.outcome.departures["departed_s"].isna().sum()),
-                "collisions": m.outcome.collisions,
+                **asdict(m.outcome.incidents),
             }
         )
     table = pd.DataFrame(rows).merge(comparison.summary, on=RECORDING, validate="1:1")
+    table["flow_error_share"] = table["flow_veh_h"] / table["flow_veh_h"].iloc[0] - 1.0
+    table.loc[0, "flow_error_share"] = np.nan
+    table["rank"] = table[POPULATION].map(words.ranking(table).set_index(POPULATION)["rank"])
     return table[[*FIRST, *(name for name in table if name not in (*FIRST, RECORDING))]]
 
 
@@ -128,6 +148,7 @@ def write_results(
     }
     save(overview(comparison), figures / "comparison.png")
     save(time_space(glimpses), figures / "time_space.png")
+    save(lane_change_map(comparison), figures / "lane_changes.png")
     measures, distances = shown(comparison)
     render(
         part / "report.html",
@@ -141,7 +162,7 @@ def write_results(
         distances=distances,
         ranks=ranks,
         diagrams=diagrams_of(glimpses),
-        insertion=table[table[POPULATION] != RECORDED][["population", "seed", *FIRST[-5:]]],
+        insertion=table[table[POPULATION] != RECORDED][["population", "seed", *INSERTION]].rename(columns=INSERTION),
         bias=bias if len(bias) else None,
         bias_words=in_words(bias),
         notes=[*recorded.notes, *comparison.notes],

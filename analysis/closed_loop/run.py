@@ -17,7 +17,8 @@ import pandas as pd
 from joblib import cpu_count
 
 from idm_sumo.calibration import driver_table as d
-from idm_sumo.evaluation.comparison import compare_measures, measure_traffic
+from idm_sumo.evaluation.comparison import compare_measures
+from idm_sumo.evaluation.traffic_measures import measure_traffic
 from idm_sumo.models.effects import ExtendedModel
 from idm_sumo.recordings import columns as c
 from idm_sumo.recordings.recording import Recording
@@ -106,7 +107,7 @@ def interactive(settings: Settings, out: Path, *, command: list[str], progress: 
         demand = demand_of(recorded)
         _check_ego(settings, demand, recorded)
         drivers = (
-            drivers_of(recorded, settings.drivers, settings.seed, refit=settings.refit, progress=progress)
+            drivers_of(recorded, settings.drivers, refit=settings.refit, progress=progress)
             if _needs_drivers(settings)
             else None
         )

@@ -7,7 +7,7 @@ import pandas as pd
 
 POPULATION, RECORDED = "population", "recorded"
 DEVIATION = "deviation of "
-# Smaller is closer. The last two are made here, from the figures themselves.
+# Smaller is closer. The last three are made here, from the figures themselves.
 CLOSENESS = {
     "gap_wasserstein_m": "gaps",
     "time_headway_wasserstein_s": "time headways",
@@ -16,6 +16,10 @@ CLOSENESS = {
     "speed_rmse_m_s": "speed by minute, lane and segment",
     "flow_rmse_veh_h": "flow by minute, lane and segment",
     "density_rmse_veh_km": "density by minute, lane and segment",
+    "speed_profile_rmse_m_s": "mean speed by position",
+    "late": "vehicles inserted late",
+    "emergency_brakings": "emergency brakings",
+    f"{DEVIATION}flow_veh_h": "flow",
     f"{DEVIATION}lane_changes_per_km": "lane changes",
     f"{DEVIATION}wave_speed_m_s": "wave speed",
 }
@@ -30,11 +34,17 @@ FIGURES = {
     "lane_changes_per_km": ("lane changes", "too many", "too few"),
     "wave_speed_m_s": ("wave speed", "too fast", "too slow"),
 }
+# None of these has happened on the recorded road: a population with one cannot be the closest.
+DISQUALIFYING = {
+    "never_inserted": "never inserted",
+    "collisions": "collisions",
+    "teleports": "teleports",
+}
 MOST_WRONG = 2  # figures named of each population
 
 
 def ranking(table: pd.DataFrame) -> pd.DataFrame:
-    """Rank the populations over all measures, the closest first.
+    """Rank the populations over all measures, the closest first; those with incidents come after all others.
 
     Parameters
     ----------
@@ -44,7 +54,8 @@ def ranking(table: pd.DataFrame) -> pd.DataFrame:
     Returns
     -------
     pandas.DataFrame
-        ``population, mean_rank, best_in`` (number of measures), ``measures`` (number that could be had).
+        ``rank, population, mean_rank, best_in`` (number of measures), ``measures`` (number that could be had),
+        ``disqualified`` (why it cannot be the closest, '' where it can).
     """
     means, recorded = _means(table)
     for name in FIGURES:
@@ -59,7 +70,17 @@ def ranking(table: pd.DataFrame) -> pd.DataFrame:
     ]
     ranks = means[known].rank(na_option="bottom")
     out = pd.DataFrame({"mean_rank": ranks.mean(axis=1), "best_in": (ranks == 1).sum(axis=1), "measures": len(known)})
-    return out.sort_values("mean_rank", kind="stable").reset_index(names=POPULATION)
+    out["disqualified"] = [_incidents(means.loc[name]) for name in out.index]
+    out = out.assign(last=out["disqualified"] != "").sort_values(["last", "mean_rank"], kind="stable")
+    out = out.drop(columns="last").reset_index(names=POPULATION)
+    out.insert(0, "rank", np.arange(len(out)) + 1)
+    return out
+
+
+def _incidents(means: pd.Series) -> str:
+    """Say what disqualifies a population, as means over its seeds."""
+    found = [f"{means[name]:g} {words}" for name, words in DISQUALIFYING.items() if means.get(name, 0.0) > 0.0]
+    return ", ".join(found)
 
 
 def in_words(table: pd.DataFrame) -> str:
@@ -78,9 +99,11 @@ def in_words(table: pd.DataFrame) -> str:
         f"Closest to the recording is {first[POPULATION]}: mean rank {first['mean_rank']:.1f} over "
         f"{first['measures']} measures, first in "
         f"{first['best_in']} of them. In order: {order}. "
-        if len(ranks) > 1
+        if len(ranks) > 1 and not first["disqualified"]
         else ""
     )
+    out = "; ".join(f"{row[POPULATION]}: {row['disqualified']}" for _, row in ranks.iterrows() if row["disqualified"])
+    closest += f"Not to be trusted, whatever their other figures: {out}. " if out else ""
     wrong = [f"{name}: {_wrong(means.loc[name], recorded)}" for name in ranks[POPULATION]]
     return closest + "Where each is wrong most: " + "; ".join(wrong) + "."
 

@@ -12,7 +12,8 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
 from idm_sumo.evaluation import macroscopic as m
-from idm_sumo.evaluation.comparison import Comparison, TrafficMeasures, matched_periods
+from idm_sumo.evaluation.comparison import Comparison, matched_periods
+from idm_sumo.evaluation.traffic_measures import TrafficMeasures
 from idm_sumo.recordings import columns as c
 from idm_sumo.recordings.columns import FRAME_STEP
 from idm_sumo.recordings.recording import Recording
@@ -20,7 +21,7 @@ from idm_sumo.recordings.recording import Recording
 from ..page.style import new_figure
 
 PALETTE = ("#000000", "#D55E00", "#0072B2", "#009E73", "#CC79A7", "#E69F00", "#56B4E9")
-SPEED_MAP = "RdYlGn"
+SPEED_MAP = "cividis"  # safe for colour-blind readers
 HIGHEST = 22.0  # m/s, the colours' end
 CELL_LENGTH, CELL_TIME = 5.0, 2.0  # m, s: fine enough to see single vehicles
 
@@ -138,6 +139,38 @@ def time_space(recordings: Mapping[str, Recording], *, lanes: Sequence[int] | No
             ax.tick_params(labelleft=column == 0, labelbottom=row == len(recordings) - 1)
     figure.colorbar(image, ax=axes, label="speed (m/s)", shrink=0.8, pad=0.01)
     return figure
+
+
+def lane_change_map(comparison: Comparison) -> Figure:
+    """Draw where vehicles change lanes, one road a recording.
+
+    Parameters
+    ----------
+    comparison : Comparison
+    """
+    measures = comparison.measures
+    figure, axes = new_figure(9.0, 0.5 + 1.5 * len(measures), rows=len(measures))
+    for ax, (name, measured) in zip(axes, measures.items(), strict=True):
+        _changes_on_the_road(ax, measured)
+        ax.set(ylabel=name)
+    axes[0].legend(fontsize=8, loc="lower right", bbox_to_anchor=(1.0, 1.0), ncols=2, frameon=False)
+    axes[-1].set(xlabel="position along the road (m)")
+    return figure
+
+
+def _changes_on_the_road(ax: Axes, measured: TrafficMeasures) -> None:
+    road, places = measured.road, measured.lane_change_places
+    middle = (places["before"] + places["after"]) / 2.0
+    for label, left, marker, colour in (
+        ("to the left", True, "^", PALETTE[2]),
+        ("to the right", False, "v", PALETTE[1]),
+    ):
+        chosen = (places["after"] < places["before"]) == left
+        ax.scatter(places[c.X][chosen], middle[chosen], s=14, marker=marker, color=colour, label=label, linewidths=0)
+    lanes = range(1, road.main_lanes + 1)
+    ax.set(xlim=(0.0, road.length), ylim=(road.main_lanes + 1.4, 0.5), yticks=[*lanes, road.main_lanes + 1],
+           yticklabels=[*map(str, lanes), "side"])  # fmt: skip
+    ax.tick_params(labelsize=7)
 
 
 def _minutes(table: pd.DataFrame) -> pd.Series:

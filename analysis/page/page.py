@@ -111,7 +111,7 @@ def html_table(table: pd.DataFrame) -> Markup:
             continue
         se = name.replace("_m", "_se_m")
         shown[TITLES.get(name, name)] = (
-            [f"{mean:.2f} ± {error:.2f}" for mean, error in zip(table[name], table[se], strict=True)]
+            [f"{mean:.2f}\u00a0±\u00a0{error:.2f}" for mean, error in zip(table[name], table[se], strict=True)]
             if se in table.columns and se != name
             else [_cell(name, value) for value in table[name]]
         )

@@ -2,10 +2,15 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from pathlib import Path
+from typing import Any
+from zlib import crc32
 
+import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
+from sklearn.isotonic import isotonic_regression
 
 METHOD_NAMES = {
     "constant_velocity": "constant velocity",
@@ -41,15 +46,34 @@ METHOD_COLOURS = {
     "extended": "#332288",
 }
 RECORDED = "#000000"
-OTHER = "#0072B2"  # of a model that has no colour of its own
+OTHERS = ("#0072B2", "#D55E00", "#009E73", "#CC79A7", "#E69F00", "#332288")  # of models without one of their own
 LIGHTER = 0.45  # share of white in a colour that is drawn on a dark page
+# Lengths of strokes and blanks, in line widths.
+METHOD_STROKES: dict[str, list[float]] = {
+    "constant_velocity": [1, 1],
+    "irl_rl": [4, 1, 1, 1],
+    "behaviour_cloning": [2, 1],
+    "idm_average": [5, 2],
+    "idm_rollout": [3, 1],
+    "idm_first_gap": [1, 2],
+    "idm_typical": [6, 1, 1, 1, 1, 1],
+    "idm_hierarchical": [4, 2],
+    "idm_watched": [1, 1],
+    "idm_own_past": [2, 2],
+}
+LABEL_HEIGHT = 0.045  # of a picture: least distance of two names beside their lines
 DASHES: tuple[list[int], ...] = ([], [8, 4], [2, 3], [10, 3, 2, 3])  # px: lines are told apart without colour
 TRAFFIC = "#BBBBBB"
 
 
 def method_colour(method: str) -> str:
-    """Return the colour of a method as ``#rrggbb``."""
-    return METHOD_COLOURS.get(method, OTHER)
+    """Return the colour of a method as ``#rrggbb``; one that is not ours gets one of these by its name."""
+    return METHOD_COLOURS.get(method) or OTHERS[crc32(method.encode()) % len(OTHERS)]
+
+
+def method_name(method: str) -> str:
+    """Return how readers know a method."""
+    return METHOD_NAMES.get(method, method.replace("_", " "))
 
 
 def dark_colour(method: str) -> str:
@@ -62,6 +86,38 @@ def dark_colour(method: str) -> str:
 def line_dash(number: int) -> list[int]:
     """Return lengths of strokes and blanks (px) of the line number ``number`` of a picture."""
     return list(DASHES[number % len(DASHES)])
+
+
+def method_line(method: str) -> Any:
+    """Return the stroke of a method's line for matplotlib: methods of like colours have unlike strokes.
+
+    Parameters
+    ----------
+    method : str
+        As the tables name it.
+    """
+    strokes = METHOD_STROKES.get(method, [])
+    return (0, strokes) if strokes else "-"
+
+
+def label_ends(ax: Axes, ends: Mapping[str, float], colours: Mapping[str, str]) -> None:
+    """Write names to the right of lines: in their order, apart from each other, and as near as that allows.
+
+    Parameters
+    ----------
+    ax : matplotlib.axes.Axes
+        With its limits set.
+    ends : mapping of str to float
+        Height of each line at its right end (data), by name.
+    colours : mapping of str to str
+        By name.
+    """
+    low, high = ax.get_ylim()
+    names = sorted(ends, key=lambda name: ends[name])
+    steps = LABEL_HEIGHT * np.arange(len(names))
+    heights = (np.array([ends[name] for name in names]) - low) / (high - low)
+    for name, place in zip(names, isotonic_regression(heights - steps) + steps, strict=True):
+        ax.text(1.01, place, name, transform=ax.transAxes, fontsize=7.5, color=colours[name], va="center")
 
 
 def new_figure(

@@ -30,7 +30,7 @@ def animate(
 ) -> None:
     """Write a GIF of the first driver.
 
-    The recorded car is black, the modelled car coloured, traffic grey.
+    The recorded car is a black outline, the modelled car filled with colour, traffic grey.
 
     Parameters
     ----------
@@ -72,11 +72,10 @@ def _draw(ax: Axes, scenes: Scenes, trajectories: Trajectories, k: int, around: 
     if scenes.leader_source == LEADER_OF_RECORDED:
         _leader(ax, scenes, frame)
     length, width = float(scenes.length[0]), float(scenes.width[0])
-    _car(
-        ax, scenes.x[0, frame], scenes.y[0, frame], scenes.heading[0, frame], length, width, RECORDED, label="recorded"
-    )
     _car(ax, trajectories.x[0, k], trajectories.y[0, k], trajectories.heading[0, k], length, width,
-         METHOD_COLOURS["idm_prediction"], label="modelled", alpha=0.85)  # fmt: skip
+         METHOD_COLOURS["idm_prediction"], label="modelled")  # fmt: skip
+    _car(ax, scenes.x[0, frame], scenes.y[0, frame], scenes.heading[0, frame], length, width,
+         RECORDED, label="recorded", outlined=True)  # fmt: skip
     error = np.hypot(trajectories.x[0, k] - middle, trajectories.y[0, k] - scenes.y[0, frame])
     ax.set_title(
         f"vehicle {scenes.vehicle[0]}, {scenes.period[0]}: {k * FRAME_STEP:.1f} s, {error:.1f} m apart", fontsize=9
@@ -108,9 +107,10 @@ def _leader(ax: Axes, scenes: Scenes, frame: int) -> None:
 
 def _car(
     ax: Axes, x: float, y: float, heading: float, length: float, width: float, colour: str, *,
-    label: str | None = None, alpha: float = 1.0,
+    label: str | None = None, outlined: bool = False,
 ) -> None:  # fmt: skip
-    """Draw a car; ``x, y`` is its front bumper's centre."""
-    body = Rectangle((-length, -width / 2), length, width, facecolor=colour, alpha=alpha, label=label)
+    """Draw a car, filled or as an outline that lets a car below it be seen; ``x, y`` is its front bumper's centre."""
+    look = {"fill": False, "edgecolor": colour, "linewidth": 1.6} if outlined else {"facecolor": colour}
+    body = Rectangle((-length, -width / 2), length, width, label=label, **look)
     body.set_transform(Affine2D().rotate(heading).translate(x, y) + ax.transData)
     ax.add_patch(body)

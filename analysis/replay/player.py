@@ -20,7 +20,7 @@ from idm_sumo.simulation.rollout import Trajectories
 
 from ..page.embedded import embedded
 from ..page.page import render
-from ..page.style import METHOD_NAMES, dark_colour, line_dash, method_colour
+from ..page.style import dark_colour, line_dash, method_colour, method_name
 
 AHEAD, BEHIND = 450.0, 300.0  # m of traffic kept around the recorded car
 
@@ -138,7 +138,7 @@ def _model(one: Played, number: int) -> dict[str, Any]:
     """Return one modelled car."""
     driven = one.driven
     return {
-        "key": one.key, "name": METHOD_NAMES.get(one.key, one.key.replace("_", " ")),
+        "key": one.key, "name": method_name(one.key),
         "colour": method_colour(one.key), "colour_dark": dark_colour(one.key),
         "dash": line_dash(number), "shown": one.shown,
         "x": numbers(driven.x[0]), "y": numbers(driven.y[0]), "h": numbers(driven.heading[0], 4),

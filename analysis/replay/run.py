@@ -7,14 +7,14 @@ from collections.abc import Mapping
 from dataclasses import asdict, dataclass
 from dataclasses import replace as changed
 from pathlib import Path
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 import numpy.typing as npt
 import pandas as pd
 
 from idm_sumo.calibration import calibrate
-from idm_sumo.calibration.driver_table import DESIRED_SPEED, read_drivers
+from idm_sumo.calibration.driver_table import DESIRED_SPEED, FIRST_FRAME, read_drivers
 from idm_sumo.evaluation.metrics import score
 from idm_sumo.models.effects import ExtendedModel
 from idm_sumo.recordings import columns as c
@@ -36,7 +36,7 @@ from .animation import animate
 from .nearest import nearest
 from .player import Played, write_player
 
-CONSTANT_VELOCITY = "constant_velocity"
+CONSTANT_VELOCITY, EXTENDED = "constant_velocity", "extended"
 
 
 @dataclass(frozen=True)
@@ -53,10 +53,10 @@ class Request:
     window : Window
     backend : str
         ``"sumo"`` or ``"kernel"``.
-    drivers : Path or None
-        Table with its parameters; without one they are fitted to the vehicle itself.
+    drivers : tuple of Path
+        Tables with its parameters, each driven; without one they are fitted to the vehicle itself.
     desired_speed : float, optional
-        m/s; by default the road's speed limit.
+        m/s; by default that of the table, else the road's speed limit.
     seed : int
     model : Path or None
         An extended model of ``diagnose``; its desired speed counts. Without drivers it is fitted to the vehicle too,
@@ -68,10 +68,25 @@ class Request:
     periods: tuple[str, ...]
     window: Window
     backend: str
-    drivers: Path | None
+    drivers: tuple[Path, ...]
     desired_speed: float | None
     seed: int
     model: Path | None = None
+
+
+class Modelled(NamedTuple):
+    """One driver of the vehicle.
+
+    Attributes
+    ----------
+    theta : float64, shape (1, 5)
+        ``a, b, T, d0, d1``.
+    desired_speed : float
+        m/s.
+    """
+
+    theta: npt.NDArray[np.float64]
+    desired_speed: float
 
 
 def replay_one(
@@ -105,16 +120,16 @@ def replay_one(
         _check_drivers(model, request)
         request = changed(request, desired_speed=model.desired_speed)
     scenes = _scene_of(recording, request)
-    theta, limit, origin = _parameters(request, scenes)
-    request = changed(request, desired_speed=limit)
-    driven = {f"idm_{origin}": _drive(request, scenes, theta)}
-    parameters = {f"idm_{origin}": theta[0].tolist()}
+    for path in request.drivers:
+        _check_recording(read_drivers(path), recording, path)
+    models = _models(request, scenes)
+    driven = {name: _drive(request.backend, scenes, one) for name, one in models.items()}
     if model is not None:
         recorded = recording.of_period(scenes.one_period)
-        theta, model = nearest(scenes, recorded, model, theta, refit=request.drivers is None)
-        extension = (recorded, model)
-        driven["extended"] = _drive(request, scenes, theta, extension)
-        parameters["extended"] = theta[0].tolist()
+        first = next(iter(models.values()))
+        theta, model = nearest(scenes, recorded, model, first.theta, refit=not request.drivers)
+        models[EXTENDED] = Modelled(theta, first.desired_speed)
+        driven[EXTENDED] = _drive(request.backend, scenes, models[EXTENDED], (recorded, model))
     scores = pd.concat([score(scenes, one).assign(model=name) for name, one in driven.items()], ignore_index=True)
     shown = list(driven.values())[-1]
     with new_folder(out) as part:
@@ -123,23 +138,23 @@ def replay_one(
         save(time_space(scenes, 0, driven), part / "time_space.png")
         animate(recording, scenes, shown, part / "replay.gif", progress)
         _write_page(part / "replay.html", recording, scenes, driven, scores)
-        named = {name: dict(zip(PARAMETERS, values, strict=True)) for name, values in parameters.items()}
+        named = {name: dict(zip(PARAMETERS, one.theta[0].tolist(), strict=True)) for name, one in models.items()}
         causes = {} if model is None else {"model_file": json.loads(model.to_json())}
-        inputs = [request.recording, *([request.model] if request.model else [])]
+        inputs = [request.recording, *request.drivers, *([request.model] if request.model else [])]
         last = list(named)[-1]
         record = manifest(
             command,
             asdict(request),
             inputs,
             parameters=named[last],
-            parameters_from=origin,
+            parameters_from="prediction" if request.drivers else "oracle",
             parameters_by_model=named,
             notes=list(recording.notes),
             **causes,
         )
         write_manifest(part / MANIFEST, record)
     columns = [c.PERIOD, c.VEHICLE, "ade_m", "fde_m", "collision", "at_fault", "min_gap_m"]
-    return scores[columns if model is None else ["model", *columns]]
+    return scores[columns if len(models) == 1 else ["model", *columns]]
 
 
 def _write_page(
@@ -165,10 +180,10 @@ def _write_page(
 
 
 def _check_drivers(model: ExtendedModel, request: Request) -> None:
-    if request.drivers is not None and not model.is_idm:
+    if request.drivers and not model.is_idm:
         raise InputError(
-            f"{request.model}: its drivers follow {model.law}, not an IDM, whose parameters {request.drivers} holds; "
-            "leave --drivers out, and the vehicle is fitted by that law"
+            f"{request.model}: its drivers follow {model.law}, not an IDM, whose parameters {request.drivers[0]} "
+            "holds; leave --drivers out, and the vehicle is fitted by that law"
         )
 
 
@@ -203,42 +218,63 @@ def _usable(recording: Recording, request: Request) -> str:
     return f"vehicles {'; '.join(parts)} can be replayed; `idm-sumo inspect RECORDING --vehicles` lists them all"
 
 
-def _parameters(request: Request, scenes: Scenes) -> tuple[npt.NDArray[np.float64], float, str]:
-    """Return the driver's parameters, shape (1, 5), its desired speed (m/s), and their origin.
+def _models(request: Request, scenes: Scenes) -> dict[str, Modelled]:
+    """Return the vehicle's parameters by the name of their origin: its own fit, or every driver table's row."""
+    if not request.drivers:
+        return {"idm_oracle": _fitted(request, scenes)}
+    if len(request.drivers) == 1:
+        return {"idm_prediction": _looked_up(request, request.drivers[0], scenes)}
+    names = [path.stem for path in request.drivers]
+    if len({*names, EXTENDED, CONSTANT_VELOCITY}) < len(names) + 2:
+        raise InputError(f"--drivers: {', '.join(names)}: tables need different names, and other than {EXTENDED}")
+    return {name: _looked_up(request, path, scenes) for name, path in zip(names, request.drivers, strict=True)}
 
-    The desired speed is the one asked for, else that of the driver table, else the road's speed limit.
-    """
-    wanted = request.desired_speed
-    if request.drivers is None:
-        fit = calibrate(scenes, desired_speed=request.desired_speed, seed=request.seed)
-        if not np.isfinite(fit[PARAMETERS].to_numpy()).all():
-            raise InputError(
-                f"vehicle {request.vehicle}: no fit ({fit['status'].iloc[0]}); give parameters with --drivers"
-            )
-        return fit[PARAMETERS].to_numpy(), float(fit[DESIRED_SPEED].iloc[0]), "oracle"
-    drivers = read_drivers(request.drivers)
+
+def _fitted(request: Request, scenes: Scenes) -> Modelled:
+    fit = calibrate(scenes, desired_speed=request.desired_speed)
+    if not np.isfinite(fit[PARAMETERS].to_numpy()).all():
+        raise InputError(f"vehicle {request.vehicle}: no fit ({fit['status'].iloc[0]}); give parameters with --drivers")
+    return Modelled(fit[PARAMETERS].to_numpy(), float(fit[DESIRED_SPEED].iloc[0]))
+
+
+def _check_recording(drivers: pd.DataFrame, recording: Recording, path: Path) -> None:
+    """Raise if a table's drivers have numbers of this recording, but none begins where it has it."""
+    if FIRST_FRAME not in drivers or recording.vehicles is None:
+        return
+    begins = recording.vehicles[[c.PERIOD, c.VEHICLE, "first_frame", "last_frame"]]
+    keys = drivers[[c.PERIOD, c.VEHICLE, FIRST_FRAME]].rename(columns={FIRST_FRAME: "told"})
+    shared = begins.assign(**{c.PERIOD: begins[c.PERIOD].astype(str)}).merge(
+        keys.assign(**{c.PERIOD: keys[c.PERIOD].astype(str)}), on=[c.PERIOD, c.VEHICLE]
+    )
+    if len(shared) and not (shared["first_frame"] == shared["told"]).any():
+        raise InputError(
+            f"{path}: belongs to another recording: no driver begins in the frame in which {recording.source} has it; "
+            "calibrate this recording"
+        )
+
+
+def _looked_up(request: Request, path: Path, scenes: Scenes) -> Modelled:
+    """Return the row of a driver table; the desired speed asked for comes first, then the table's, then the limit."""
+    drivers, wanted = read_drivers(path), request.desired_speed
     own = drivers[(drivers[c.PERIOD].astype(str) == scenes.one_period) & (drivers[c.VEHICLE] == request.vehicle)]
     if own.empty:
-        raise InputError(f"{request.drivers}: no row for vehicle {request.vehicle} of period {scenes.one_period}")
+        raise InputError(f"{path}: no row for vehicle {request.vehicle} of period {scenes.one_period}")
     if wanted is None and DESIRED_SPEED in own:
         wanted = float(own[DESIRED_SPEED].iloc[0])
-    return own[PARAMETERS].to_numpy()[:1], float(scenes.road.desired_speed(wanted)), "prediction"
+    return Modelled(own[PARAMETERS].to_numpy()[:1], float(scenes.road.desired_speed(wanted)))
 
 
 def _drive(
-    request: Request,
-    scenes: Scenes,
-    theta: npt.NDArray[np.float64],
-    extension: tuple[Recording, ExtendedModel] | None = None,
+    backend: str, scenes: Scenes, one: Modelled, extension: tuple[Recording, ExtendedModel] | None = None
 ) -> Trajectories:
     """Drive it in SUMO or in the kernel."""
-    if request.backend == "kernel":
+    if backend == "kernel":
         if extension is not None:
-            return drive_extended(scenes, *extension, theta, desired_speed=request.desired_speed)
-        return drive_idm(scenes, theta, desired_speed=request.desired_speed)
+            return drive_extended(scenes, *extension, one.theta, desired_speed=one.desired_speed)
+        return drive_idm(scenes, one.theta, desired_speed=one.desired_speed)
     from idm_sumo.sumo.replay.one_vehicle import replay
 
-    return replay(scenes, theta, desired_speed=request.desired_speed, extension=extension)
+    return replay(scenes, one.theta, desired_speed=one.desired_speed, extension=extension)
 
 
 def trajectory_table(scenes: Scenes, trajectories: Trajectories) -> pd.DataFrame:

@@ -13,8 +13,8 @@ from idm_sumo.recordings.columns import FRAME_STEP
 from idm_sumo.scenes.windows import Scenes
 from idm_sumo.simulation.rollout import Trajectories
 
-from ..page.style import METHOD_COLOURS, METHOD_NAMES, new_figure
-from .paper import NEIGHBOURS
+from ..page.style import METHOD_COLOURS, METHOD_NAMES, label_ends, method_colour, method_line, method_name, new_figure
+from .paper import METHODS, MISSING, NEIGHBOURS
 from .study import Study
 
 LEVELS = ("idm_average", "idm_pooled", "idm_oracle")
@@ -133,21 +133,51 @@ def error_growth(study: Study, driven: dict[str, list[Trajectories]]) -> Figure:
     matplotlib.figure.Figure
         The figure.
     """
-    figure, (ax,) = new_figure()
+    figure, (ax,) = new_figure(8.0)
+    ends = {}
     for name, trajectories in driven.items():
         parts = [displacement(s, t) for s, t in zip(study.test.scenes, trajectories, strict=True)]
         error = np.pad(np.concatenate(parts), ((0, 0), (1, 0)))  # no error at the start
         seconds = np.arange(error.shape[1]) * FRAME_STEP
         mean, se = error.mean(axis=0), error.std(axis=0, ddof=1) / np.sqrt(len(error))
-        ax.plot(seconds, mean, color=METHOD_COLOURS[name], label=METHOD_NAMES[name])
+        ax.plot(seconds, mean, color=METHOD_COLOURS[name], linestyle=method_line(name))
+        ends[METHOD_NAMES[name]] = float(mean[-1])
         ax.fill_between(seconds, mean - se, mean + se, color=METHOD_COLOURS[name], alpha=0.2, linewidth=0)
     ax.set(
         xlabel="time since the start of the simulation (s)",
         ylabel="mean displacement error (m)",
         ylim=(0, None),
-        xlim=(0, None),
+        xlim=(0, seconds[-1]),
     )
-    ax.legend(fontsize=8)
+    label_ends(ax, ends, {METHOD_NAMES[name]: METHOD_COLOURS[name] for name in driven})
+    return figure
+
+
+def missing_vehicles(table: pd.DataFrame) -> Figure:
+    """Draw ADE against the share of missing vehicles.
+
+    The diamonds are the paper's figures, at its own share.
+
+    Parameters
+    ----------
+    table : pandas.DataFrame
+        As :func:`analysis.reproduce.missing.by_share` returns it.
+
+    Returns
+    -------
+    matplotlib.figure.Figure
+        Left with parameters found while nobody was missing, right with those found in the thinned scene.
+    """
+    figure, axes = new_figure(9.5, 4.0, columns=2)
+    for ax, (way, part) in zip(axes, table.groupby("parameters", sort=False), strict=False):
+        for name, one in part.groupby("method", sort=False):
+            ax.plot(100 * one["missing_share"], one["ade_m"], color=method_colour(str(name)), marker="o", markersize=3,
+                    linestyle=method_line(str(name)), label=method_name(str(name)))  # fmt: skip
+        for name, printed in METHODS.items():
+            if name in set(part["method"]):
+                ax.plot(100 * MISSING, printed.ade_m, marker="D", color=method_colour(name), markeredgecolor="black")
+        ax.set(title=str(way), xlabel="missing vehicles (%)", ylabel="ADE (m)", ylim=(0, None))
+        ax.legend(fontsize=7)
     return figure
 
 
@@ -168,8 +198,11 @@ def time_space(scenes: Scenes, which: int, driven: dict[str, Trajectories]) -> F
     matplotlib.figure.Figure
         The recorded vehicle, the modelled ones, and the traffic of its lane.
     """
-    figure, (ax,) = new_figure(7.5, 4.6)
-    named = {METHOD_NAMES[name]: trajectories for name, trajectories in driven.items()}
-    colours = {METHOD_NAMES[name]: METHOD_COLOURS[name] for name in driven}
+    figure, (ax,) = new_figure(9.0, 4.6)
+    named = {method_name(name): trajectories for name, trajectories in driven.items()}
+    colours = {method_name(name): method_colour(name) for name in driven}
     plot_time_space(scenes, named, which, ax=ax, colours=colours)
+    for name, line in zip(driven, ax.lines[1:], strict=True):
+        line.set_linestyle(method_line(name))
+    ax.legend(fontsize=8, loc="center left", bbox_to_anchor=(1.01, 0.5))
     return figure

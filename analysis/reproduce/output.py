@@ -18,10 +18,12 @@ from . import figures, paper, tables
 from .agents import figures as agent_figures
 from .agents import rows as agents
 from .agents import words as agent_words
+from .missing import by_share
 from .prediction import figures as prediction_figures
 from .prediction import words as prediction_words
+from .replays import Row, part_of, write_replays
 from .results import Results
-from .words import describe
+from .words import describe, missing_sentence
 
 COLUMNS_FIRST = ["ade_m", "ade_se_m", "fde_m", "fde_se_m", "collisions", "vehicles"]
 QUALITY = [
@@ -51,15 +53,19 @@ def write_results(results: Results, folder: Path) -> None:
     (folder / "figures").mkdir()
     _write_tables(results, folder / "tables")
     _write_figures(results, folder / "figures")
-    _write_report(results, folder)
+    _write_report(results, folder, write_replays(results, folder))
 
 
 def _write_tables(results: Results, folder: Path) -> None:
-    for name in ("methods", "features", "frames", "neighbours"):
+    for name in ("methods", "frames", "neighbours"):
         getattr(results, name).to_csv(folder / f"{name}.csv", index=False, float_format="%.6g")
+    printed = results.features["features"].isin(list(paper.FEATURES))  # the others read the paper's nu otherwise
+    for name, rows in (("features", printed), ("features_other_reading", ~printed)):
+        results.features[rows].to_csv(folder / f"{name}.csv", index=False, float_format="%.6g")
     results.other_methods.to_csv(folder / "methods_other_start.csv", index=False, float_format="%.6g")
     for name, table in results.prediction.items():
         table.to_csv(folder / f"{name}.csv", index=False, float_format="%.6g")
+    results.missing.to_csv(folder / "missing_vehicles.csv", index=False, float_format="%.6g")
     left_out(results).to_csv(folder / "left_out.csv", index=False)
     fits = pd.concat({"train": results.study.train_fits, "test": results.study.test_fits}, names=["side"])
     fits.reset_index(level=0).to_csv(folder / "oracle.csv", index=False, float_format="%.6g")
@@ -114,6 +120,8 @@ def _write_figures(results: Results, folder: Path) -> None:
     save(figures.flat_directions(tables.flat_directions(study)), folder / "flat_directions.png")
     save(prediction_figures.fan(study), folder / "prediction_fan.png")
     save(prediction_figures.seconds(results.prediction["prediction_seconds"]), folder / "prediction_seconds.png")
+    if len(results.missing):
+        save(figures.missing_vehicles(by_share(results.missing)), folder / "missing_vehicles.png")
     part, which = _median_driver(results)
     chosen = {name: trajectories[part] for name, trajectories in results.driven.items()}
     save(figures.time_space(study.test.scenes[part], which, chosen), folder / "time_space.png")
@@ -134,19 +142,16 @@ def _median_driver(results: Results) -> tuple[int, int]:
     """Return period and row of the driver with median error."""
     ade = results.scores["idm_prediction"]["ade_m"].to_numpy()
     row = int(np.argsort(ade, kind="stable")[len(ade) // 2])
-    for part, scenes in enumerate(results.study.test.scenes):
-        if row < len(scenes):
-            return part, row
-        row -= len(scenes)
-    raise AssertionError("the scores have more rows than the scenes")
+    return part_of([len(scenes) for scenes in results.study.test.scenes], row)
 
 
-def _write_report(results: Results, part: Path) -> None:
+def _write_report(results: Results, part: Path, replays: list[Row]) -> None:
     settings = results.study.settings
     render(
         part / "report.html",
         "reproduce/report.html.j2",
         figures=part / "figures",
+        replays=replays,
         surrogate=bool(not_measured(results.source.periods)),
         methods=tables.beside_paper(results.methods[["method", *COLUMNS_FIRST]], paper.METHODS, "method"),
         features=tables.beside_paper(results.features[["features", *COLUMNS_FIRST]], paper.FEATURES, "features"),
@@ -156,6 +161,8 @@ def _write_report(results: Results, part: Path) -> None:
         quality=results.methods[QUALITY],
         **results.prediction,
         at_bound=tables.at_bound(results.study),
+        missing=by_share(results.missing) if len(results.missing) else None,
+        missing_text=missing_sentence(results.missing),
         accounts=left_out(results),
         frame_start=max(settings.frame_counts),
         **_agent_section(results),

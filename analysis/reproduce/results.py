@@ -39,6 +39,8 @@ class Results:
         Learned agents, if the run has them.
     prediction : dict of str to pandas.DataFrame
         Tables on prediction by the name of their file.
+    missing : pandas.DataFrame
+        Accuracy by the share of vehicles that are missing from the scene.
     """
 
     source: Source
@@ -53,3 +55,4 @@ class Results:
     backend_difference_m: float
     agents: Agents | None
     prediction: dict[str, pd.DataFrame]
+    missing: pd.DataFrame

@@ -18,6 +18,7 @@ from . import tables
 from .agents import rows as agents
 from .agents.learners import learners_of, read_learners
 from .drivers import Drive
+from .missing import missing_vehicles
 from .output import COLUMNS_FIRST, record, write_results
 from .prediction.reasons import prediction_tables
 from .results import Results
@@ -82,7 +83,7 @@ def stages(settings: Settings) -> tuple[str, ...]:
     """
     training = () if settings.agent else ("tracking the training drivers", "inverse optimal control", "training agents")
     learned = () if settings.agent_seeds == 0 and not settings.agent else (*training, "driving by agents")
-    return ("reading", "calibration", "driving the test drivers", *learned, "tables", "writing")
+    return ("reading", "calibration", "driving the test drivers", *learned, "tables", "missing vehicles", "writing")
 
 
 def compute(settings: Settings, jobs: int = 1, progress: Progress = silent) -> Results:
@@ -135,6 +136,7 @@ def compute(settings: Settings, jobs: int = 1, progress: Progress = silent) -> R
         _backend_difference(study, driven, settings),
         learned,
         prediction_tables(source, study),
+        missing_vehicles(study, progress),
     )
 
 

@@ -68,7 +68,9 @@ class Study:
         codes = self.train.code()
         return codes[fitted].reset_index(drop=True), theta[fitted]
 
-    def neighbours(self, codes: pd.DataFrame, k: int, features: tuple[str, ...] = tuple(FEATURES)) -> Floats:
+    def neighbours(
+        self, codes: pd.DataFrame, k: int, features: tuple[str, ...] = tuple(FEATURES), speed: str | None = None
+    ) -> Floats:
         """Predict parameters by the paper's averaging of neighbours.
 
         Parameters
@@ -79,6 +81,8 @@ class Study:
             Number of neighbours; a library smaller than that is averaged whole.
         features : tuple of str
             The paper's symbols of the features in use.
+        speed : {"own", "relative"}, optional
+            What ``nu`` stands for; by default what the settings say.
 
         Returns
         -------
@@ -86,7 +90,7 @@ class Study:
             ``a, b, T, d0, d1``.
         """
         train_codes, theta = self.library
-        columns = features_of(features, speed=self.settings.code_speed)
+        columns = features_of(features, speed=speed or self.settings.code_speed)
         return KNNPredictor(min(k, len(theta)), columns).fit(train_codes, theta).predict(codes)
 
 
@@ -136,7 +140,7 @@ def prepare(source: Source, settings: Settings, window: Window, progress: Progre
 
 def _fits(drivers: Drivers, settings: Settings) -> pd.DataFrame:
     """Calibrate all drivers of one side, in their windows' order."""
-    fits = [calibrate(s, desired_speed=settings.desired_speed, seed=settings.seed) for s in drivers.scenes]
+    fits = [calibrate(s, desired_speed=settings.desired_speed) for s in drivers.scenes]
     return pd.concat(fits, ignore_index=True)
 
 

@@ -70,16 +70,17 @@ def features(study: Study) -> pd.DataFrame:
     Returns
     -------
     pandas.DataFrame
-        One row a combination of the driving code's features.
+        One row a combination of the driving code's features, then two with the other reading of ``nu``: the paper
+        calls it relative velocity where it motivates it, and velocity where it computes it.
     """
     codes = study.test.code(study.settings.observed)
-    k = study.settings.neighbours
-    return pd.DataFrame(
-        [
-            {"features": "+".join(chosen), **_score(study.test, study.neighbours(codes, k, chosen))}
-            for chosen in FEATURE_SETS
-        ]
-    )
+    k, other = study.settings.neighbours, "own" if study.settings.code_speed == "relative" else "relative"
+    cases: list[tuple[str, tuple[str, ...], str]] = [
+        ("+".join(chosen), chosen, study.settings.code_speed) for chosen in FEATURE_SETS
+    ]
+    cases += [("+".join(chosen).replace("nu", f"nu_{other}"), chosen, other) for chosen in (("nu",), tuple(FEATURES))]
+    rows = [(name, study.neighbours(codes, k, chosen, speed)) for name, chosen, speed in cases]
+    return pd.DataFrame([{"features": name, **_score(study.test, theta)} for name, theta in rows])
 
 
 def neighbours(study: Study) -> pd.DataFrame:
@@ -165,10 +166,10 @@ def beside_paper(
     Returns
     -------
     pandas.DataFrame
-        With the paper's ADE, FDE and collisions, NaN where it has none.
+        With the paper's ADE and FDE, their standard errors, and collisions, NaN where it has none.
     """
     ours = table.copy()
-    for name in ("ade_m", "fde_m", "collisions"):
+    for name in ("ade_m", "ade_se_m", "fde_m", "fde_se_m", "collisions"):
         ours[f"paper_{name}"] = [getattr(printed[k], name) if k in printed else np.nan for k in table[key]]
     return ours
 

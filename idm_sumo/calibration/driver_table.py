@@ -4,15 +4,18 @@ from __future__ import annotations
 
 import csv
 import io
+import json
 from pathlib import Path
 
 import numpy as np
 import numpy.typing as npt
 import pandas as pd
+import pyarrow as pa
 
 from idm_sumo.models import idm
 from idm_sumo.recordings import columns as c
 from idm_sumo.recordings.coercion import EARTH, FRAMES, LARGEST, numbers
+from idm_sumo.roads import DEFAULT, Road
 from idm_sumo.runtime import inputs, parquet
 from idm_sumo.runtime.errors import InputError
 from idm_sumo.runtime.limits import DESIRED_SPEED as DESIRED_SPEEDS
@@ -22,6 +25,7 @@ from idm_sumo.simulation.driver_parameters import KEYS as KEYS
 from idm_sumo.simulation.driver_parameters import PARAMETERS as PARAMETERS
 from idm_sumo.simulation.driver_parameters import key_columns as key_columns
 
+ROAD = b"idm_sumo_road"  # metadata of a Parquet: the road, where it is not the default
 STATUS, OK = "status", "ok"  # what became of the fit; absent in tables made by hand
 HAS = "has_what_some_have"  # 1 if a driver has those causes of an extended model, too, that only some have, else 0
 TOLERANCE = 1e-9  # relative, of a bound: a table may have been through text
@@ -230,3 +234,50 @@ def _first(marked: pd.Series) -> int:
 def _where(table: pd.DataFrame, row: int) -> str:
     """Return a row's number, counted from 0, and its driver."""
     return f"row {row} (period {table[c.PERIOD].iloc[row]}, vehicle {table[c.VEHICLE].iloc[row]})"
+
+
+def write_drivers(table: pd.DataFrame, path: Path, road: Road) -> None:
+    """Write a driver table as Parquet that knows its road.
+
+    The road is kept if it is not the default.
+
+    Parameters
+    ----------
+    table : pandas.DataFrame
+        Driver table.
+    path : Path
+    road : Road
+    """
+    if road == DEFAULT:
+        table.to_parquet(path, index=False, write_page_checksum=True)
+        return
+    arrow = pa.Table.from_pandas(table, preserve_index=False)
+    kept = {**(arrow.schema.metadata or {}), ROAD: json.dumps(road.to_dict()).encode()}
+    parquet.write_table(arrow.replace_schema_metadata(kept), path)
+
+
+def road_of_drivers(path: Path | str) -> Road:
+    """Return the road that a driver table was calibrated on.
+
+    The default where the table does not tell.
+
+    Parameters
+    ----------
+    path : Path
+
+
+    Raises
+    ------
+    InputError
+        If what is kept of it is damaged.
+    """
+    path = Path(path)
+    if path.suffix.lower() == ".csv":
+        return DEFAULT
+    kept = (parquet.read_table(path, lambda names: names[:1]).schema.metadata or {}).get(ROAD)
+    if kept is None:
+        return DEFAULT
+    try:
+        return Road.from_dict(inputs.parse_json(kept, f"{path}: the road kept in it"))
+    except (AttributeError, KeyError, TypeError, ValueError) as error:
+        raise InputError(f"{path}: the road kept in it is damaged ({error}); calibrate again") from None

@@ -96,7 +96,7 @@ def hierarchical(
     scenes: Scenes | Sequence[Scenes],
     *,
     population: Population | None = None,
-    desired_speed: float | None = None,
+    desired_speed: npt.ArrayLike | None = None,
 ) -> tuple[pd.DataFrame, Population]:
     """Fit all drivers together with the population they come from.
 
@@ -105,7 +105,7 @@ def hierarchical(
     scenes : Scenes or sequence of Scenes
     population : Population, optional
         Known from other drivers: then these are only drawn to it, and one driver is enough.
-    desired_speed : float, optional
+    desired_speed : array_like, shape (), or (windows,) for one ``Scenes``, optional
         m/s; by default the road's speed limit.
 
     Returns
@@ -352,7 +352,7 @@ def _as_table(
     which: npt.NDArray[np.int64],
     part: Part,
     population: Population,
-    desired_speed: float | None,
+    desired_speed: npt.ArrayLike | None,
 ) -> pd.DataFrame:
     """Return one row a window, NaN without a fit."""
     n = len(scenes)

@@ -16,6 +16,7 @@ from idm_sumo.calibration.departures import departures
 from idm_sumo.calibration.desired_speed import AUTO, estimate_desired_speeds
 from idm_sumo.calibration.kernel import from_search
 from idm_sumo.calibration.problem import Problem, only, prepare
+from idm_sumo.calibration.search import GAUSS_NEWTON, Search
 from idm_sumo.calibration.without_d1 import MEAN_SPEED, mean_speeds
 from idm_sumo.models import idm
 from idm_sumo.runtime.errors import InputError
@@ -29,7 +30,7 @@ Floats = npt.NDArray[np.float64]
 Integers = npt.NDArray[np.int64]
 NAMES = list(idm.IDMParameters._fields)
 
-GAUSS_NEWTON, L_BFGS_B = SOLVERS = ("gauss-newton", "l-bfgs-b")
+GAUSS_NEWTON_SEARCH = Search()
 SLOW_CHUNK = 64  # windows at a time for scipy's solver, which takes a thousand times longer
 REFERENCE_STARTS = 10
 
@@ -39,9 +40,7 @@ def calibrate(
     *,
     objective: str = "ade",
     loss: str | None = None,
-    solver: str = GAUSS_NEWTON,
-    starts: int | None = None,
-    seed: int = 0,
+    search: Search = GAUSS_NEWTON_SEARCH,
     desired_speed: npt.ArrayLike | None = None,
     mask: npt.NDArray[np.bool_] | None = None,
     jobs: int | None = None,
@@ -56,12 +55,8 @@ def calibrate(
         What is minimised: the mean over the simulated frames.
     loss : {"squared", "huber", "soft-l1"}, optional
         Of the gap, speed and log-gap errors.
-    solver : {"gauss-newton", "l-bfgs-b"}
-        Ours (:mod:`idm_sumo.calibration.solver`), or the paper's.
-    starts : int, optional
-        Starts that ours screens (64), or that L-BFGS-B goes through (10).
-    seed : int
-        Of L-BFGS-B's random starts; ours draws nothing.
+    search : Search
+        How the minimum is searched: by ours, or as in the paper by L-BFGS-B.
     desired_speed : array_like, shape (vehicles,) or (), or "auto", optional
         :func:`idm_sumo.calibration.desired_speed.estimate_desired_speeds` says what "auto" takes.
         :math:`v_0` in m/s, by default the speed limit.
@@ -87,18 +82,16 @@ def calibrate(
     Raises
     ------
     InputError
-        For an unknown objective, loss or solver, or arrays of the wrong shape. Never for what is recorded.
+        For an unknown objective or loss, or arrays of the wrong shape. Never for what is recorded.
     """
-    if solver not in SOLVERS:
-        raise InputError(f"solver: {solver!r} is unknown; use one of {', '.join(SOLVERS)}")
     report, n = progress or silent, len(scenes)
     if isinstance(desired_speed, str):
         if desired_speed != AUTO:
             raise InputError(f"desired_speed: {desired_speed!r} is unknown; give a speed in m/s, or {AUTO!r}")
         desired_speed = estimate_desired_speeds(scenes)
     limit = np.asarray(scenes.road.desired_speed(desired_speed), dtype=np.float64)
-    work = partial(_calibrate_chunk, objective=objective, loss=loss, solver=solver, starts=starts, seed=seed)
-    size = CHUNK if solver == GAUSS_NEWTON else SLOW_CHUNK
+    work = partial(_calibrate_chunk, objective=objective, loss=loss, search=search)
+    size = CHUNK if search.solver == GAUSS_NEWTON else SLOW_CHUNK
     if jobs is not None and jobs > 1:
         size = max(1, min(size, -(-n // jobs)))
     tasks = (
@@ -140,25 +133,24 @@ def _with_threads(threads: int, work: partial[pd.DataFrame], task: tuple[object,
 
 def _calibrate_chunk(
     piece: slice, scenes: Scenes, limit: Floats, mask: npt.NDArray[np.bool_] | None, *,
-    objective: str, loss: str | None, solver: str, starts: int | None, seed: int,
+    objective: str, loss: str | None, search: Search,
 ) -> pd.DataFrame:  # fmt: skip
     """Fit a piece of a campaign; ``scenes`` holds just that."""
     problem = prepare(scenes, objective=objective, loss=loss, desired_speed=limit, mask=mask)
     state = status.statuses(problem, scenes.speed[:, scenes.start : scenes.start + scenes.window.horizon + 1])
     which = np.flatnonzero(~np.isin(state.astype(str), list(status.WITHOUT_FIT)))
-    z, value, rested = _fit(problem, which, solver, starts, seed, piece.start)
+    z, value, rested = _fit(problem, which, search, piece.start)
     state[which[~rested & (state[which] == status.OK)]] = status.NOT_CONVERGED
     return _as_table(scenes, problem, state, which, z, value, limit)
 
 
-def _fit(
-    problem: Problem, which: Integers, name: str, starts: int | None, seed: int, first: int
-) -> tuple[Floats, Floats, npt.NDArray[np.bool_]]:
+def _fit(problem: Problem, which: Integers, search: Search, first: int) -> tuple[Floats, Floats, npt.NDArray[np.bool_]]:
     """Return search coordinates, objective and whether the search rested."""
-    if name == GAUSS_NEWTON:
-        z, value, rested = solver.fit_all(problem, which, solver.design_of_starts(starts or solver.STARTS))
+    if search.solver == GAUSS_NEWTON:
+        z, value, rested = solver.fit_all(problem, which, solver.design_of_starts(search.starts or solver.STARTS))
         return z, value, rested
-    z, value = reference.l_bfgs_b(problem, which, starts=starts or REFERENCE_STARTS, seed=seed, first=first)
+    starts = search.starts or REFERENCE_STARTS
+    z, value = reference.l_bfgs_b(problem, which, starts=starts, seed=search.seed, first=first)
     return z, value, np.isfinite(value)
 
 

@@ -37,8 +37,10 @@ SHOWN_LOOP = [
     "late",
     "never_inserted",
     "collisions",
+    "emergency_brakings",
+    "rank",
 ]
-TYPES = ("drivers", "predicted", "pooled", "default-idm", "krauss")
+TYPES = ("drivers", "drawn", "predicted", "pooled", "default-idm", "krauss")
 
 
 COMPARE = """\
@@ -126,6 +128,7 @@ def _add_interactive(commands: Any) -> None:
         help=f"whose demand drives: {shared.RECORDING_HELP} (default: that)",
     )
     shared.location_argument(parser)
+    shared.network_arguments(parser)
     shared.minutes_argument(parser, 45.0)
     parser.add_argument("--period", metavar="PERIOD", help="recording period to run (default: the first)")
     parser.add_argument(
@@ -208,14 +211,14 @@ def interactive(options: argparse.Namespace) -> None:
     """
     module = study_module("closed_loop.run")
     single = options.gui or options.ego is not None  # one population is all that can be watched or driven among
-    types = tuple(dict.fromkeys(options.types or (TYPES[:1] if single else TYPES)))
+    types = tuple(dict.fromkeys(options.types or (TYPES[:1] if single else _types_for(options.drivers))))
     if options.model is not None:
         from idm_sumo.models.effects import ExtendedModel
 
         ExtendedModel.read(options.model)  # before hours of simulation
         types = ("extended",) if single and not options.types else (*types, "own-loop", "extended")
     settings = study_module("closed_loop.settings").Settings(
-        recording=options.recording,
+        recording=str(shared.recording_path(options)) if options.net_file else options.recording,
         period=options.period,
         drivers=options.drivers,
         types=types,
@@ -241,3 +244,14 @@ def interactive(options: argparse.Namespace) -> None:
         f"open {options.output / 'report.html'}",
     )
     shared.note_origin_of(options.output)
+
+
+def _types_for(drivers: Path | None) -> tuple[str, ...]:
+    """Return the populations that can be had of a driver table; all of drivers that are calibrated in the run."""
+    if drivers is None:
+        return TYPES
+    from idm_sumo.calibration.drawn import DRAWN
+    from idm_sumo.calibration.driver_table import read_drivers
+
+    has_drawn = set(DRAWN) <= set(read_drivers(drivers))
+    return TYPES if has_drawn else tuple(name for name in TYPES if name != "drawn")

@@ -16,6 +16,7 @@ if TYPE_CHECKING:
 
     import pandas as pd
 
+    from idm_sumo.roads import Road
     from idm_sumo.runtime.progress import Progress
     from idm_sumo.scenes.windows import Scenes
 
@@ -71,6 +72,11 @@ def _add_calibrate(commands: Any) -> None:
         metavar="FRAMES",
         help="a further window every so many frames (default: one, at entry)",
     )
+    parser.add_argument(
+        "--all-windows", action="store_true",
+        help="one set for each driver from all of its windows, for types that drive like the driver: ten seconds give "
+        "back those seconds (windows follow each other unless --every says otherwise)",
+    )  # fmt: skip
     parser.add_argument(
         "--objective", choices=("ade", "gap", "speed", "log-gap"), default="ade", help="what is minimised (default ade)"
     )
@@ -137,24 +143,33 @@ def calibrate(options: argparse.Namespace) -> None:
     options : argparse.Namespace
     """
     from idm_sumo.calibration import calibrate as fit
+    from idm_sumo.calibration.drawn import drawn_columns
+    from idm_sumo.calibration.search import Search
+    from idm_sumo.calibration.whole import fit_whole_drivers
     from idm_sumo.calibration.without_d1 import refit_table, without_d1_costs
     from idm_sumo.prediction.driving_code import driving_code
 
-    found = shared.scenes_of(options, shared.window_of(options, options.every))
+    every = options.every or (options.horizon if options.all_windows else None)
+    found = shared.scenes_of(options, shared.window_of(options, every))
     scenes = found.scenes
     with progress_bar() as report:
         fits = fit(
             scenes,
             objective=options.objective,
-            solver=options.solver,
+            search=Search(options.solver, seed=options.seed),
             desired_speed=options.desired_speed,
-            seed=options.seed,
             jobs=options.jobs,
             progress=_named("calibrating", report),
         )
-    fits = _beside(fits, refit_table(fits, scenes))
-    table = _beside(fits, without_d1_costs(fits, scenes), driving_code(scenes))
-    write(table, options.output)
+        if options.all_windows:
+            first = ~fits.duplicated(["period", "vehicle"]).to_numpy()
+            fits = fit_whole_drivers(fits, scenes, _named("drivers", report))
+            scenes = scenes.subset(first)
+    table = _beside(fits, drawn_columns(scenes, fits["desired_speed_m_s"]))
+    if not options.all_windows:  # the refit without d1 is one of a single window
+        table = _beside(table, refit_table(table, scenes))
+        table = _beside(table, without_d1_costs(table, scenes))
+    write(_beside(table, driving_code(scenes)), options.output, scenes.road)
     _note_faster(table)
     for reason, count in found.left_out.items():
         note(f"{count} vehicle{'s' * (count != 1)} not calibrated: {reason}")
@@ -198,7 +213,7 @@ def predict(options: argparse.Namespace) -> None:
     scenes = found.scenes
     observed = pd.DataFrame({MEAN_SPEED: scenes.speed[:, : options.observed].mean(axis=1)})
     table = _beside(foresee(scenes), departures(scenes), observed)
-    write(table, options.output)
+    write(table, options.output, scenes.road)
     for reason, count in found.left_out.items():
         note(f"{count} vehicle{'s' * (count != 1)} not predicted: {reason}")
     shared.note_origin(found.notes)
@@ -261,19 +276,22 @@ def _beside(table: pd.DataFrame, *more: pd.DataFrame) -> pd.DataFrame:
     return table
 
 
-def write(table: pd.DataFrame, path: Path) -> None:
+def write(table: pd.DataFrame, path: Path, road: Road) -> None:
     """Write a driver table, Parquet or CSV by its ending.
 
     Parameters
     ----------
     table : pandas.DataFrame
     path : Path
+    road : Road
+        What the drivers were recorded on; a Parquet keeps one that is not the default.
 
     Raises
     ------
     InputError
         If the ending is neither.
     """
+    from idm_sumo.calibration.driver_table import write_drivers
     from idm_sumo.runtime.errors import InputError
     from idm_sumo.runtime.files import new_file
 
@@ -283,4 +301,4 @@ def write(table: pd.DataFrame, path: Path) -> None:
         if path.suffix == ".csv":
             table.to_csv(part, index=False)
         else:
-            table.to_parquet(part, index=False, write_page_checksum=True)
+            write_drivers(table, part, road)

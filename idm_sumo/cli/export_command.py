@@ -38,6 +38,13 @@ def add(commands: Any) -> None:
     shared.output_argument(parser, "FILE.rou.xml", "FILE.sumocfg and FILE.net.xml are written beside it")
     outputs.declare(parser, "drivers", "net_file", "model", endings=(".xml",))
     parser.add_argument(
+        "--parameters",
+        choices=("fitted", "drawn"),
+        default="fitted",
+        help="the driver's own fit, which gives back its ten seconds (default), or drawn to the population: no "
+        "parameter at a bound, for traffic that reacts",
+    )
+    parser.add_argument(
         "--without-d1",
         "--jam-distance",
         choices=("refit", "linearised", "none"),
@@ -83,7 +90,8 @@ def export(options: argparse.Namespace) -> None:
     ----------
     options : argparse.Namespace
     """
-    from idm_sumo.calibration.driver_table import read_drivers
+    from idm_sumo.calibration.drawn import as_drawn
+    from idm_sumo.calibration.driver_table import read_drivers, road_of_drivers
     from idm_sumo.calibration.without_d1 import cost_summary
     from idm_sumo.models.effects import ExtendedModel
     from idm_sumo.runtime.errors import InputError
@@ -92,6 +100,8 @@ def export(options: argparse.Namespace) -> None:
     from idm_sumo.sumo.export.routes import export_routes
 
     drivers = read_drivers(options.drivers)
+    if options.parameters == "drawn":
+        drivers = as_drawn(drivers, str(options.drivers))
     model = None if options.model is None else ExtendedModel.read(options.model)
     if options.distribution:
         if model is not None:
@@ -113,6 +123,7 @@ def export(options: argparse.Namespace) -> None:
         drivers,
         options.output,
         net_file=options.net_file,
+        road=road_of_drivers(options.drivers),
         model=model,
         without_d1=options.without_d1,
         integration=options.integration,

@@ -17,7 +17,10 @@ if TYPE_CHECKING:
     from idm_sumo.scenes.windows import Scenes, Window
 
 MINUTES = 4.0  # of `surrogate`: enough for hundreds of drivers, made in seconds
-RECORDING_HELP = "NGSIM text, portal CSV or Parquet, leader-follower pairs, SUMO FCD, or `surrogate`: the built-in one"
+RECORDING_HELP = (
+    "NGSIM, highD, exiD, TGSIM, I-24 MOTION, OpenACC, SUMO FCD, leader-follower pairs, our own columns, or "
+    "`surrogate`: the built-in one"
+)
 
 
 def command(
@@ -68,6 +71,7 @@ def recording_argument(parser: argparse.ArgumentParser) -> None:
     """
     parser.add_argument("recording", metavar="RECORDING", help=RECORDING_HELP)
     location_argument(parser)
+    network_arguments(parser)
     minutes_argument(parser)
 
 
@@ -81,6 +85,27 @@ def location_argument(parser: argparse.ArgumentParser) -> None:
     parser.add_argument(
         "--location", default="us-101", metavar="NAME", help="which part of a file that mixes several (default us-101)"
     )
+
+
+def network_arguments(parser: argparse.ArgumentParser) -> None:
+    """Add --net-file, --corridor and --route-files.
+
+    Parameters
+    ----------
+    parser : argparse.ArgumentParser
+    """
+    group = parser.add_argument_group("a road of your own", "where RECORDING was not recorded on a road that is known")
+    group.add_argument(
+        "-n", "--net-file", type=Path, metavar="NET", help="SUMO network that it was recorded on (.net.xml)"
+    )
+    group.add_argument(
+        "--corridor", nargs="+", default=[], metavar="EDGE",
+        help="edges of the road in driving order, those between are found (default: the network, if it is one road)",
+    )  # fmt: skip
+    group.add_argument(
+        "--route-files", nargs="+", type=Path, default=[], metavar="FILE",
+        help="route files whose vTypes tell lengths, widths and classes of a SUMO recording's vehicles",
+    )  # fmt: skip
 
 
 def minutes_argument(parser: argparse.ArgumentParser, default: float = MINUTES) -> None:
@@ -193,10 +218,50 @@ def recording_path(options: argparse.Namespace) -> Path:
     ----------
     options : argparse.Namespace
     """
+    from idm_sumo.sumo.own_recording import kept_on_network
+
+    path = _path(options)
+    if options.net_file is None:
+        _check_alone(options)
+        return path
+    return kept_on_network(path, **_network(options))
+
+
+def _path(options: argparse.Namespace) -> Path:
     from idm_sumo.sumo.surrogate.builtin import recording_path as path_of
 
     with progress_bar() as report:
         return path_of(options.recording, minutes=options.minutes, seed=options.seed, progress=report)
+
+
+def _network(options: argparse.Namespace) -> dict[str, Any]:
+    """Return what the options say of a network."""
+    return {"net": options.net_file, "corridor": options.corridor, "route_files": options.route_files,
+            "location": options.location}  # fmt: skip
+
+
+def _check_alone(options: argparse.Namespace) -> None:
+    """Raise for options that mean nothing without a network."""
+    from idm_sumo.runtime.errors import InputError
+
+    for name in ("corridor", "route_files"):
+        if getattr(options, name):
+            raise InputError(f"--{name.replace('_', '-')} needs the network: give --net-file NET.net.xml")
+
+
+def read(options: argparse.Namespace) -> Recording:
+    """Read the RECORDING, on the network that the options name.
+
+    Parameters
+    ----------
+    options : argparse.Namespace
+    """
+    from idm_sumo.recordings.reading import read_recording
+    from idm_sumo.sumo.own_recording import read_on_network
+
+    if options.net_file is None:
+        return read_recording(recording_path(options), location=options.location)
+    return read_on_network(_path(options), **_network(options))
 
 
 def load(options: argparse.Namespace) -> Recording:
@@ -207,10 +272,9 @@ def load(options: argparse.Namespace) -> Recording:
     options : argparse.Namespace
     """
     from idm_sumo.recordings.cleaning import clean
-    from idm_sumo.recordings.reading import read_recording
     from idm_sumo.recordings.smoothing import smooth
 
-    return smooth(clean(read_recording(recording_path(options), location=options.location)))
+    return smooth(clean(read(options)))
 
 
 @dataclass(frozen=True)
@@ -250,9 +314,12 @@ def scenes_of(options: argparse.Namespace, window: Window) -> Modelled:
     recording = load(options)
     scenes = build_scenes(recording.of_period(*(options.period or recording.periods)), window)
     if not len(scenes):
+        against = recording.accounting.vehicles_dropped
+        told = ", ".join(f"{count} {reason}" for reason, count in against.items())
         raise InputError(
-            f"{options.recording}: no vehicle is recorded for {window.frames} frames in a row; "
-            "lower --observed or --horizon"
+            f"{options.recording}: no vehicle that can be modelled is recorded for {window.frames} frames in a row"
+            + (f" (not modelled: {told})" if told else "")
+            + "; lower --observed or --horizon, or see `idm-sumo inspect RECORDING --vehicles`"
         )
     reasons = scenes.excluded["reason"].value_counts(sort=False)
     return Modelled(scenes, {str(reason): int(count) for reason, count in reasons.items()}, recording.notes)

@@ -19,6 +19,7 @@ from idm_sumo.cli import (
     export_command,
     irl_commands,
     recording_commands,
+    report_command,
     study_commands,
 )
 from idm_sumo.cli.guard import BAD_INPUT, complain, say
@@ -42,6 +43,8 @@ typical order:
       SUMO vehicle types that drive as calibrated
   idm-sumo reproduce --quick -o out/study
       the paper's tables and figures
+  idm-sumo report out/study
+      its page, in the browser
 
 RECORDING is a file of trajectories (NGSIM text, portal CSV or Parquet,
 leader-follower pairs, SUMO FCD), or the word `surrogate`: traffic simulated
@@ -126,6 +129,7 @@ def build_parser() -> argparse.ArgumentParser:
         closed_loop_commands,
         diagnosis_commands,
         irl_commands,
+        report_command,
     ):
         module.add(commands)
     _complete_paths(parser)

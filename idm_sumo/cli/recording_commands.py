@@ -87,12 +87,11 @@ def inspect(options: argparse.Namespace) -> None:
     """
     from idm_sumo.recordings.cleaning import clean
     from idm_sumo.recordings.inspection import summarise, vehicle_table
-    from idm_sumo.recordings.reading import read_recording
     from idm_sumo.scenes.windows import Window
 
-    path = shared.recording_path(options)
-    read = read_recording(path, location=options.location)
+    read = shared.read(options)
     cleaned = clean(read)
+    path = options.recording if options.net_file else shared.recording_path(options)
     inspection = summarise(read, cleaned, str(path))
     vehicles = vehicle_table(read, cleaned, least_frames=Window().frames) if options.vehicles else None
     if options.json:

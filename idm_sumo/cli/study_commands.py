@@ -23,7 +23,7 @@ All other vehicles drive as recorded; this one follows its leader by the IDM
 from its last observed frame on.
 
 reads   RECORDING; with --drivers its parameters, without them it is calibrated
-leaves  DIR/replay.html (plays it), trajectory.parquet (modelled beside
+leaves  DIR/replay.html (plays it), trajectory.parquet (the last model beside
         recorded, frame by frame), scores.csv, time_space.png, replay.gif,
         manifest.json
 next    open DIR/replay.html; idm-sumo diagnose RECORDING -o out says why the
@@ -69,8 +69,10 @@ def _add_replay(commands: Any) -> None:
     parser.add_argument(
         "--drivers",
         type=Path,
+        action="append",
         metavar="FILE",
-        help="parameters from `calibrate` or `predict`; by default this driver's own fit (oracle)",
+        help="parameters from `calibrate` or `predict`; may be repeated, each is driven beside the others "
+        "(default: this driver's own fit)",
     )
     parser.add_argument(
         "--model",
@@ -115,6 +117,11 @@ def _add_reproduce(commands: Any) -> None:
         help="drivers that a prediction averages (default 8)",
     )
     parser.add_argument(
+        "--code-speed",
+        choices=("own", "relative"),
+        help="what the driving code's nu is: the driver's own mean speed (default), or that relative to the leader",
+    )
+    parser.add_argument(
         "--desired-speed",
         type=shared.real(limits.DESIRED_SPEED),
         metavar="V",
@@ -146,7 +153,7 @@ def replay(options: argparse.Namespace) -> None:
         tuple(options.period or ()),
         shared.window_of(options),
         options.backend,
-        options.drivers,
+        tuple(options.drivers or ()),
         options.desired_speed,
         options.seed,
         options.model,
@@ -175,6 +182,7 @@ def reproduce(options: argparse.Namespace) -> None:
         "test": options.test,
         "rollout_start": options.rollout_start,
         "neighbours": options.neighbours,
+        "code_speed": options.code_speed,
         "desired_speed": options.desired_speed,
         "backend": options.backend,
         "seed": options.seed,

@@ -10,60 +10,20 @@ import pandas as pd
 
 from idm_sumo.evaluation import macroscopic as m
 from idm_sumo.evaluation.distances import RESAMPLES, Sample, distance
-from idm_sumo.evaluation.waves import wave_speeds
+from idm_sumo.evaluation.traffic_measures import TrafficMeasures, measure_traffic
 from idm_sumo.recordings import columns as c
-from idm_sumo.recordings.leaders import row_ahead
 from idm_sumo.recordings.recording import Recording
-from idm_sumo.roads import Road
 from idm_sumo.runtime.errors import InputError
 from idm_sumo.runtime.progress import Progress, silent
 
 ALL_PERIODS = "all"
 RECORDING = "recording"
-ONCE_A_SECOND = 10  # frames; gaps of successive frames are nearly equal
-MOVING = 1.0  # m/s, least speed of a time headway
 # Distributions that are compared: column, unit, and the value beyond which values count as equal.
 DISTRIBUTIONS = {
     "gap": ("gap_m", "m", 100.0), "time_headway": ("time_headway_s", "s", 10.0),
     "travel_time": ("travel_time_s", "s", 300.0),
     "speed": ("speed_m_s", "m_s", 30.0),
 }  # fmt: skip
-
-
-@dataclass(frozen=True)
-class TrafficMeasures:
-    """All measures of one recording, as tables by period.
-
-    Attributes
-    ----------
-    fields : pandas.DataFrame
-        :func:`idm_sumo.evaluation.macroscopic.edie`.
-    positions : pandas.DataFrame
-        :func:`idm_sumo.evaluation.macroscopic.speed_by_position`.
-    travel_times, lane_changes, waves : pandas.DataFrame
-        Of the functions with these names.
-    following : pandas.DataFrame
-        :func:`following`.
-    counts : pandas.Series
-        Vehicles by period.
-    partial : bool
-        Whether the recording holds only some of the vehicles.
-    """
-
-    fields: pd.DataFrame
-    positions: pd.DataFrame
-    travel_times: pd.DataFrame
-    lane_changes: pd.DataFrame
-    waves: pd.DataFrame
-    following: pd.DataFrame
-    counts: pd.Series
-    partial: bool
-    road: Road
-
-    @property
-    def periods(self) -> list[str]:
-        """Labels of the periods, in order of time."""
-        return [str(label) for label in self.counts.index]
 
 
 @dataclass(frozen=True)
@@ -126,6 +86,8 @@ def compare(
             headway, travel time and speed.
         ``speed_rmse_m_s``, ``flow_rmse_veh_h``, ``density_rmse_veh_km``
             root mean square differences from the reference by minute, lane and segment.
+        ``speed_profile_rmse_m_s``
+            root mean square difference of the mean speed by position.
 
         Distances and differences of the reference from itself are NaN.
 
@@ -173,64 +135,9 @@ def compare_measures(measures: dict[str, TrafficMeasures], *, seed: int = 1, res
             if measured is not reference:
                 figures |= _distances(reference, own, measured, theirs, rng, resamples)
                 figures |= _field_differences(reference, own, measured, theirs)
+                figures["speed_profile_rmse_m_s"] = _profile_difference(reference, own, measured, theirs)
             rows.append(figures)
     return Comparison(measures, pd.DataFrame(rows), _notes(measures))
-
-
-def measure_traffic(recording: Recording) -> TrafficMeasures:
-    """Measure one recording.
-
-    Parameters
-    ----------
-    recording : Recording
-        Recorded or simulated traffic.
-
-    Returns
-    -------
-    TrafficMeasures
-        All measures.
-    """
-    return TrafficMeasures(
-        m.edie(recording), m.speed_by_position(recording), m.travel_times(recording), m.lane_changes(recording),
-        wave_speeds(recording), following(recording), m.vehicle_counts(recording),
-        not recording.has_leader_rows, recording.road,
-    )  # fmt: skip
-
-
-def following(recording: Recording) -> pd.DataFrame:
-    """Return gaps and time headways once a second.
-
-    The gap is bumper to bumper to the vehicle ahead in the same main lane. In a recording of only some
-    vehicles it is the recorded headway minus an assumed length of the leader. The time headway is the
-    distance front to front over the follower's speed, above 1 m/s.
-
-    Parameters
-    ----------
-    recording : Recording
-        Recorded or simulated traffic.
-
-    Returns
-    -------
-    pandas.DataFrame
-        ``period, vehicle, gap_m, time_headway_s, speed_m_s``; NaN without a leader.
-    """
-    table, road = recording.table, recording.road
-    main = (table[c.LANE] <= road.main_lanes) & table[c.X].between(0.0, road.length)
-    rows = np.flatnonzero(main & (table[c.FRAME] % ONCE_A_SECOND == 0))
-    if recording.has_leader_rows:
-        ahead = row_ahead(table)[rows]
-        x, length = table[c.X].to_numpy(), table[c.LENGTH].fillna(road.car_length).to_numpy()
-        headway = np.where(ahead >= 0, x[ahead] - x[rows], np.nan)
-        gap = headway - length[ahead]
-    else:
-        headway = table[c.HEADWAY].to_numpy()[rows]
-        gap = headway - road.car_length
-    speed = table[c.SPEED].to_numpy()[rows]
-    moving = np.where(speed > MOVING, speed, np.nan)
-    return pd.DataFrame({
-        c.PERIOD: table[c.PERIOD].iloc[rows].astype(str).to_numpy(), c.VEHICLE: table[c.VEHICLE].to_numpy()[rows],
-        "gap_m": gap, "time_headway_s": headway / moving, "speed_m_s": speed,
-    })  # fmt: skip
 
 
 def matched_periods(reference: list[str], other: list[str]) -> list[tuple[str, str]]:
@@ -329,6 +236,16 @@ def _field_differences(
         both = both.fillna({name + end: 0.0 for name in (m.FLOW, m.DENSITY) for end in ("", "_o")})
     names = {m.MEAN_SPEED: "speed_rmse_m_s", m.FLOW: "flow_rmse_veh_h", m.DENSITY: "density_rmse_veh_km"}
     return {to: float(np.sqrt(((both[name + "_o"] - both[name]) ** 2).mean())) for name, to in names.items()}
+
+
+def _profile_difference(reference: TrafficMeasures, own: list[str], other: TrafficMeasures, theirs: list[str]) -> float:
+    """Return the difference (m/s) of mean speeds by position.
+
+    Return the root mean square difference (m/s) of mean speeds by position, over all these periods.
+    """
+    both = [_of(one.positions, periods) for one, periods in ((reference, own), (other, theirs))]
+    profiles = [one.groupby(m.SEGMENT)[m.MEAN_SPEED].mean() for one in both]
+    return float(np.sqrt(((profiles[1] - profiles[0]) ** 2).mean()))
 
 
 def _notes(measures: dict[str, TrafficMeasures]) -> tuple[str, ...]:

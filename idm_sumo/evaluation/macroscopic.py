@@ -29,6 +29,7 @@ from idm_sumo.roads import Road
 
 Floats = npt.NDArray[np.float64]
 
+Integers = npt.NDArray[np.int64]
 SEGMENTS = 8  # parts of the section
 INSIDE = (25.0, 40.08)  # m, of the stations from start and end of the section; US-101 is recorded from 12 to 631 m
 HELD = 10  # frames that a vehicle must stay in a lane for its change to count
@@ -221,6 +222,42 @@ def lane_changes(recording: Recording, *, held: int = HELD) -> pd.DataFrame:
         ``exits`` to them.
     """
     table, main = recording.table, recording.road.main_lanes
+    rows, before, after = _changes(recording, held)
+    kinds = {"changes": (before <= main) & (after <= main), "merges": before > main, "exits": after > main}
+    driven = table[c.SPEED] * FRAME_STEP / PER_KM
+    counts = pd.DataFrame({c.PERIOD: table[c.PERIOD], c.VEHICLE: table[c.VEHICLE], "km": driven})
+    for name, kind in kinds.items():
+        counts[name] = 0
+        counts.loc[rows[kind], name] = 1
+    return counts.groupby([c.PERIOD, c.VEHICLE], observed=True).sum().reset_index()
+
+
+def lane_change_places(recording: Recording, *, held: int = HELD) -> pd.DataFrame:
+    """Return where and when vehicles changed lanes.
+
+    Parameters
+    ----------
+    recording : Recording
+        Recorded or simulated traffic.
+    held : int
+        Frames that a vehicle must stay in a lane.
+
+    Returns
+    -------
+    pandas.DataFrame
+        ``period, vehicle, frame, x`` (m), ``before`` and ``after``: main lanes, or one more for the lanes beside them.
+    """
+    rows, before, after = _changes(recording, held)
+    places = recording.table.iloc[rows][[c.PERIOD, c.VEHICLE, c.FRAME, c.X]].reset_index(drop=True)
+    return places.assign(before=before, after=after)
+
+
+def _changes(recording: Recording, held: int) -> tuple[Integers, Integers, Integers]:
+    """Return where vehicles change lanes, as rows.
+
+    Return the rows in which a vehicle is first in another lane, and the lanes before and after.
+    """
+    table, main = recording.table, recording.road.main_lanes
     lane = np.minimum(table[c.LANE].to_numpy(np.int64), main + 1)  # side lanes continue each other
     starts, lengths = runs(table)
     stretch = np.repeat(np.arange(len(starts)), lengths)
@@ -230,13 +267,7 @@ def lane_changes(recording: Recording, *, held: int = HELD) -> pd.DataFrame:
     first = first[long]
     before, after = lane[first[:-1]], lane[first[1:]]
     changed = (stretch[first[1:]] == stretch[first[:-1]]) & (before != after)
-    kinds = {"changes": (before <= main) & (after <= main), "merges": before > main, "exits": after > main}
-    driven = table[c.SPEED] * FRAME_STEP / PER_KM
-    counts = pd.DataFrame({c.PERIOD: table[c.PERIOD], c.VEHICLE: table[c.VEHICLE], "km": driven})
-    for name, kind in kinds.items():
-        counts[name] = 0
-        counts.loc[first[1:][changed & kind], name] = 1
-    return counts.groupby([c.PERIOD, c.VEHICLE], observed=True).sum().reset_index()
+    return first[1:][changed], before[changed], after[changed]
 
 
 def vehicle_counts(recording: Recording) -> pd.Series:

@@ -10,7 +10,8 @@ import numpy.typing as npt
 import pandas as pd
 from numba import njit
 
-from idm_sumo.evaluation.collisions import first_row_from, rectangle, separation
+from idm_sumo.evaluation.collisions import first_row_from
+from idm_sumo.evaluation.rectangles import rectangle, separation
 from idm_sumo.irl.episodes import episodes_of
 from idm_sumo.models import bicycle
 from idm_sumo.scenes.windows import Scenes

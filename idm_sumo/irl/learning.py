@@ -28,6 +28,7 @@ if TYPE_CHECKING:
     from idm_sumo.irl.policy import Policy
     from idm_sumo.irl.ppo import Training
 
+CURVE = ("steps", "episodes", "mean_return", "mean_length", "collision_share", "off_road_share", "seconds")
 INSTALL = "pip install 'idm-sumo[rl]'"
 HELD_OUT = 0.25  # share of the demonstrations that is not used for learning
 CLONED_DRIVERS = 600

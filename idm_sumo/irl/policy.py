@@ -62,17 +62,28 @@ class Policy:
         return np.clip(value @ weights + bias, -1.0, 1.0)
 
     def save(self, path: Path) -> None:
-        """Write the policy as ``.npz``.
+        """Write the policy as ``.npz``, whole or not at all.
 
         Parameters
         ----------
         path : Path
             File to write.
         """
+        with new_file(path) as part:
+            self.write(part)
+
+    def write(self, path: Path) -> None:
+        """Write the policy as ``.npz`` into a temporary file.
+
+        Parameters
+        ----------
+        path : Path
+            One of :func:`idm_sumo.runtime.files.new_files`.
+        """
         arrays: dict[str, Any] = {
             f"{kind}{i}": part for i, layer in enumerate(self.layers) for kind, part in zip("wb", layer, strict=True)
         }
-        with new_file(path) as part, part.open("wb") as stream:
+        with path.open("wb") as stream:
             np.savez(stream, facts=np.array(json.dumps(self.facts)), **arrays)
 
     @classmethod

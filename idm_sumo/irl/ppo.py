@@ -17,13 +17,12 @@ import torch
 from stable_baselines3 import PPO
 from stable_baselines3.common.callbacks import BaseCallback
 
+from idm_sumo.irl.learning import CURVE
 from idm_sumo.irl.policy import Policy
 from idm_sumo.irl.vec_environment import ReplayVecEnv
 from idm_sumo.runtime.errors import InputError
 from idm_sumo.runtime.files import new_file
 from idm_sumo.runtime.progress import Progress, silent
-
-CURVE = ("steps", "episodes", "mean_return", "mean_length", "collision_share", "off_road_share", "seconds")
 
 
 @dataclass(frozen=True)
@@ -213,10 +212,18 @@ def _restore(model: PPO, environment: ReplayVecEnv, checkpoint: Path, identity: 
     """
     try:
         record = torch.load(checkpoint, weights_only=True)
+        same = record["identity"] == identity
     except Exception as error:
         raise InputError(f"{checkpoint}: cannot be read ({type(error).__name__}); remove it to start again") from None
-    if record["identity"] != identity:
+    if not same:
         raise InputError(f"{checkpoint}: belongs to other settings or another seed; choose another output or remove it")
+    try:
+        return _put_in(model, environment, record)
+    except (AttributeError, KeyError, IndexError, TypeError, ValueError, RuntimeError) as error:
+        raise InputError(f"{checkpoint}: is damaged ({type(error).__name__}); remove it to start again") from None
+
+
+def _put_in(model: PPO, environment: ReplayVecEnv, record: dict[str, Any]) -> list[list[float]]:
     model.policy.load_state_dict(record["policy"])
     model.policy.optimizer.load_state_dict(record["optimizer"])
     model.num_timesteps, model._n_updates = record["steps"], record["updates"]

@@ -29,7 +29,8 @@ import numpy as np
 import numpy.typing as npt
 from numba import njit
 
-from idm_sumo.evaluation.collisions import first_row_from, overlap, rectangle
+from idm_sumo.evaluation.collisions import first_row_from
+from idm_sumo.evaluation.rectangles import overlap, rectangle
 from idm_sumo.irl import features
 from idm_sumo.irl.demonstrations import start_state
 from idm_sumo.irl.episodes import Episodes, Surroundings

@@ -86,7 +86,8 @@ def clean(
     kept = ledger.drop(kept, jumps[number[kept.index]], JUMP)
     if kept.empty:
         why = ", ".join(f"{rows} {reason}" for reason, rows in ledger.dropped.items())
-        raise InputError(f"{recording.source or 'recording'}: no rows left after cleaning ({why})")
+        source = recording.source or "recording"
+        raise InputError(f"{source}: no rows left after cleaning ({why}){_pace(table, number)}")
     vehicles = _with_longest_run(vehicles, kept, number[kept.index])
     vehicles["wrong_leader_frames"] = wrong
     reasons = [irregular, jumps, (vehicles["first_frame"] < 0).to_numpy(), led_astray, wrong >= leader_frames]
@@ -120,6 +121,20 @@ def _irregular_rows(table: pd.DataFrame, number: Integers) -> Flags:
     clock = np.diff(table[c.TIME].to_numpy())
     broken = (frames != 1) | (np.abs(clock - FRAME_STEP * frames) > CLOCK_TOLERANCE)
     return np.concatenate([[False], broken & (np.diff(number) == 0)])
+
+
+def _pace(table: pd.DataFrame, number: Integers) -> str:
+    """Say how far apart the rows of a vehicle are, if not a frame."""
+    same = np.diff(number) == 0
+    if not same.any():
+        return ""
+    frames, seconds = (float(np.median(np.diff(table[name].to_numpy())[same])) for name in (c.FRAME, c.TIME))
+    if frames == 1 and abs(seconds - FRAME_STEP) <= CLOCK_TOLERANCE:
+        return ""
+    return (
+        f"; rows of a vehicle are {frames:g} frames and {seconds:g} s apart where 1 and {FRAME_STEP} s are needed: "
+        "resample them, or mend the columns frame and time"
+    )
 
 
 def _jumps(place: npt.NDArray[np.float64], table: pd.DataFrame, number: Integers) -> Flags:

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import os
 import shutil
 from dataclasses import dataclass
 from datetime import UTC, datetime
@@ -18,7 +17,7 @@ from idm_sumo.roads import DEFAULT
 from idm_sumo.runtime.errors import InputError
 from idm_sumo.runtime.files import new_file
 from idm_sumo.runtime.progress import Progress, silent
-from idm_sumo.runtime.siblings import lock_of, scratch, sweep
+from idm_sumo.runtime.siblings import locked, scratch
 
 
 class Page(BaseModel):
@@ -176,15 +175,8 @@ class _Download:
 
     def run(self, *, verify: bool) -> FetchResult:
         """Do what is left to do, unless another run is at it."""
-        self.folder.mkdir(parents=True, exist_ok=True)
-        sweep(self.folder)
-        lock = lock_of(self.folder)
-        if lock is None:
-            raise InputError(f"{self.folder}: another fetch is at work there; wait for it, or give another folder")
-        try:
+        with locked(self.folder, "fetch"):
             return self._run(verify=verify)
-        finally:
-            os.close(lock)
 
     def _run(self, *, verify: bool) -> FetchResult:
         kept = self._kept()

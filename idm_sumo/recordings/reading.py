@@ -5,7 +5,7 @@ from __future__ import annotations
 import json
 import os
 import re
-from collections.abc import Mapping
+from collections.abc import Iterable, Mapping
 from dataclasses import replace
 from pathlib import Path
 from typing import Any, NamedTuple
@@ -18,7 +18,18 @@ from idm_sumo.recordings import columns as c
 from idm_sumo.recordings.accounting import Accounting, Ledger
 from idm_sumo.recordings.coercion import numbers, whole
 from idm_sumo.recordings.on_road import check_on_road, road_of_lanes, why_foreign
-from idm_sumo.recordings.readers import datasets, delimited, fcd, header, layouts, ngsim, pair_names, pairs
+from idm_sumo.recordings.readers import (
+    datasets,
+    delimited,
+    fcd,
+    fcd_on_network,
+    header,
+    layouts,
+    ngsim,
+    pair_names,
+    pairs,
+)
+from idm_sumo.recordings.readers.fcd_on_network import VehicleTypes
 from idm_sumo.recordings.readers.layout import Opened
 from idm_sumo.recordings.recording import DTYPES, SURROGATE_NOTICE, Recording
 from idm_sumo.roads import DEFAULT, Road, road_at
@@ -46,6 +57,7 @@ class _Source(NamedTuple):
     location: str
     given: Road | None
     any_length: bool = False
+    types: VehicleTypes = fcd.NO_TYPES
 
     @property
     def road(self) -> Road:
@@ -72,7 +84,12 @@ class _Source(NamedTuple):
 
 
 def read_recording(
-    path: str | os.PathLike[str], *, location: str = DEFAULT.name, road: Road | None = None, any_length: bool = False
+    path: str | os.PathLike[str],
+    *,
+    location: str = DEFAULT.name,
+    road: Road | None = None,
+    any_length: bool = False,
+    route_files: Iterable[str | os.PathLike[str]] = (),
 ) -> Recording:
     """Read trajectories in any layout the study knows, told by the content, not by the name.
 
@@ -93,6 +110,8 @@ def read_recording(
     any_length : bool, keyword-only
         Whether the section may be longer than the road's, for work that needs positions, lanes and leaders
         but not where the section ends.
+    route_files : iterable of path-like, keyword-only
+        SUMO's files with the vehicle types of an FCD file, for their lengths, widths and classes.
 
     Returns
     -------
@@ -104,14 +123,15 @@ def read_recording(
     InputError
         If the file is absent, empty, damaged, of no known layout, in the wrong units, or of another road.
     """
-    source = _Source(Path(path), Ledger(0), location, road, any_length)
+    types = fcd_on_network.read_types([Path(file) for file in route_files])
+    source = _Source(Path(path), Ledger(0), location, road, any_length, types)
     if os.path.isdir(source.path):  # of a name too long, too
         return _from_parquet(source)
     start = _start_of(source.path)
     if start.startswith(PARQUET) or source.path.suffix == ".parquet":
         return _from_parquet(source)
     if start.lstrip().startswith(b"<"):
-        return _accounted(*fcd.read_xml(source.path, source.ledger, road=source.road, source=source.path.name))
+        return _accounted(*fcd.read_xml(source.path, source.ledger, **source.how, types=source.types))
     return _from_text(source, start)
 
 
@@ -166,7 +186,8 @@ def _from_delimited(source: _Source, head: header.Header) -> Recording:
         floats, texts = (
             [n for n in names if layouts.bare(n) in kind] for kind in (layouts.FCD_NUMBERS, layouts.FCD_TEXTS)
         )
-        return _accounted(*fcd.from_table(delimited.read_table(path, head.plain, floats, texts), ledger, **how))
+        frame = delimited.read_table(path, head.plain, floats, texts)
+        return _accounted(*fcd.from_table(frame, ledger, **how, types=source.types))
     if columns := pair_names.pair_columns(names):
         frame = source.opened("", head).columns(columns, PAIR_TEXTS)
         return _of_pairs(frame, columns, source)
@@ -214,7 +235,7 @@ def _from_arrow(table: pa.Table, source: _Source) -> Recording:
         return _accounted(*layout.recording(opened))
     frame = parquet.to_frame(table)
     if layouts.is_fcd(names):
-        return _accounted(*fcd.from_table(frame, ledger, **how))
+        return _accounted(*fcd.from_table(frame, ledger, **how, types=source.types))
     if columns := pair_names.pair_columns(names):
         return _of_pairs(pd.DataFrame({new: frame[old] for new, old in columns.items()}), columns, source)
     raw = frame.set_axis(header.check_names([header.canonical(name) for name in names], path), axis=1)

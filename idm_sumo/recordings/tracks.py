@@ -15,7 +15,7 @@ import pandas as pd
 
 from idm_sumo.recordings import columns as c
 from idm_sumo.recordings.accounting import Accounting, Ledger
-from idm_sumo.recordings.coercion import LATEST, LONGEST, WIDEST, drop_impossible, sizes
+from idm_sumo.recordings.coercion import EARTH, IMPOSSIBLE, LATEST, LONGEST, WIDEST, drop_impossible, sizes
 from idm_sumo.recordings.columns import FRAME_STEP
 from idm_sumo.recordings.identities import vehicle_numbers
 from idm_sumo.recordings.leaders import row_ahead, row_of
@@ -108,7 +108,8 @@ def to_recording(
 def _finite(table: pd.DataFrame, ledger: Ledger, source: str) -> pd.DataFrame:
     numbers = table[[c.TIME, c.X, OFFSET]].to_numpy(np.float64)
     table = ledger.drop(table, ~np.isfinite(numbers).all(axis=1) | table[c.VEHICLE].isna().to_numpy(), NOT_FINITE)
-    table = ledger.drop(table, ~table[c.TIME].between(-LATEST, LATEST), "impossible time, position or acceleration")
+    sound = table[c.TIME].between(-LATEST, LATEST) & table[c.X].between(-EARTH, EARTH)
+    table = ledger.drop(table, ~sound, IMPOSSIBLE)
     if table.empty:
         raise InputError(f"{source}: no rows left of {ledger.total} read ({ledger.dropped})")
     return table

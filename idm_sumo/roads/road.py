@@ -15,6 +15,7 @@ from typing import Any, Literal
 import numpy as np
 import numpy.typing as npt
 
+from idm_sumo.roads.pieces import Piece
 from idm_sumo.runtime.errors import InputError
 
 Floats = npt.NDArray[np.float64]
@@ -74,6 +75,8 @@ class Road:
         First and last ``x`` (m) of the network; empty if it ends with the section.
     has_signals : bool
         Whether traffic lights stop vehicles: there, whoever stands without a leader near does not follow.
+    pieces : tuple of Piece
+        Lanes of a SUMO network that make up the road, if it is one of a user's own network.
 
     Raises
     ------
@@ -100,6 +103,7 @@ class Road:
     edges: tuple[str, ...] = ()
     reach: tuple[float, ...] = ()
     has_signals: bool = False
+    pieces: tuple[Piece, ...] = ()
 
     def __post_init__(self) -> None:
         """Refuse what cannot be a road."""
@@ -249,8 +253,11 @@ class Road:
     def from_dict(cls, values: Mapping[str, Any]) -> Road:
         """Return the road that :meth:`to_dict` wrote down."""
         side_lanes = tuple(SideLane(**lane) for lane in values["side_lanes"])
+        pieces = tuple(
+            Piece(**{**piece, "shape": tuple(map(tuple, piece["shape"]))}) for piece in values.get("pieces", ())
+        )
         tuples = {name: tuple(values.get(name, ())) for name in ("widths", "edges", "reach")}
-        return cls(**{**values, **tuples, "side_lanes": side_lanes})
+        return cls(**{**values, **tuples, "side_lanes": side_lanes, "pieces": pieces})
 
 
 def _constant(values: npt.ArrayLike) -> Floats:

@@ -14,6 +14,7 @@ from idm_sumo.runtime.errors import InputError
 WIDTHS = (2.5, 5.5)  # m; lanes are not narrower or wider
 USUAL_WIDTH = 3.5  # m, of a lane without neighbours
 FEW = 0.01  # share of rows below which a label is no lane of the main road
+BEFORE, BEHIND = 300.0, 500.0  # m of a network upstream and downstream of the section
 FREE = 0.98  # quantile of the speeds that is taken for a limit nobody told
 
 Floats = npt.NDArray[np.float64]
@@ -129,4 +130,5 @@ def straight_road(
     <Road test: 2 lanes, 400 m>
     """
     side = (SideLane(len(widths) + 1, "auxiliary", width=widths[-1]),) if beside else ()
-    return Road(name, tuple(widths), max(length, 1.0), speed_limit, side)
+    length = max(length, 1.0)
+    return Road(name, tuple(widths), length, speed_limit, side, reach=(-BEFORE, length + BEHIND))

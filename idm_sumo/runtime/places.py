@@ -62,7 +62,7 @@ def folder_place(path: Path | str, *, kept: bool = False) -> Path:
 
 
 def refuse_overlap(inputs: Iterable[Path | str], outputs: Iterable[Path | str]) -> None:
-    """Refuse outputs that are an input, or a folder that holds one; links are seen through.
+    """Refuse outputs that are an input, hold one, or lie in a folder that is one; links are seen through.
 
     Raises
     ------
@@ -76,6 +76,8 @@ def refuse_overlap(inputs: Iterable[Path | str], outputs: Iterable[Path | str]) 
                 raise InputError(f"{output}: is the input {name} itself; name another output")
             if any(_is_same(parent, Path(output)) for parent in Path(os.path.realpath(name)).parents):
                 raise InputError(f"{output}: holds the input {name}; name another output")
+            if any(_is_same(parent, name) for parent in Path(os.path.realpath(output)).parents):
+                raise InputError(f"{output}: lies in the input {name} and would be read with it; name another output")
 
 
 @contextmanager

@@ -11,12 +11,16 @@ from __future__ import annotations
 import errno
 import hashlib
 import os
+import re
 import secrets
 import shutil
 import tempfile
 from collections.abc import Iterator
 from contextlib import contextmanager, suppress
 from pathlib import Path
+
+from idm_sumo.runtime.errors import InputError
+from idm_sumo.runtime.places import parents_of
 
 try:
     import fcntl
@@ -27,6 +31,7 @@ except ImportError:  # no such locks there: nothing is swept either
 
 WITHOUT_LOCKS = (errno.ENOLCK, errno.EOPNOTSUPP, errno.ENOSYS, errno.EINVAL, errno.EBADF)  # of a file system
 PREFIX, OLD = ".idm-sumo.", ".old"
+OURS = re.compile(r"\.idm-sumo\.[0-9a-f]{12}\.[0-9a-f]{8}(\.|$)")  # other names with that prefix may be a user's
 LONGEST_ENDING = 40  # characters of a target's endings that a temporary name keeps, for writers that go by them
 
 
@@ -86,13 +91,40 @@ def lock_of(path: Path) -> int | None:
     return handle
 
 
+@contextmanager
+def locked(folder: Path, what: str) -> Iterator[None]:
+    """Keep other runs out of a folder that grows, such as a download's.
+
+    Parameters
+    ----------
+    folder : Path
+        Made if need be; gone again if the block fails and leaves it empty.
+    what : str
+        How a message calls the other run.
+
+    Raises
+    ------
+    InputError
+        If another run is at work there.
+    """
+    with parents_of(folder / PREFIX):
+        sweep(folder)
+        lock = lock_of(folder)
+        if lock is None:
+            raise InputError(f"{folder}: another {what} is at work there; wait for it, or give another folder")
+        try:
+            yield
+        finally:
+            os.close(lock)
+
+
 def sweep(folder: Path) -> None:
     """Remove the leftovers of killed runs in a folder, as far as that is possible."""
     if not HAS_LOCKS:
         return
     with suppress(OSError):
         for name in os.listdir(folder):
-            if name.startswith(PREFIX) and not name.endswith(OLD):
+            if OURS.match(name) and not name.endswith(OLD):
                 _remove_if_dead(folder / name)
 
 

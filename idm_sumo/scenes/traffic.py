@@ -64,6 +64,25 @@ class Traffic:
         columns = {name: getattr(self, name)[rows] for name in names}
         return replace(self, offsets=self.offsets[first : last + 1] - rows.start, **columns)
 
+    def without(self, vehicles: npt.ArrayLike) -> Traffic:
+        """Return the traffic without some of its vehicles.
+
+        Return the traffic as if some vehicles had not been recorded.
+
+        Parameters
+        ----------
+        vehicles : array_like of int
+            Their numbers, in every period.
+
+        Returns
+        -------
+        Traffic
+        """
+        keep = ~np.isin(self.vehicle, vehicles)
+        names = ("x", "y", "heading", "speed", "length", "width", "vehicle")
+        columns = {name: getattr(self, name)[keep] for name in names}
+        return replace(self, offsets=np.append(0, np.cumsum(keep))[self.offsets], **columns)
+
     def cell(self, lane: npt.ArrayLike, frame: npt.ArrayLike) -> npt.NDArray[np.int64]:
         """Return cells of the first period.
 

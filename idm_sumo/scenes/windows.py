@@ -14,6 +14,7 @@ from idm_sumo.recordings.leaders_from_headway import leader_lengths, recorded_le
 from idm_sumo.recordings.recording import Recording
 from idm_sumo.roads import Road
 from idm_sumo.runtime.errors import InputError
+from idm_sumo.scenes.signals import following
 from idm_sumo.scenes.traffic import Traffic, build_traffic, period_numbers, sort_into_cells
 
 Floats = npt.NDArray[np.float64]
@@ -248,14 +249,17 @@ def build_scenes(
     Returns
     -------
     Scenes
-        Its ``excluded`` holds the modelled vehicles without a single whole window, and, where ``modelled``
-        is not given, those that cleaning found unfit.
+        On a road with traffic lights a window never holds a moment at which its driver stands or brakes for one
+        (:mod:`idm_sumo.scenes.signals`). Its ``excluded`` holds the modelled vehicles without a single whole window,
+        and, where ``modelled`` is not given, those that cleaning found unfit.
     """
     window = window or Window()
     first_row, rows = _longest_runs(recording.table)
     keys = recording.table.iloc[first_row][[c.PERIOD, c.VEHICLE]].astype({c.PERIOD: str}).reset_index(drop=True)
     allowed = _is_modelled(keys, recording.eligible if modelled is None else modelled)
     first_row, rows, keys = first_row[allowed], rows[allowed], keys[allowed]
+    if recording.road.has_signals and recording.has_leader_rows:
+        first_row, rows = following(recording, first_row, rows, window.frames)
     long_enough = rows >= window.frames
     excluded = keys[~long_enough].assign(reason=TOO_SHORT)
     if modelled is None:

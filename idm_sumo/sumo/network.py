@@ -6,6 +6,7 @@ which edge, lane and position along it they belong to.
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import cache
 from pathlib import Path
@@ -16,6 +17,7 @@ import numpy.typing as npt
 
 from idm_sumo.roads import Road
 from idm_sumo.runtime.errors import InputError
+from idm_sumo.sumo import straight_network
 from idm_sumo.sumo.layouts import LAYOUTS, Layout
 
 
@@ -50,14 +52,24 @@ def of(road: Road) -> RoadNetwork:
     Raises
     ------
     InputError
-        If none belongs to it.
+        If it is a street whose signals are not known.
+
+    Notes
+    -----
+    US-101 has its own, a road of a user's network that one, any other a straight one of its main lanes.
     """
-    if road.name not in LAYOUTS:
+    if road.pieces:
+        from idm_sumo.sumo.corridor_network import CorridorNetwork
+
+        return CorridorNetwork(road, Layout(road.edges, road.edges[0], "", "", ""))
+    if road.name in LAYOUTS and road.network:
+        return RoadNetwork(road, LAYOUTS[road.name])
+    if road.has_signals:
         raise InputError(
-            f"road {road.name!r} has no SUMO network, there is one of {', '.join(LAYOUTS)}; without one you can "
-            "calibrate, predict, diagnose and `replay --backend kernel`"
+            f"road {road.name!r} is a street with traffic lights, and its signals are not recorded: there is no SUMO "
+            "network on which its traffic could run; calibrate, predict and diagnose who follows"
         )
-    return RoadNetwork(road, LAYOUTS[road.name])
+    return RoadNetwork(road, straight_network.LAYOUT)
 
 
 @dataclass(frozen=True)
@@ -79,14 +91,68 @@ class RoadNetwork:
         return self.layout.mainline
 
     @property
-    def origins(self) -> tuple[str, str]:
-        """Edges that vehicles come from: main road and on-ramp."""
-        return self.mainline[0], self.layout.on_ramp
+    def origins(self) -> tuple[str, ...]:
+        """Edges that vehicles come from.
+
+        Main road and, if there is one, on-ramp.
+        """
+        return tuple(filter(None, (self.mainline[0], self.layout.on_ramp)))
 
     @property
-    def destinations(self) -> tuple[str, str]:
-        """Edges that vehicles go to: main road and off-ramp."""
-        return self.mainline[-1], self.layout.off_ramp
+    def destinations(self) -> tuple[str, ...]:
+        """Edges that vehicles go to.
+
+        Main road and, if there is one, off-ramp.
+        """
+        return tuple(filter(None, (self.mainline[-1], self.layout.off_ramp)))
+
+    @property
+    def fcd_attributes(self) -> str:
+        """Attributes of SUMO's output that a recording is made from."""
+        return "x,y,angle,speed,acceleration"
+
+    def reach(self, sumo: Any) -> tuple[float, float]:
+        """Return the first and last ``x`` (m) of the network.
+
+        Return the first and last ``x`` (m) of the network that a simulation has loaded.
+
+        Parameters
+        ----------
+        sumo : module
+            A running simulation.
+        """
+        (start, _), (end, _) = sumo.simulation.getNetBoundary()
+        return float(start), float(end)
+
+    def plane(self, x: Sequence[float], y: Sequence[float], angle: Sequence[float]) -> Any:
+        """Return where SUMO puts positions of the straightened road.
+
+        The angles there come with them; here they are the same.
+
+        Parameters
+        ----------
+        x : float or array_like
+            m, along the road.
+        y : float or array_like
+            m, to the left.
+        angle : float or array_like
+            Degrees, as SUMO counts them.
+        """
+        return x, y, angle
+
+    def seen(self, sumo: Any, names: Sequence[str]) -> npt.NDArray[np.float64]:
+        """Return where SUMO has vehicles on the straightened road.
+
+        Return where SUMO has vehicles, ``x, y`` (m) on the straightened road; shape ``(names, 2)``.
+
+        Parameters
+        ----------
+        sumo : module
+            A running simulation.
+        names : sequence of str
+            Vehicles.
+        """
+        return np.array([sumo.vehicle.getPosition(name) for name in names]).reshape(-1, 2)
 
     @property
     def file(self) -> Path:
@@ -99,6 +165,8 @@ class RoadNetwork:
         InputError
             If it is in neither place.
         """
+        if self.layout is straight_network.LAYOUT:
+            return straight_network.network_of(self.road)
         package = Path(__file__).resolve().parents[1]
         for folder in (package, package.parent):
             if (path := folder / "network" / self.road.network).is_file():

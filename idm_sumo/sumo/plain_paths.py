@@ -1,4 +1,6 @@
-"""Paths as SUMO reads them: what is syntax in its options stands for other files.
+"""Paths as SUMO reads them.
+
+What is syntax in its options stands for other files.
 
 A comma parts a list, ``${HOME}`` and ``%41`` are replaced, ``~`` is a home, a colon may begin a
 port and a backslash parts folders. Such a path goes to SUMO by another name: a symbolic link.
@@ -48,7 +50,9 @@ def check_name(path: Path) -> None:
 
 @contextmanager
 def plain(net: Path, options: Sequence[str]) -> Iterator[tuple[str, list[str]]]:
-    """Yield a network and options whose paths SUMO reads as they are meant.
+    """Yield a network and options with plain paths.
+
+    Yield a network and options whose paths SUMO reads as they are meant.
 
     Parameters
     ----------
@@ -77,7 +81,10 @@ def _marked(options: Sequence[str]) -> list[tuple[bool, str]]:
 
 
 def _plain(path: Path, stack: ExitStack) -> str:
-    """Return a path, or one through a link to its folder, or to itself if its own name is not plain."""
+    """Return a path that SUMO reads as it is meant.
+
+    Return a path, or one through a link to its folder, or to itself if its own name is not plain.
+    """
     if is_plain(path):
         return str(path)
     folder = stack.enter_context(scratch())

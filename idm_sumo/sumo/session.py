@@ -111,7 +111,10 @@ def simulation(options: Sequence[str] = REPLAY, *, net: Path, step_length: float
 
 @contextmanager
 def _heard(said: list[str]) -> Iterator[None]:
-    """Keep what SUMO itself writes to standard error from there and collect it, for one message to tell it."""
+    """Collect what SUMO itself writes to standard error.
+
+    Keep what SUMO itself writes to standard error from there and collect it, for one message to tell it.
+    """
     sys.stderr.flush()
     with tempfile.TemporaryFile() as aside:
         usual = os.dup(STANDARD_ERROR)

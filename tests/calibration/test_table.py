@@ -1,6 +1,7 @@
 """Fits of drivers: as good as careful references, and a status for whatever cannot be fitted."""
 
 from dataclasses import replace
+from typing import Any
 
 import numpy as np
 import pandas as pd
@@ -10,6 +11,7 @@ from idm_sumo.calibration import calibrate, hierarchical, identifiability, kerne
 from idm_sumo.calibration.chunks import chunks, with_needed_traffic
 from idm_sumo.calibration.hierarchical import ROUNDS
 from idm_sumo.calibration.problem import prepare
+from idm_sumo.calibration.search import Search
 from idm_sumo.models import idm
 from idm_sumo.runtime.errors import InputError
 from idm_sumo.scenes.windows import Window, build_scenes
@@ -44,7 +46,7 @@ def test_every_window_has_its_row_and_its_own_figures(known, fits):
 
 
 def test_no_driver_is_worse_than_by_the_papers_solver(known, fits):
-    reference_fits = calibrate(known[0].subset(np.arange(25)), solver="l-bfgs-b", starts=5, seed=1)
+    reference_fits = calibrate(known[0].subset(np.arange(25)), search=Search("l-bfgs-b", starts=5, seed=1))
     ours, theirs = fits["objective"].to_numpy()[:25], reference_fits["objective"].to_numpy()
     assert (ours <= 1.01 * theirs + 0.01).all()
     assert (ours < theirs - 1e-4).any()
@@ -269,12 +271,18 @@ def test_the_reference_minimises_the_same_objective():
 
 @pytest.mark.parametrize(
     "wrong",
-    [{"solver": "newton"}, {"objective": "rmse"}, {"mask": np.ones(3, dtype=bool)}, {"desired_speed": np.ones(2)}],
+    [{"objective": "rmse"}, {"mask": np.ones(3, dtype=bool)}, {"desired_speed": np.ones(2)}],
 )
 def test_user_mistakes_are_one_line(known, wrong):
     with pytest.raises(InputError, match=next(iter(wrong))) as caught:
         calibrate(known[0], **wrong)
     assert "\n" not in str(caught.value)
+
+
+@pytest.mark.parametrize("options", [{"solver": "newton"}, {"starts": 0}])
+def test_an_impossible_search_is_refused_in_one_line(options: dict[str, Any]) -> None:
+    with pytest.raises(InputError, match=next(iter(options))):
+        Search(**options)
 
 
 def test_real_drivers_are_fitted_as_well_as_by_the_papers_solver(shared_data):
@@ -286,7 +294,7 @@ def test_real_drivers_are_fitted_as_well_as_by_the_papers_solver(shared_data):
     cleaned = clean(recorded.of_period(recorded.periods[0]))
     scenes = build_scenes(smooth(cleaned), Window())
     some = scenes.subset(np.arange(0, len(scenes), 4))
-    ours, paper = calibrate(some), calibrate(some, solver="l-bfgs-b", starts=5)
+    ours, paper = calibrate(some), calibrate(some, search=Search("l-bfgs-b", starts=5))
     assert len(ours) > 60
     good = ours["objective"] <= 1.01 * paper["objective"] + 0.01
     assert good.mean() >= 0.95

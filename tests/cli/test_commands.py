@@ -134,6 +134,44 @@ def test_replay_of_predicted_parameters(recording: Path, drivers: Path, tmp_path
     assert set(table["period"]) == {"0805-0820"}
 
 
+def test_a_table_of_another_recordings_drivers_is_refused(
+    recording: Path, drivers: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    table = pd.read_parquet(drivers)
+    table.assign(first_frame=table["first_frame"] + 1).to_parquet(tmp_path / "other.parquet")
+    arguments = ["replay", str(recording), "--vehicle", "3", "--drivers", str(tmp_path / "other.parquet")]
+    assert "belongs to another recording" in refused([*arguments, "-o", str(tmp_path / "out")], capsys)
+
+
+def test_several_driver_tables_are_driven_in_one_replay(
+    recording: Path, drivers: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    other = tmp_path / "slow<b>.parquet"
+    pd.read_parquet(drivers).assign(T=3.0).to_parquet(other)
+    given = [
+        "replay",
+        str(recording),
+        "--vehicle",
+        "3",
+        "--period",
+        "0805-0820",
+        "--backend",
+        "kernel",
+        "--horizon",
+        "10",
+    ]
+    both = ["--drivers", str(drivers), "--drivers", str(other)]
+    main([*given, *both, "-o", str(tmp_path / "out")])
+    scores = pd.read_csv(tmp_path / "out" / "scores.csv")
+    assert scores["model"].tolist() == [drivers.stem, "slow<b>"]
+    assert scores["ade_m"].nunique() == 2
+    page = (tmp_path / "out" / "replay.html").read_text()
+    assert "slow<b>" not in page
+    assert "slow\\u003cb\\u003e" in page
+    line = refused([*given, *both[:2], *both[:2], "-o", str(tmp_path / "no")], capsys)
+    assert "different names" in line
+
+
 def test_export_writes_types_and_a_run_that_sumo_takes(
     drivers: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:

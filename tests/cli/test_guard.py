@@ -111,14 +111,16 @@ def test_a_limit_on_the_size_of_files_is_told_like_a_full_disk(recording: Path, 
 
 @pytest.mark.parametrize("number", [signal.SIGINT, signal.SIGTERM, signal.SIGHUP])
 @pytest.mark.parametrize("after", [0.15, 0.4, 1.0])
-def test_a_signal_at_any_time_ends_in_one_line(
-    number: signal.Signals, after: float, recording: Path, tmp_path: Path
-) -> None:
-    """Most of the time modules load; how far they are differs from machine to machine, the end does not."""
+def test_a_signal_at_any_time_ends_in_one_line(number: signal.Signals, after: float, tmp_path: Path) -> None:
+    """Most of the time modules load; how far they are differs from machine to machine, the end does not.
+
+    SUMO still drives when the last signal comes.
+    """
     process = subprocess.Popen(
-        [sys.executable, "-X", "importtime", "-m", "idm_sumo", "calibrate", str(recording), "-o",
-        str(tmp_path / "d.csv")],
+        [sys.executable, "-X", "importtime", "-m", "idm_sumo", "surrogate", "--minutes", "4",
+         "-o", str(tmp_path / "s.parquet")],
         cwd=ROOT, stderr=subprocess.PIPE, stdout=subprocess.DEVNULL, text=True,
+        preexec_fn=lambda: signal.signal(number, signal.SIG_DFL),  # a shell's background ignores SIGINT
     )  # fmt: skip
     assert process.stderr is not None
     for line in process.stderr:
@@ -129,7 +131,8 @@ def test_a_signal_at_any_time_ends_in_one_line(
     said = [
         line for line in process.stderr.read().splitlines() if not line.startswith("import time:") and "..." not in line
     ]
-    assert process.wait() == INTERRUPTED
+    # Python ends itself by SIGINT if the interrupt fell into an exec(), as modules do; a shell tells both as 130.
+    assert process.wait() in (INTERRUPTED, -signal.SIGINT)
     assert said == ["idm-sumo: interrupted; nothing half-written is left, run the same command again"]
     assert list(tmp_path.iterdir()) == []
 

@@ -175,3 +175,14 @@ def test_every_command_that_writes_declares_it() -> None:
     writing = [one for one in commands if any(a.dest in ("output", "dest") for a in one._actions)]
     assert len(writing) >= 12
     assert [one.prog for one in writing if one.get_default("places") is None] == []
+
+
+def test_an_output_within_the_folder_that_is_read_is_refused(
+    recording: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    folder = recording.parent
+    for output in (folder / "d.parquet", folder / "below" / "d.parquet"):
+        with pytest.raises(SystemExit, match="2"):
+            main(["calibrate", str(folder), "-o", str(output)])
+        assert "would be read with it" in capsys.readouterr().err
+    assert list(folder.iterdir()) == [recording]

@@ -135,3 +135,11 @@ def test_a_log_file_gets_one_line_a_stage_with_its_number(capsys: pytest.Capture
             for done in range(3):
                 report(stage, done, 2)
     assert capsys.readouterr().err.splitlines() == ["reading 1 of 2 ...", "calibrating 2 of 2 ...", "drawing ..."]
+
+
+def test_why_nobody_can_be_modelled_is_said(short: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    table = pd.read_parquet(short) if short.suffix == ".parquet" else pd.read_csv(short)
+    table.assign(Preceding=table["Vehicle_ID"]).to_parquet(tmp_path / "own_leaders.parquet")
+    with pytest.raises(SystemExit, match="2"):
+        main(["calibrate", str(tmp_path / "own_leaders.parquet"), "-o", str(tmp_path / "d.parquet")])
+    assert "wrong leader" in capsys.readouterr().err

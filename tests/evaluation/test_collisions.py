@@ -5,7 +5,8 @@ import pytest
 from hypothesis import assume, given, settings
 from hypothesis import strategies as st
 
-from idm_sumo.evaluation.collisions import first_contacts, overlap, rectangle, separation
+from idm_sumo.evaluation.collisions import first_contacts
+from idm_sumo.evaluation.rectangles import overlap, rectangle, separation
 from idm_sumo.models.idm import TEXTBOOK
 from idm_sumo.recordings.cleaning import clean
 from idm_sumo.recordings.columns import FRAME_STEP

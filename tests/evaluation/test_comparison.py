@@ -6,8 +6,9 @@ from hypothesis import given
 from hypothesis import strategies as st
 from scipy.stats import ks_2samp, wasserstein_distance
 
-from idm_sumo.evaluation.comparison import compare, following, matched_periods
+from idm_sumo.evaluation.comparison import compare, matched_periods
 from idm_sumo.evaluation.distances import Sample, distance
+from idm_sumo.evaluation.traffic_measures import following
 from idm_sumo.recordings import columns as c
 from idm_sumo.roads.us101 import US101
 from idm_sumo.runtime.errors import InputError

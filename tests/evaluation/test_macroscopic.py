@@ -86,6 +86,14 @@ def test_a_lane_change_counts_once_and_a_flicker_not_at_all() -> None:
     assert lanes_of((3, 30), (2, 30))["km"].iloc[0] == pytest.approx(0.06)
 
 
+def test_a_lane_change_has_its_place() -> None:
+    lanes = np.repeat([2.0, 3.0], 60)
+    changing = recording(Car(1, x=0.0, speed=10.0, y=US101.lane_center(lanes.astype(int)), frames=120))
+    (found,) = m.lane_change_places(changing).itertuples()
+    assert (found.before, found.after) == (2, 3)
+    assert found.x == pytest.approx(60.0, abs=1.5)
+
+
 def test_lane_changes_of_one_vehicle_are_not_those_of_the_next() -> None:
     found = m.lane_changes(recording(Car(1, lane=1), Car(2, lane=2)))
     assert found["changes"].tolist() == [0, 0]

@@ -19,6 +19,11 @@ CHANGES: dict[str, tuple[tuple[str, ...], dict[str, str]]] = {
     "another hash seed": ((), {"PYTHONHASHSEED": "77"}),
     "another locale and time zone": ((), {"LC_ALL": "POSIX", "TZ": "Asia/Kathmandu"}),
 }
+ALL_AT_ONCE = "all of it at once"
+CHANGES[ALL_AT_ONCE] = (
+    tuple(option for options, _ in CHANGES.values() for option in options),
+    {name: value for _, environment in CHANGES.values() for name, value in environment.items()},
+)
 
 
 def differences(folder: Path, command: str, changes: list[str]) -> dict[str, list[str]]:

@@ -124,9 +124,9 @@ def of_json(values: Any, draw: random.Random) -> bytes:
     """Return values as JSON with one of them replaced, or with bad bytes."""
     values = json.loads(json.dumps(values))
     node = values
-    while isinstance(node, dict) and node:
-        key = draw.choice(list(node))
-        if not isinstance(node[key], dict) or draw.random() < 0.3:
+    while isinstance(node, dict | list) and node:
+        key: Any = draw.choice(list(node) if isinstance(node, dict) else range(len(node)))
+        if not isinstance(node[key], dict | list) or draw.random() < 0.3:
             node[key] = draw.choice(VALUES)
             break
         node = node[key]

@@ -5,6 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pandas as pd
 
+from idm_sumo.irl.features import NAMES
 from idm_sumo.models.idm import IDMParameters
 from idm_sumo.recordings import columns as c
 from idm_sumo.roads.us101 import US101
@@ -34,6 +35,99 @@ def pairs() -> pd.DataFrame:
     return pd.DataFrame({
         "period": "p1", "follower": 2, "leader": 1, "t": t, "x_follower": 12.0 * t, "x_leader": 30.0 + 12.0 * t,
         "leader_length": 4.5, "v_follower": 12.0,
+    })  # fmt: skip
+
+
+def named_pairs() -> pd.DataFrame:
+    """Return the same under names that people use."""
+    return pairs().rename(columns={"t": "time", "follower": "follower_id", "leader": "leader_id"})
+
+
+def cars(step: float) -> list[tuple[int, np.ndarray, np.ndarray]]:
+    """Return number, times (s) and positions of the front (m) of two cars behind each other."""
+    time = step * np.arange(FRAMES)
+    return [(vehicle, time, 100.0 - 40.0 * (vehicle - 1) + 20.0 * time) for vehicle in (1, 2)]
+
+
+def highd() -> pd.DataFrame:
+    """Return tracks as highD has them."""
+    return pd.concat([pd.DataFrame({
+        "frame": np.arange(1, FRAMES + 1), "id": vehicle, "x": x - 4.0, "y": 15.0, "width": 4.0, "height": 2.0,
+        "xVelocity": 20.0, "yVelocity": 0.0, "xAcceleration": 0.0, "precedingId": vehicle - 1, "laneId": 3,
+    }) for vehicle, _, x in cars(0.04)])  # fmt: skip
+
+
+def highd_meta() -> pd.DataFrame:
+    """Return what highD tells beside the tracks."""
+    return pd.DataFrame({
+        "id": [1, 2], "class": ["Truck", "Car"], "drivingDirection": 2, "frameRate": 25, "speedLimit": 33.33,
+        "upperLaneMarkings": "2.0;6.0;9.0", "lowerLaneMarkings": "10.0;14.0;18.0",
+    })  # fmt: skip
+
+
+def exid() -> pd.DataFrame:
+    """Return tracks as exiD has them."""
+    return pd.concat([pd.DataFrame({
+        "recordingId": 3, "trackId": vehicle, "frame": np.arange(FRAMES), "xCenter": x - 2.0, "yCenter": 0.0,
+        "heading": 0.0, "width": 1.9, "length": 4.0, "lonVelocity": 20.0, "lonAcceleration": 0.0,
+        "latLaneCenterOffset": "0.0", "laneletId": "1501", "leadId": vehicle - 1 or -1,
+    }) for vehicle, _, x in cars(0.04)])  # fmt: skip
+
+
+def tgsim() -> pd.DataFrame:
+    """Return tracks as TGSIM has them."""
+    return pd.concat([pd.DataFrame({
+        "id": vehicle, "time": time, "xloc-kf": x - 2.0, "yloc-kf": 1500.0, "lane-kf": 2, "speed-kf": 20.0,
+        "acceleration-kf": 0.0, "length-smoothed": 4.0, "width-smoothed": 1.9, "type-most-common": "small-vehicle",
+        "av": "no", "run-index": 1,
+    }) for vehicle, time, x in cars(0.1)])  # fmt: skip
+
+
+def openacc() -> pd.DataFrame:
+    """Return a platoon as OpenACC has it, without the lines before its columns."""
+    table = pd.DataFrame({"Time": 0.1 * np.arange(FRAMES)})
+    for place in (1, 2):
+        table = table.assign(**{f"Speed{place}": 20.0, f"E{place}": 0.0, f"N{place}": 0.0, f"Driver{place}": 0.0})
+    return table.assign(IVS1=30.0)
+
+
+def i24() -> list[dict[str, object]]:
+    """Return vehicles as I-24 MOTION has them."""
+    return [{
+        "_id": {"$oid": f"{vehicle:02d}"}, "direction": -1, "coarse_vehicle_class": 0, "length": 13.0, "width": 6.0,
+        "timestamp": (1669118400.0 + time).tolist(), "x_position": (x / 0.3048).tolist(),
+        "y_position": [-30.0] * FRAMES,
+    } for vehicle, time, x in cars(0.04)]  # fmt: skip
+
+
+def street() -> pd.DataFrame:
+    """Return two cars in the 24 columns of NGSIM's streets."""
+    return pd.concat([pd.DataFrame(dict(enumerate((
+        vehicle, np.arange(FRAMES), FRAMES, 1118846980000 + 100 * np.arange(FRAMES), 6.0, x / 0.3048, 0, 0, 13.0, 6.0,
+        2, 65.6, 0.0, 1, 0, 0, 0, 2, 2, 1, vehicle - 1, 0, 0, 0,
+    )))) for vehicle, _, x in cars(0.1)])  # fmt: skip
+
+
+def reconstructed() -> pd.DataFrame:
+    """Return two cars in the 10 columns of reconstructed NGSIM."""
+    return pd.concat([pd.DataFrame(dict(enumerate((
+        vehicle, np.arange(FRAMES), 2, x, 20.0, 0.0, 4.0, 2, 0, vehicle - 1,
+    )))) for vehicle, _, x in cars(0.1)])  # fmt: skip
+
+
+def reward() -> dict[str, object]:
+    """Return a learned reward."""
+    weights = {"weights": dict.fromkeys(NAMES, 0.5), "standard_errors": dict.fromkeys(NAMES, 0.1)}
+    return {"wanted": weights, "free": weights, "held_out_log_likelihood": -1.0, "scale": 1.0, "shift": 0.1,
+            "standing": 0, "features": list(NAMES)}  # fmt: skip
+
+
+def curve() -> pd.DataFrame:
+    """Return a learning curve."""
+    steps = 6400 * np.arange(1, FRAMES + 1)
+    return pd.DataFrame({
+        "steps": steps, "episodes": 100, "mean_return": -1.0, "mean_length": 50.0, "collision_share": 0.1,
+        "off_road_share": 0.1, "seconds": 1.5,
     })  # fmt: skip
 
 

@@ -206,7 +206,7 @@ class _Handler(BaseHTTPRequestHandler):
         self.wfile.write(body)
         if stall:
             self.wfile.flush()
-            self.portal.released.wait(10)
+            self.portal.released.wait(120)
 
     def _send_chunk(self, body: bytes, announced: int) -> None:
         """Begin a chunk and end within it."""

@@ -95,6 +95,14 @@ def test_a_jump_of_the_clock_removes_the_vehicle() -> None:
     assert reasons(jumped)[4] == "frame irregularity"
 
 
+@pytest.mark.parametrize(("column", "factor", "told"), [(c.TIME, 0.4, "0.04 s apart"), (c.FRAME, 2, "2 frames")])
+def test_rows_at_another_pace_are_named(column: str, factor: float, told: str) -> None:
+    rec = labelled(*PLATOON)
+    table = rec.table.assign(**{column: (rec.table[column] * factor).astype(rec.table[column].dtype)})
+    with pytest.raises(InputError, match=told):
+        clean(rec.with_table(table))
+
+
 def test_the_hole_left_by_the_auxiliary_lane_is_no_irregularity() -> None:
     rec = labelled(Car(1, lane=5, frames=60), Car(2, lane=2, frames=60))
     beside = (rec.table[c.VEHICLE] == 1) & rec.table[c.FRAME].between(21, 30)

@@ -4,6 +4,9 @@ from __future__ import annotations
 
 import hashlib
 import json
+import subprocess
+import sys
+import time
 from collections.abc import Iterator
 from functools import partial
 from pathlib import Path
@@ -376,3 +379,31 @@ def test_pauses_grow_and_heed_the_portal(portal: Portal, tmp_path: Path, monkeyp
 
 def test_default_address_is_the_agency() -> None:
     assert DEFAULT_URL == "https://data.transportation.gov/resource/8ect-6jqj.csv"
+
+
+FETCH = """
+import sys
+from pathlib import Path
+from idm_sumo.cli.guard import defended
+from idm_sumo.recordings.fetch import fetch
+
+with defended(verbose=False):
+    fetch(Path(sys.argv[1]), base_url=sys.argv[2], page_rows=70, retries=3, backoff=0.001, timeout=120.0)
+"""
+
+
+def test_two_programs_that_fetch_into_one_folder_do_not_meet(portal: Portal, tmp_path: Path) -> None:
+    portal.faults[OFFSETS[1]].append("stall")
+    command = [sys.executable, "-c", FETCH, str(tmp_path / "data"), portal.url]
+    first = subprocess.Popen(command, stderr=subprocess.PIPE, text=True)
+    while OFFSETS[1] not in portal.requests and first.poll() is None:
+        time.sleep(0.01)
+    second = subprocess.run(command, capture_output=True, text=True, check=False)
+    asked = len(portal.requests)
+    portal.released.set()
+    _, said = first.communicate()
+    assert (second.returncode, len(second.stderr.splitlines())) == (2, 1)
+    assert "another fetch is at work there" in second.stderr
+    assert portal.requests[:asked] == [COUNT, *OFFSETS[:2]]
+    assert (first.returncode, said) == (0, "")
+    assert_whole(portal, load(portal, tmp_path / "data"))

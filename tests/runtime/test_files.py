@@ -168,14 +168,16 @@ def test_permissions_follow_the_umask_or_the_file_that_was_there(tmp_path: Path)
 
 
 def test_leftovers_of_killed_runs_are_swept_and_those_of_living_ones_stay(tmp_path: Path) -> None:
-    (tmp_path / f"{PREFIX}dead.csv").write_text("half")
-    (tmp_path / f"{PREFIX}dead").mkdir()
-    (tmp_path / f"{PREFIX}dead" / "half").write_text("half")
+    dead = f"{PREFIX}{'0' * 12}.{'a' * 8}"
+    (tmp_path / f"{dead}.csv").write_text("half")
+    (tmp_path / dead).mkdir()
+    (tmp_path / dead / "half").write_text("half")
+    (tmp_path / f"{PREFIX}toml").write_text("a user's own")
     with sibling(tmp_path / "other.csv") as alive:
         with new_file(tmp_path / "a.csv") as part:
             part.write_text("x")
         assert alive.exists()
-        assert sorted(p.name for p in tmp_path.iterdir()) == sorted(["a.csv", alive.name])
+        assert sorted(p.name for p in tmp_path.iterdir()) == sorted(["a.csv", alive.name, f"{PREFIX}toml"])
 
 
 def test_an_old_result_that_a_killed_run_had_moved_aside_comes_back(

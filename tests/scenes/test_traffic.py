@@ -65,3 +65,16 @@ def test_the_lane_is_the_one_the_front_lies_in_whatever_its_label():
     traffic = build_traffic(recording(Car(1, y=y, lane=3)))
     lanes = np.repeat(np.arange(1, 6), traffic.frames)[np.diff(traffic.offsets) > 0]
     assert np.bincount(lanes, minlength=6).tolist() == [0, 0, 20, 20, 0, 0]
+
+
+@given(
+    st.lists(st.tuples(st.integers(0, 3), positions, st.integers(1, 6)), min_size=1, max_size=25),
+    st.sets(st.integers(1, 6)),
+)
+def test_without_some_vehicles_is_built_without_them(rows, gone):
+    thinned = sorted_traffic(rows).without(sorted(gone))
+    left = [row for row in rows if row[2] not in gone]
+    cells = [(thinned.offsets[k], thinned.offsets[k + 1]) for k in range(4)]
+    found = sorted((k, x, v) for k, (a, b) in enumerate(cells)
+                   for x, v in zip(thinned.x[a:b], thinned.vehicle[a:b], strict=True))  # fmt: skip
+    assert found == sorted(left)

@@ -208,6 +208,6 @@ def test_a_main_lane_is_found_on_every_edge_by_its_number():
         assert NETWORK.recorded_lane(edge, int(index)) == 3
 
 
-def test_a_road_without_a_network_is_named():
-    with pytest.raises(InputError, match="'test track' has no SUMO network"):
-        network.of(replace(US101, name="test track"))
+def test_a_street_with_signals_has_no_network():
+    with pytest.raises(InputError, match="'Main St' is a street with traffic lights"):
+        network.of(replace(US101, name="Main St", network="", has_signals=True))

@@ -16,6 +16,7 @@ from joblib import cpu_count
 from idm_sumo.evaluation import risk
 from idm_sumo.irl import simulation
 from idm_sumo.irl.learning import (
+    CURVE,
     INSTALL,
     Lessons,
     clone_drivers,
@@ -28,7 +29,7 @@ from idm_sumo.irl.learning import (
 from idm_sumo.irl.policy import Policy
 from idm_sumo.runtime.cache import cache_folder
 from idm_sumo.runtime.errors import InputError
-from idm_sumo.runtime.files import new_file
+from idm_sumo.runtime.files import new_files
 from idm_sumo.runtime.inputs import parse_json, read_text
 from idm_sumo.runtime.progress import Progress, silent
 from idm_sumo.runtime.workers import in_processes
@@ -36,6 +37,7 @@ from idm_sumo.runtime.workers import in_processes
 from ..drivers import Drivers
 from ..settings import Settings
 
+MARK = "drivers.json"  # of a folder: the fingerprint of what was learned from
 AGENT, CLONE = "irl_rl", "behaviour_cloning"
 LEFT_OUT = f"the row {AGENT} is left out; {INSTALL} installs what its training needs"
 
@@ -86,9 +88,15 @@ def learners_of(
     -------
     Learners
         Reward and policies.
+
+    Raises
+    ------
+    InputError
+        If the folder holds what was learned from other drivers, settings or code.
     """
-    folder = folder or cache_folder() / f"agent-{fingerprint(train, settings)}"
-    folder.mkdir(parents=True, exist_ok=True)
+    identity = {"drivers": fingerprint(train, settings)}
+    folder = folder or cache_folder() / f"agent-{identity['drivers']}"
+    _check_same(folder, identity)
     seeds = range(settings.seed, settings.seed + settings.agent_seeds)
     wanted = [folder / f"{name}-seed{seed}.npz" for seed in seeds for name in (AGENT, CLONE)]
     lessons = None
@@ -96,7 +104,7 @@ def learners_of(
         progress("tracking the training drivers", 0, 1)
         lessons = lessons_of(train.scenes)
         progress("tracking the training drivers", 1, 1)
-        _learn_reward(folder / "reward.json", lessons, settings, progress)
+        _learn_reward(folder, identity, lessons, settings, progress)
         _make_clones(folder, lessons, list(seeds))
         if rl_is_installed():
             _train(folder, lessons, settings, list(seeds), progress)
@@ -128,7 +136,7 @@ def read_learners(folder: Path) -> Learners:
     reward = read_reward(folder / "reward.json")
     if not policies:
         raise InputError(f"{folder}: holds no policy; make one with `idm-sumo irl train`")
-    curves = [_curve(path) for path in sorted(folder.glob(f"{AGENT}-seed*.csv"))]
+    curves = [read_curve(path) for path in sorted(folder.glob(f"{AGENT}-seed*.csv"))]
     missing = "" if AGENT in policies else LEFT_OUT
     return Learners(reward, policies, pd.concat(curves, ignore_index=True) if curves else pd.DataFrame(), missing)
 
@@ -164,18 +172,33 @@ def read_reward(path: Path) -> dict[str, Any]:
     return dict(reward)
 
 
-def _curve(path: Path) -> pd.DataFrame:
-    """Return the learning curve of one agent, with its seed."""
-    seed = path.stem.rpartition("seed")[2]
+def read_curve(path: Path) -> pd.DataFrame:
+    """Return the learning curve of one agent, with its seed.
+
+    Parameters
+    ----------
+    path : Path
+        ``NAME-seedN.csv`` of a folder of agents.
+
+    Returns
+    -------
+    pandas.DataFrame
+
+    Raises
+    ------
+    InputError
+        If it is no such curve.
+    """
+    advice = "make it with `idm-sumo irl train`"
+    text, seed = read_text(path, advice), path.stem.rpartition("seed")[2]
     try:
-        curve = pd.read_csv(io.StringIO(read_text(path, "make it with `idm-sumo irl train`")))
-        return curve.apply(pd.to_numeric).assign(seed=int(seed))
-    except (ValueError, TypeError, OverflowError) as error:  # pandas' own errors are ValueErrors
-        raise (
-            error
-            if isinstance(error, InputError)
-            else InputError(f"{path}: not a learning curve ({error}); make it with `idm-sumo irl train`")
-        ) from None
+        curve = pd.read_csv(io.StringIO(text))[list(CURVE)].apply(pd.to_numeric)
+        values = curve.to_numpy(dtype=np.float64)  # a rollout in which no episode ends has no means
+        if curve.empty or np.isinf(values).any() or np.isnan(values[:, 0]).any():
+            raise ValueError("rows or finite numbers are missing")
+        return curve.assign(seed=int(seed))
+    except (ValueError, KeyError, TypeError, OverflowError) as error:  # pandas' own errors are ValueErrors
+        raise InputError(f"{path}: not a learning curve ({error}); {advice}") from None
 
 
 def fingerprint(train: Drivers, settings: Settings) -> str:
@@ -205,11 +228,31 @@ def fingerprint(train: Drivers, settings: Settings) -> str:
     return digest.hexdigest()[:12]
 
 
-def _learn_reward(path: Path, lessons: Lessons, settings: Settings, progress: Progress) -> None:
+def _check_same(folder: Path, identity: dict[str, str]) -> None:
+    """Raise if a folder was learned from something else.
+
+    Raise if what a folder holds was learned from something else.
+    """
+    mark, reward = folder / MARK, folder / "reward.json"
+    if not mark.is_file() and not reward.is_file():
+        return
+    if not mark.is_file() or parse_json(read_text(mark, "choose another folder"), mark) != identity:
+        raise InputError(f"{folder}: holds agents of other drivers, settings or another version; choose another folder")
+
+
+def _learn_reward(
+    folder: Path, identity: dict[str, str], lessons: Lessons, settings: Settings, progress: Progress
+) -> None:
+    """Learn the reward and write it with its origin.
+
+    Learn the reward and write it together with what it was learned from.
+    """
+    path = folder / "reward.json"
     if path.is_file():
         return
     report = learn_reward(lessons, most=settings.agent_demonstrations, seed=settings.seed, progress=progress)
-    with new_file(path) as part:
+    with new_files([folder / MARK, path]) as (mark, part):
+        mark.write_text(json.dumps(identity) + "\n", encoding="utf-8")
         part.write_text(json.dumps(report.to_json(), indent=2) + "\n", encoding="utf-8")
 
 
@@ -256,7 +299,7 @@ def train_one(folder: Path, lessons: Lessons, steps: int, seed: int, progress: P
     checkpoint = folder / f"{AGENT}-seed{seed}.pt"
     training = replace(Training(), steps=steps)
     policy, curve = train_agent(lessons, reward, training, seed=seed, checkpoint=checkpoint, progress=progress)
-    with new_file(folder / f"{AGENT}-seed{seed}.csv") as part:
-        curve.to_csv(part, index=False, float_format="%.6g")
-    policy.save(folder / f"{AGENT}-seed{seed}.npz")
+    with new_files([folder / f"{AGENT}-seed{seed}.{kind}" for kind in ("csv", "npz")]) as (table, arrays):
+        curve.to_csv(table, index=False, float_format="%.6g")
+        policy.write(arrays)
     checkpoint.unlink(missing_ok=True)

@@ -12,6 +12,7 @@ from idm_sumo.irl.learning import learn_reward, lessons_of
 from idm_sumo.runtime.errors import InputError
 from idm_sumo.runtime.files import new_file
 from idm_sumo.runtime.progress import Progress, silent
+from idm_sumo.runtime.siblings import locked
 
 from ...page.style import save
 from ..drivers import Drivers
@@ -19,7 +20,7 @@ from ..settings import Settings
 from ..source import load_source
 from . import figures as agent_figures
 from . import rows as agents
-from .learners import fingerprint, learners_of, read_learners
+from .learners import learners_of, read_learners
 
 
 def sides(settings: Settings, progress: Progress = silent) -> tuple[Drivers, Drivers]:
@@ -116,21 +117,13 @@ def train(settings: Settings, out: Path, *, progress: Progress = silent) -> pd.D
     Raises
     ------
     InputError
-        If the folder holds agents of other drivers or settings.
+        If the folder holds agents of other drivers or settings, or another training is at work there.
     """
     train_drivers, _ = sides(settings, progress)
-    if out.exists() and not out.is_dir():
-        raise InputError(f"{out}: not a folder; name a folder")
-    mark = out / "drivers.json"
-    identity = {"drivers": fingerprint(train_drivers, settings)}
-    if mark.is_file() and json.loads(mark.read_text(encoding="utf-8")) != identity:
-        raise InputError(f"{out}: holds agents of other drivers, settings or another version; choose another folder")
-    out.mkdir(parents=True, exist_ok=True)
-    with new_file(mark) as part:
-        part.write_text(json.dumps(identity) + "\n", encoding="utf-8")
-    learners = learners_of(train_drivers, settings, out, progress)
-    with new_file(out / "learning_curve.png") as part:
-        save(agent_figures.learning_curve(learners.curve), part)
+    with locked(out, "training"):
+        learners = learners_of(train_drivers, settings, out, progress)
+        with new_file(out / "learning_curve.png") as part:
+            save(agent_figures.learning_curve(learners.curve), part)
     return learners.curve.groupby("seed").tail(1).drop(columns="seconds")
 
 

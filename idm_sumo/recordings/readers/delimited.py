@@ -38,8 +38,8 @@ def numbers_of(path: Path, names: Sequence[str], ledger: Ledger) -> pd.DataFrame
     InputError
         If a row has another number of columns or a text that is not a number; names file, row, column.
     """
-    with open_plain(path) as stream:
-        first = next((line for raw in stream if (line := raw.decode("utf-8-sig", errors="replace")).strip()), "")
+    with open_plain(path) as stream, io.TextIOWrapper(stream, "utf-8-sig", errors="replace") as text:
+        first = next((line for line in text if line.strip()), "")  # lines end in LF, CR or both
     mark = next((mark for mark in DELIMITERS if mark in first), None)
     head = Header(tuple(names), tuple(names), mark or BLANKS, ".", has_names=False)
     try:
@@ -52,6 +52,8 @@ def numbers_of(path: Path, names: Sequence[str], ledger: Ledger) -> pd.DataFrame
         raise _located(path, head, error, names) from None
     if len(table.columns) != len(names) or table.iloc[:, -1].isna().any():  # pandas fills a short row up
         _locate(path, head, names)
+    if len(table.columns) != len(names):
+        raise InputError(f"{path}: has {len(head.cells(first))} columns in its first row where {len(names)} are needed")
     table.columns = pd.Index(names)
     ledger.total += len(table)
     return table

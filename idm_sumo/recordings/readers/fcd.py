@@ -17,29 +17,37 @@ from idm_sumo.recordings.coercion import LATEST, LONGEST, WIDEST, drop_impossibl
 from idm_sumo.recordings.columns import FRAME_STEP
 from idm_sumo.recordings.identities import vehicle_numbers
 from idm_sumo.recordings.on_road import check_foreign_lanes, check_on_road, foreign_edges, outside
+from idm_sumo.recordings.readers.fcd_on_network import VehicleTypes, to_corridor
 from idm_sumo.recordings.readers.header import check_names
 from idm_sumo.recordings.readers.layouts import FCD_NUMBERS, bare
 from idm_sumo.recordings.recording import Recording
+from idm_sumo.recordings.resampling import resample
 from idm_sumo.roads import Road
 from idm_sumo.runtime.errors import InputError, shown
 from idm_sumo.runtime.inputs import BROKEN, open_plain
 
 NUMBERS = FCD_NUMBERS[1:]
+NO_TYPES = VehicleTypes()
+STEP_TOLERANCE = 1e-3  # s
 BLOCK = 65536  # bytes
 LONGEST_ELEMENT = 2**20  # bytes
 REQUIRED = ("x", "y", "angle", "speed")  # beside id and time
 PERIOD = "fcd"
 
 
-def from_table(raw: pd.DataFrame, ledger: Ledger, *, road: Road, source: str) -> tuple[Recording, Accounting]:
+def from_table(
+    raw: pd.DataFrame, ledger: Ledger, *, road: Road, source: str, types: VehicleTypes = NO_TYPES
+) -> tuple[Recording, Accounting]:
     """Turn a table that SUMO wrote, as CSV or Parquet, into a recording."""
     raw = raw.set_axis(check_names([bare(name) for name in raw.columns], source), axis=1)
     ledger.total += len(raw)
     known = {name: numbers(raw[name], name, source) for name in FCD_NUMBERS if name in raw}
-    return _to_recording(raw.assign(**known), ledger, road, source)
+    return _to_recording(raw.assign(**known), ledger, road, types, source)
 
 
-def read_xml(path: Path, ledger: Ledger, *, road: Road, source: str) -> tuple[Recording, Accounting]:
+def read_xml(
+    path: Path, ledger: Ledger, *, road: Road, source: str, types: VehicleTypes = NO_TYPES
+) -> tuple[Recording, Accounting]:
     """Read an FCD file in XML (or XML packed with gzip) as a stream.
 
     Raises
@@ -63,7 +71,8 @@ def read_xml(path: Path, ledger: Ledger, *, road: Road, source: str) -> tuple[Re
     if collector.root != "fcd-export":
         raise InputError(f"{source}: root element is <{collector.root}>; a SUMO FCD file has <fcd-export>")
     ledger.total += len(collector.time)
-    return _to_recording(collector.table(), ledger, road, source)
+    ledger.notes += [f"{collector.persons} rows of persons are skipped"] if collector.persons else []
+    return _to_recording(collector.table(), ledger, road, types, source)
 
 
 def _parse(parser: expat.XMLParserType, stream: IO[bytes]) -> None:
@@ -88,10 +97,11 @@ class _Collector:
         self.root = ""
         self.now = 0.0
         self.time = array("d")
+        self.persons = 0
         self.vehicle = array("q")
-        self.lane = array("q")
+        self.texts = {"lane": array("q"), "type": array("q")}
         self.names: dict[str, int] = {}
-        self.lanes: dict[str, int] = {}
+        self.words: dict[str, dict[str, int]] = {name: {} for name in self.texts}
         self.numbers = {name: array("d") for name in NUMBERS}
         self.pairs = tuple(self.numbers.items())
 
@@ -103,6 +113,8 @@ class _Collector:
                 self.now = float(attributes.get("time", "nan"))
             except ValueError:
                 raise ValueError(f"time = {shown(attributes['time'])} is not a number") from None
+        elif tag == "person":
+            self.persons += 1
         elif not self.root:
             self.root = tag
 
@@ -112,7 +124,9 @@ class _Collector:
             raise ValueError("a vehicle has no id; run SUMO with --fcd-output.attributes id,x,y,angle,speed,lane")
         self.time.append(self.now)
         self.vehicle.append(self.names.setdefault(name, len(self.names)))
-        self.lane.append(self.lanes.setdefault(attributes.get("lane", ""), len(self.lanes)))
+        for key, codes in self.texts.items():
+            words = self.words[key]
+            codes.append(words.setdefault(attributes.get(key, ""), len(words)))
         try:
             for key, values in self.pairs:
                 values.append(float(attributes.get(key, "nan")))
@@ -120,41 +134,48 @@ class _Collector:
             raise ValueError(f"{name}: {key} = {shown(attributes[key])} is not a number") from None
 
     def table(self) -> pd.DataFrame:
-        names, lanes = (np.array(list(each), dtype=object) for each in (self.names, self.lanes))
+        names = np.array(list(self.names), dtype=object)
         columns: dict[str, Any] = {"time": np.array(self.time), "id": names[np.array(self.vehicle, dtype=np.int64)]}
-        if set(self.lanes) - {""}:
-            columns["lane"] = lanes[np.array(self.lane, dtype=np.int64)]
+        for key, codes in self.texts.items():
+            if set(self.words[key]) - {""}:
+                columns[key] = np.array(list(self.words[key]), dtype=object)[np.array(codes, dtype=np.int64)]
         columns |= {key: np.array(values) for key, values in self.numbers.items()}
         table = pd.DataFrame(columns)
         return table.drop(columns=[key for key in NUMBERS if table[key].isna().all()])
 
 
-def _to_recording(raw: pd.DataFrame, ledger: Ledger, road: Road, source: str) -> tuple[Recording, Accounting]:
+def _to_recording(
+    raw: pd.DataFrame, ledger: Ledger, road: Road, types: VehicleTypes, source: str
+) -> tuple[Recording, Accounting]:
     if raw.empty:
         raise InputError(f"{source}: no vehicles in this FCD file; run the simulation longer")
+    if road.pieces:
+        return to_corridor(raw, ledger, road, types, source)
     missing = [name for name in REQUIRED if name not in raw]
     if missing:
         raise InputError(f"{source}: FCD attribute {missing[0]!r} is missing; needed are id, {', '.join(REQUIRED)}")
     notes: list[str] = []
     raw = ledger.drop(raw, ~np.isfinite(raw[["time", *REQUIRED]].to_numpy()).all(axis=1), "non-finite value")
     raw = ledger.drop(raw, ~raw["time"].between(-LATEST, LATEST), "impossible time, position or acceleration")
-    _check_step(raw, source)
     if "lane" in raw and (edges := foreign_edges(raw["lane"], road)):
         check_foreign_lanes(raw["lane"], raw["y"], edges, road, source)
         notes.append(
             f"edges ({', '.join(edges[:5])}) are not those of {road.name}, but the lanes fit: it is taken for it"
         )
     raw = _drop_outside(raw, ledger, road, source)
-    table = drop_impossible(_table(raw, road, notes, source), ledger, road, source)
+    table = _every_frame(_table(raw, road, notes, source), ledger, source)
+    table = drop_impossible(table, ledger, road, source)
     table = ledger.drop(table, table.duplicated(list(c.KEYS)), "duplicate frame of a vehicle")
     recording = Recording.from_table(table, road=road, source=source, notes=tuple(notes))
     return recording, ledger.close(len(recording.table), vehicles=recording.vehicle_count)
 
 
-def _check_step(raw: pd.DataFrame, source: str) -> None:
-    steps = np.diff(np.unique(raw["time"].to_numpy()))
-    if len(steps) and abs(float(np.median(steps)) - FRAME_STEP) > 1e-3:
-        raise InputError(f"{source}: time step is {np.median(steps):g} s; run SUMO with --step-length 0.1")
+def _every_frame(table: pd.DataFrame, ledger: Ledger, source: str) -> pd.DataFrame:
+    """Return rows every 0.1 s, by the rule of :mod:`idm_sumo.recordings.resampling`."""
+    steps = np.diff(np.unique(table[c.TIME].to_numpy()))
+    if not len(steps) or abs(float(np.median(steps)) - FRAME_STEP) <= STEP_TOLERANCE:
+        return table
+    return resample(table, ledger, source)
 
 
 def _drop_outside(raw: pd.DataFrame, ledger: Ledger, road: Road, source: str) -> pd.DataFrame:

@@ -4,12 +4,15 @@ from __future__ import annotations
 
 import re
 from collections.abc import Callable, Iterable, Mapping
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from pathlib import Path
 
+import numpy as np
 import pandas as pd
 
 from idm_sumo.recordings.accounting import Accounting, Ledger
+from idm_sumo.recordings.coercion import LATEST
+from idm_sumo.recordings.coercion import numbers as numbers_of
 from idm_sumo.recordings.readers import delimited
 from idm_sumo.recordings.readers.header import Header
 from idm_sumo.recordings.recording import Recording
@@ -17,7 +20,7 @@ from idm_sumo.roads import Road
 from idm_sumo.runtime import parquet
 from idm_sumo.runtime.errors import InputError
 
-_UNIT = re.compile(r"[(\[].*?[)\]]")
+_UNIT = re.compile(r"[(\[][^()\[\]]*[)\]]")  # no bracket within: else a row of brackets takes minutes
 
 
 def plain(name: str) -> str:
@@ -44,6 +47,8 @@ class Opened:
         Its first text; empty for Parquet.
     header : Header or None
         How the columns of a delimited file are set apart.
+    needed : frozenset of str
+        Columns whose numbers a row cannot do without.
     """
 
     path: Path
@@ -53,6 +58,7 @@ class Opened:
     names: tuple[str, ...] = ()
     start: str = ""
     header: Header | None = None
+    needed: frozenset[str] = frozenset()
 
     @property
     def source(self) -> str:
@@ -70,7 +76,7 @@ class Opened:
             return []
 
     def columns(self, wanted: Mapping[str, str], texts: Iterable[str] = ()) -> pd.DataFrame:
-        """Return columns of the whole file, every row counted.
+        """Return columns of the whole file, every row counted; one without a number it needs is dropped.
 
         Parameters
         ----------
@@ -87,7 +93,18 @@ class Opened:
         else:
             table = parquet.to_frame(parquet.read_table(self.path, lambda _: spelt))
         self.ledger.total += len(table)
-        return pd.DataFrame({new: table[old] for new, old in wanted.items()})
+        return self._sound(pd.DataFrame({new: table[old] for new, old in wanted.items()}), set(texts))
+
+    def _sound(self, table: pd.DataFrame, texts: set[str]) -> pd.DataFrame:
+        numbers = {name: numbers_of(table[name], name, self.source) for name in table.columns if name not in texts}
+        table = table.assign(**numbers)
+        needed = table[[name for name in numbers if name in self.needed]].to_numpy(np.float64)
+        with np.errstate(invalid="ignore"):
+            sound = (np.abs(needed) <= LATEST).all(axis=1)
+        table = self.ledger.drop(table, ~sound, "non-finite value").reset_index(drop=True)
+        if table.empty:
+            raise InputError(f"{self.source}: no rows left of {self.ledger.total} read ({self.ledger.dropped})")
+        return table
 
 
 @dataclass(frozen=True)
@@ -151,4 +168,4 @@ class Layout:
 
     def recording(self, opened: Opened) -> tuple[Recording, Accounting]:
         """Read a file of this layout."""
-        return self.read(opened, self.matched(opened))
+        return self.read(replace(opened, needed=frozenset(self.columns)), self.matched(opened))

@@ -22,8 +22,8 @@ PAIRS = ("follower", "leader", "t", "x_follower", "x_leader")
 PAIR_LENGTHS = ("leader_length", "spacing")  # one of them tells the other
 PAIR_NUMBERS = (*PAIRS, *PAIR_LENGTHS, "v_follower", "a_follower", "follower_length", "headway")
 FCD = ("time", "id", "x", "y", "speed")
-FCD_NUMBERS = ("time", "x", "y", "angle", "speed", "acceleration", "length", "width")
-FCD_TEXTS = ("id", "lane")
+FCD_NUMBERS = ("time", "x", "y", "angle", "speed", "acceleration", "length", "width", "pos")
+FCD_TEXTS = ("id", "lane", "type")
 
 DOORS = (
     f"bring it into pairs (CSV or Parquet: {', '.join(PAIRS)}, {' or '.join(PAIR_LENGTHS)}; 0.1 s apart) "

@@ -8,7 +8,9 @@ import numpy as np
 import numpy.typing as npt
 import pandas as pd
 
+from idm_sumo.recordings.coercion import numbers
 from idm_sumo.recordings.readers.layout import plain
+from idm_sumo.recordings.readers.layouts import PAIR_NUMBERS
 
 _LEADER = ("leader", "lead", "lv", "preceding", "l")
 _FOLLOWER = ("follower", "following", "fv", "fav", "sv", "ego", "f")
@@ -63,7 +65,7 @@ def pair_columns(names: Sequence[str]) -> dict[str, str]:
     return found if "t" in there and whose and (placed or ahead) else {}
 
 
-def completed(raw: pd.DataFrame, notes: list[str]) -> pd.DataFrame:
+def completed(raw: pd.DataFrame, notes: list[str], source: str) -> pd.DataFrame:
     """Return pairs with every column that a recording is made from.
 
     Parameters
@@ -72,7 +74,15 @@ def completed(raw: pd.DataFrame, notes: list[str]) -> pd.DataFrame:
         Columns by the names of :data:`SPELLINGS`.
     notes : list of str
         Gets a line for everything that was not told.
+    source : str
+        What messages call the file.
+
+    Raises
+    ------
+    InputError
+        If a cell that must be a number is none; names its row.
     """
+    raw = raw.assign(**{name: numbers(raw[name], name, source) for name in raw.columns if name in PAIR_NUMBERS})
     raw = _in_seconds(raw, notes)
     if "follower" not in raw or "leader" not in raw:
         case = raw["case"] if "case" in raw else pd.Series(1, raw.index)

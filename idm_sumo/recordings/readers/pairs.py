@@ -20,7 +20,7 @@ from idm_sumo.recordings.readers.layouts import PAIR_LENGTHS, PAIR_NUMBERS, PAIR
 from idm_sumo.recordings.readers.pair_names import completed, driven
 from idm_sumo.recordings.recording import Recording
 from idm_sumo.recordings.resampling import resample
-from idm_sumo.recordings.smoothing import filter_runs, runs
+from idm_sumo.recordings.smoothing import filter_runs, runs, smoothness
 from idm_sumo.roads import Road
 from idm_sumo.roads.units import FOOT
 from idm_sumo.runtime.errors import InputError
@@ -31,7 +31,6 @@ LENGTH, SPACING = PAIR_LENGTHS  # one of them tells the other
 GRID_TOLERANCE = 0.02  # s, between a row's time and its frame
 SPACING_TOLERANCE = 0.1  # m, between the stated gap and the one of positions and length
 CAR_LENGTHS = (3.0, 7.5)  # m, between which the median of vehicles lies; in feet it is 10 to 25
-SMOOTH = 0.005  # m: the filter's median shift of raw video tracks is 26 mm, of reconstructed ones 0.3 mm
 
 
 def to_recording(raw: pd.DataFrame, ledger: Ledger, *, road: Road, source: str) -> tuple[Recording, Accounting]:
@@ -57,7 +56,7 @@ def to_recording(raw: pd.DataFrame, ledger: Ledger, *, road: Road, source: str) 
     """
     ledger.total += len(raw)
     told: list[str] = []
-    raw = completed(raw, told)
+    raw = completed(raw, told, source)
     period = raw["period"].where(raw["period"].notna(), "(none)").astype(str) if "period" in raw else "recording"
     raw = raw.assign(period=period)
     raw = raw.assign(**{name: numbers(raw[name], name, source) for name in PAIR_NUMBERS if name in raw})
@@ -77,7 +76,6 @@ def to_recording(raw: pd.DataFrame, ledger: Ledger, *, road: Road, source: str) 
         own = raw["follower_length"].loc[table.index] * unit
     _check_not_empty(table, ledger, source)
     recording = Recording.from_table(table.assign(**{c.LENGTH: own}), road=road, source=source, has_leader_rows=False)
-    smooth, smooth_note = _smoothness(recording)
     pairs = table.drop_duplicates([c.PERIOD, c.VEHICLE, c.LEADER])
     notes = (
         f"{len(pairs)} leader-follower pairs in {unit_name}: each follower sees its leader and nobody else; what needs "
@@ -85,9 +83,9 @@ def to_recording(raw: pd.DataFrame, ledger: Ledger, *, road: Road, source: str) 
         "lateral positions are unknown: everybody is put in the middle lane",
         "the length of leaders is recorded, that of followers only where they lead another pair"
         if "follower_length" not in raw else "the lengths of both are recorded",
-        smooth_note, *told,
+        *told,
     )  # fmt: skip
-    recording = replace(recording, notes=notes, is_smooth=smooth, leader_lengths=lengths)
+    recording = smoothness(replace(recording, notes=notes, leader_lengths=lengths))
     return recording, ledger.close(len(recording.table), vehicles=recording.vehicle_count)
 
 
@@ -185,16 +183,3 @@ def _lengths(table: pd.DataFrame) -> dict[tuple[str, int], float]:
     """Return the length (m) of every leader by period and number; the median where rows disagree."""
     length = table.groupby([c.PERIOD, c.LEADER], observed=True)[LENGTH].median()
     return {(str(period), int(leader)): float(value) for (period, leader), value in length.items() if value > 0}
-
-
-def _smoothness(recording: Recording) -> tuple[bool, str]:
-    """Say whether positions are smooth already: whether our filter would hardly move them."""
-    x = recording.table[c.X].to_numpy()
-    shift = float(np.median(np.abs(filter_runs(x, *runs(recording.table))[0] - x)))
-    if shift > SMOOTH:
-        return False, f"positions are noisy (our filter moves them by {1000 * shift:.0f} mm) and are smoothed"
-    return True, (
-        f"positions are reconstructed already (our filter would move them by {1000 * shift:.2g} mm, raw "
-        f"ones by 26) and not "
-        "smoothed again; whoever reconstructed them may have leaked a leader's future into its past"
-    )

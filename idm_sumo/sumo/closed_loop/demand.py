@@ -72,6 +72,8 @@ def demand_of(recording: Recording) -> pd.DataFrame:
     net = network.of(recording.road)
     where = _places(net, table, recording.source)
     table = table.assign(**{EDGE: where.edge, LANE_INDEX: where.lane_index, POSITION: where.position})
+    if not net.layout.off_ramp:
+        return table.assign(**{DESTINATION: net.destinations[0]})
     on_ramp, off_ramp, weave = net.layout.on_ramp, net.layout.off_ramp, net.mainline.index(net.layout.weave)
     upstream = table[EDGE].isin((*net.mainline[1 : weave + 1], on_ramp, off_ramp))
     leaving = (table[EDGE] == off_ramp) | (upstream & (table[DESTINATION] == LEAVING))

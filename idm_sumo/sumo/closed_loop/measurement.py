@@ -10,7 +10,7 @@ import numpy as np
 import pandas as pd
 
 from idm_sumo.calibration import driver_table as d
-from idm_sumo.evaluation.comparison import TrafficMeasures, measure_traffic
+from idm_sumo.evaluation.traffic_measures import TrafficMeasures, measure_traffic
 from idm_sumo.recordings import columns as c
 from idm_sumo.recordings.reading import read_recording
 from idm_sumo.recordings.recording import Recording

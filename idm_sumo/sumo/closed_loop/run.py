@@ -30,8 +30,8 @@ from idm_sumo.sumo.session import ALWAYS, simulation
 ON_TIME = 0.05  # s, half a step
 # A vehicle that finds no gap must not delay vehicles that enter by another lane of the edge.
 INSERTION = ("--eager-insert", "true", "--insertion-checks", SAFE)
+COUNTED = ("safety.emergencyBraking", "teleports.total")  # SUMO's names of its statistics
 FCD = (
-    "--fcd-output.attributes", "x,y,angle,speed,acceleration",
     "--fcd-output.acceleration", "true",
     "--precision", "4",
 )  # fmt: skip
@@ -52,6 +52,8 @@ class RunFiles:
         As of :func:`idm_sumo.sumo.closed_loop.demand.demand_of`.
     options : tuple of str
         Further options of ``sumo``.
+    fcd_attributes : str
+        Attributes of SUMO's output that a recording is made from.
     """
 
     net: Path
@@ -61,6 +63,28 @@ class RunFiles:
     duration: float
     demand: pd.DataFrame
     options: tuple[str, ...]
+    fcd_attributes: str
+
+
+@dataclass(frozen=True)
+class Incidents:
+    """What no traffic engineer wants to see.
+
+    By SUMO's own counts.
+
+    Attributes
+    ----------
+    collisions : int
+        Pairs of vehicles that overlapped lengthwise in a lane.
+    emergency_brakings : int
+        Vehicle-steps of braking harder than a driver's comfortable deceleration allows to be safe.
+    teleports : int
+        Vehicles that SUMO moved on because they were stuck.
+    """
+
+    collisions: int = 0
+    emergency_brakings: int = 0
+    teleports: int = 0
 
 
 @dataclass(frozen=True)
@@ -74,8 +98,7 @@ class Outcome:
     departures : pandas.DataFrame
         ``vehicle, planned_s, departed_s, delay_s``, one row a vehicle of the demand: ``departed_s`` is NaN for one
         that found no room until the end, and its delay is what it had waited by then.
-    collisions : int
-        Pairs of vehicles that overlapped lengthwise in a lane, by SUMO's own check.
+    incidents : Incidents
     arrived : int
         Vehicles that left the network.
     ego : pandas.DataFrame or None
@@ -84,7 +107,7 @@ class Outcome:
 
     fcd: Path
     departures: pd.DataFrame
-    collisions: int
+    incidents: Incidents
     arrived: int
     ego: pd.DataFrame | None
 
@@ -122,12 +145,12 @@ def write_run(
     """
     folder.mkdir(parents=True, exist_ok=True)
     own = network.of(recording.road)
-    net, routes, config = folder / recording.road.network, folder / f"{name}.rou.xml", folder / f"{name}.sumocfg"
+    net, routes, config = folder / own.file.name, folder / f"{name}.rou.xml", folder / f"{name}.sumocfg"
     if not net.is_file():
         shutil.copyfile(own.file, net)
     write_routes(recording.road, demand, types, routes)
     additional = None
-    if downstream is not None:
+    if downstream is not None and own.layout.downstream:
         additional = folder / "downstream.add.xml"
         write_boundary(recording.road, downstream, additional)
     frames = recording.table[c.FRAME]
@@ -135,7 +158,7 @@ def write_run(
     root = run_recipe.configuration(net.name, routes.name, run_recipe.EULER)
     _complete(root, additional, duration, (*INSERTION, *options))
     save(root, config)
-    return RunFiles(net, routes, config, additional, duration, demand, tuple(options))
+    return RunFiles(net, routes, config, additional, duration, demand, tuple(options), own.fcd_attributes)
 
 
 def _complete(root: Element, additional: Path | None, duration: float, options: Sequence[str]) -> None:
@@ -194,22 +217,22 @@ def run(
         *INSERTION,
         *FCD,
     ]
-    options += ["--fcd-output", str(fcd)]
+    options += ["--fcd-output", str(fcd), "--fcd-output.attributes", files.fcd_attributes]
     if files.additional is not None:
         options += ["--additional-files", str(files.additional)]
     start = gui_simulation if gui else simulation
     with start(options, net=files.net) as sumo:
-        departed, collisions, arrived = _loop(sumo, files, ego, ours, progress)
+        departed, incidents, arrived = _loop(sumo, files, ego, ours, progress)
     table = _departures(files, departed)
-    return Outcome(fcd, table, len(collisions), arrived, None if ego is None else ego.table())
+    return Outcome(fcd, table, incidents, arrived, None if ego is None else ego.table())
 
 
 def _loop(
     sumo: Any, files: RunFiles, ego: Ego | None, ours: ModelDrivers | None, progress: Progress
-) -> tuple[dict[str, float], set[tuple[str, str]], int]:
+) -> tuple[dict[str, float], Incidents, int]:
     """Step through the run.
 
-    Return departures (s), colliding pairs, and how many vehicles arrived.
+    Return departures (s), incidents, and how many vehicles arrived.
     """
     departed: dict[str, float] = {}
     collisions: set[tuple[str, str]] = set()
@@ -230,7 +253,8 @@ def _loop(
         if step % 100 == 0:
             progress("simulating", step, steps)
     progress("simulating", steps, steps)
-    return departed, collisions, arrived
+    counts = [int(sumo.simulation.getParameter("", f"stats.{name}")) for name in COUNTED]
+    return departed, Incidents(len(collisions), *counts), arrived
 
 
 def _departures(files: RunFiles, departed: dict[str, float]) -> pd.DataFrame:

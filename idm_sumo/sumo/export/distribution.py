@@ -66,7 +66,6 @@ def export_distribution(
     without_d1: str | None = None,
     representatives: int | None = None,
     name: str = NAME,
-    maximum_speed: float = FASTEST,
     seed: int = 0,
     road: Road = DEFAULT,
     source: str = "drivers",
@@ -94,8 +93,6 @@ def export_distribution(
         default every driver with the same probability, the empirical distribution.
     name : str
         The distribution's name, used as ``type="calibrated"`` of a vehicle or flow.
-    maximum_speed : float
-        m/s. By default so high that the desired speed is the lane's limit, as in the calibration.
     seed : int
         Seed of k-means.
     road : Road, optional
@@ -115,7 +112,7 @@ def export_distribution(
     check_name(Path(path))
     table, without = with_parameters(drivers, source)
     table, way, way_notes = chosen_without_d1(table, None, without_d1, EULER)
-    theta, notes = sumo_parameters(table, way, desired_speeds(table, None, road, source), EULER, source)
+    theta, notes = sumo_parameters(table, way, desired_speeds(table, road, source), EULER, source)
     good = well_determined(table) if which != EVERY else np.ones(len(table), dtype=bool)
     left_out = _left_out(table, good)
     table, theta = table[good].reset_index(drop=True), theta[good]
@@ -130,7 +127,7 @@ def export_distribution(
     # Names of their own: the same drivers may be in the route file, and SUMO refuses two types of one name.
     names = [identifier(name, own) for own in identifiers(table)]
     for row, share in zip(rows, shares, strict=True):
-        driver = driver_type(table.iloc[row], names[row], theta[row], maximum_speed, road)
+        driver = driver_type(table.iloc[row], names[row], theta[row], FASTEST, road)
         type_element(driver, distribution, probability=number(share))
     with new_file(path) as part:
         save(root, part)
@@ -158,7 +155,10 @@ def well_determined(table: pd.DataFrame) -> npt.NDArray[np.bool_]:
 
 
 def _left_out(table: pd.DataFrame, good: npt.NDArray[np.bool_]) -> tuple[str, ...]:
-    """Return how many drivers are not well determined, why, and whether the others stand for them."""
+    """Return how many drivers are not well determined.
+
+    Why, and whether the others stand for them.
+    """
     if good.all():
         return ()
     status = table[d.STATUS] if d.STATUS in table else pd.Series(d.OK, index=table.index)

@@ -1,4 +1,7 @@
-"""The network that exported routes are for: ours, or another build of it."""
+"""The network that exported routes are for: ours.
+
+Or another build of it.
+"""
 
 from __future__ import annotations
 
@@ -48,13 +51,16 @@ def checked_net(own: RoadNetwork, net_file: Path | str | None, desired_speed: fl
         if limit < desired_speed - 1e-4:
             raise InputError(
                 f"{path}: edge {name!r} allows {limit:g} m/s, below the desired speed {desired_speed:g} m/s, "
-                "which would cap every driver; build it with a higher --speed-limit-mph or lower desired_speed"
+                "which would cap every driver; build it with a higher --speed-limit-mph or lower desired_speed_m_s"
             )
     return path
 
 
 def _check_edges(own: RoadNetwork, net: Any, path: Path) -> None:
-    """Raise unless a network has our edges, with as many lanes, and leads from one to the next."""
+    """Raise unless a network has our edges.
+
+    With as many lanes, and leads from one to the next.
+    """
     routes = [own.route(origin, end) for origin in own.origins for end in own.destinations]
     for name in dict.fromkeys(name for route in routes for name in route):
         if not net.hasEdge(name):

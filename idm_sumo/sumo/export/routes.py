@@ -76,7 +76,6 @@ def export_routes(
     departures: pd.DataFrame | Recording | Scenes | Sequence[Scenes] | None = None,
     without_d1: str | None = None,
     integration: str = "euler",
-    desired_speed: float | None = None,
     net_file: Path | str | None = None,
     model: ExtendedModel | None = None,
     road: Road = DEFAULT,
@@ -89,7 +88,8 @@ def export_routes(
     Parameters
     ----------
     drivers : pandas.DataFrame
-        See :func:`idm_sumo.calibration.driver_table.check_drivers`.
+        See :func:`idm_sumo.calibration.driver_table.check_drivers`. Their desired speed is the column
+        ``desired_speed_m_s``, without one the speed limit.
     path : Path or str
         ``FILE.rou.xml``; beside it ``FILE.sumocfg`` and ``FILE.net.xml`` are written.
     departures : pandas.DataFrame, Recording, Scenes or sequence of Scenes, optional
@@ -102,9 +102,6 @@ def export_routes(
         made, else the tangent, and a note says so.
     integration : {"euler", "ballistic"}
         What the configuration asks of SUMO.
-    desired_speed : float, optional
-        m/s, the one of the calibration; by default the drivers' column
-        ``desired_speed_m_s``, or without one the speed limit.
     net_file : Path or str, optional
         Another build of the road's network, say with another speed limit; by default the one in the package.
     model : ExtendedModel, optional
@@ -128,7 +125,7 @@ def export_routes(
     run_recipe.check_integration(integration)
     check_name(Path(path))
     table, fit_notes = with_parameters(drivers, source)
-    table = table.assign(**{d.DESIRED_SPEED: desired_speeds(table, desired_speed, road, source)})
+    table = table.assign(**{d.DESIRED_SPEED: desired_speeds(table, road, source)})
     net = network.of(road)
     net_path = checked_net(net, net_file, float(table[d.DESIRED_SPEED].max()))
     table = _with_departures(table, departures, source)
@@ -230,7 +227,10 @@ def _routes(net: RoadNetwork, table: pd.DataFrame, held: Expressed) -> Element:
     for note in held.notes:
         root.append(Comment(f" {note.replace('--', '- -')} "))  # no double hyphen within a comment
     ends = table[DESTINATION] if DESTINATION in table else pd.Series(THROUGH, index=table.index)
-    ends = ends.where(table["edge"] != net.layout.off_ramp, net.layout.off_ramp)
+    if net.layout.off_ramp:
+        ends = ends.where(table["edge"] != net.layout.off_ramp, net.layout.off_ramp)
+    else:
+        ends = pd.Series(net.destinations[0], index=table.index)
     names = {way: f"{way[0]}.to.{way[1]}" for way in dict.fromkeys(zip(table["edge"], ends, strict=True))}
     for way, name in names.items():
         SubElement(root, "route", id=name, edges=" ".join(net.route(str(way[0]), str(way[1]))))

@@ -53,17 +53,15 @@ def with_parameters(drivers: pd.DataFrame, source: str) -> tuple[pd.DataFrame, t
     return table[has].reset_index(drop=True), note
 
 
-def desired_speeds(table: pd.DataFrame, desired_speed: float | None, road: Road, source: str) -> Floats:
+def desired_speeds(table: pd.DataFrame, road: Road, source: str) -> Floats:
     """Return every driver's desired speed.
 
     Parameters
     ----------
     table : pandas.DataFrame
-        Drivers; the column ``desired_speed_m_s`` comes second.
-    desired_speed : float or None
-        m/s; comes first where given.
+        Drivers; their column ``desired_speed_m_s`` counts, if there is one.
     road : Road
-        Its speed limit comes last.
+        Its speed limit is everybody's without that column.
     source : str
         How messages name the drivers.
 
@@ -77,8 +75,7 @@ def desired_speeds(table: pd.DataFrame, desired_speed: float | None, road: Road,
     InputError
         If one is not positive; names the row.
     """
-    given = table.get(d.DESIRED_SPEED, road.speed_limit) if desired_speed is None else desired_speed
-    return checked_speeds(table, given, source)
+    return checked_speeds(table, table.get(d.DESIRED_SPEED, road.speed_limit), source)
 
 
 def checked_speeds(table: pd.DataFrame, given: npt.ArrayLike, source: str) -> Floats:

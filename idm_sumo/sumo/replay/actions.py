@@ -45,7 +45,7 @@ def replay_controls(scenes: Scenes, acceleration: Floats, steering: Floats) -> T
     out.acceleration[:], out.steering[:], out.gap[:], out.leader[:] = acceleration, steering, np.inf, NOBODY
     net = network.of(scenes.road)
     with simulation(net=net.file) as sumo:
-        check_on_network(sumo, traffic)
+        check_on_network(sumo, traffic, net)
         scene = SumoScene(sumo, net, as_points=True)
         for i in range(len(scenes)):
             x, y, heading, speed = start_of(scenes, i)
@@ -58,7 +58,7 @@ def replay_controls(scenes: Scenes, acceleration: Floats, steering: Floats) -> T
                     [*lengths, length], [*widths, float(scenes.width[i])],
                 )  # fmt: skip
                 sumo.simulationStep()
-                x, y = sumo.vehicle.getPosition(EGO)
+                x, y = net.seen(sumo, [EGO])[0].tolist()
                 heading = float(np.radians(90.0 - sumo.vehicle.getAngle(EGO)))
                 out.x[i, k], out.y[i, k], out.heading[i, k], out.speed[i, k] = x, y, heading, speed
                 if k == out.acceleration.shape[1]:

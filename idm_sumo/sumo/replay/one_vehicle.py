@@ -26,6 +26,7 @@ from idm_sumo.simulation.driver_parameters import as_driven
 from idm_sumo.simulation.extended_rollout import decide, set_out
 from idm_sumo.simulation.rollout import Trajectories, steer
 from idm_sumo.sumo import network
+from idm_sumo.sumo.network import RoadNetwork
 from idm_sumo.sumo.replay.motion import Driver, Motion, advance, moved, start_of
 from idm_sumo.sumo.replay.perception import leader_in_lane
 from idm_sumo.sumo.replay.scene import SumoScene, compass
@@ -119,13 +120,15 @@ def _replay_serially(
     out, traffic = Trajectories.of(scenes), traffic_rows(scenes)
     net = network.of(scenes.road)
     with simulation(net=net.file) as sumo:
-        drive = _plain(scenes, theta, limit) if extension is None else _extended(sumo, scenes, theta, limit, *extension)
-        check_on_network(sumo, traffic)
+        drive = _plain(scenes, theta, limit)
+        if extension is not None:
+            drive = _extended(sumo, net, scenes, theta, limit, *extension)
+        check_on_network(sumo, traffic, net)
         scene = SumoScene(sumo, net, as_points=True)
         strips = [net.strip(lane + 1) for lane in range(scenes.road.main_lanes)]
         for i in range(len(scenes)):
             strip = strips[int(scenes.lane[i]) - 1]
-            _replay_one(sumo, scene, strip, traffic, scenes, i, drive, out)
+            _replay_one(sumo, net, scene, strip, traffic, scenes, i, drive, out)
             scene.clear()
             progress("replay in SUMO", i + 1, len(scenes))
     return out
@@ -176,7 +179,13 @@ def _plain(scenes: Scenes, theta: Floats, limit: Floats) -> Drive:
 
 
 def _extended(
-    sumo: Any, scenes: Scenes, theta: Floats, limit: Floats, recording: Recording, model: ExtendedModel
+    sumo: Any,
+    net: RoadNetwork,
+    scenes: Scenes,
+    theta: Floats,
+    limit: Floats,
+    recording: Recording,
+    model: ExtendedModel,
 ) -> Drive:
     """Return what drives by an extended model.
 
@@ -187,7 +196,7 @@ def _extended(
 
     def drive(now: Moment) -> Any:
         if now.names:
-            shown.x[now.rows] = [sumo.vehicle.getPosition(name)[0] for name in now.names]
+            shown.x[now.rows] = net.seen(sumo, now.names)[:, 0]
         i, motion = now.i, now.motion
         acceleration = decide(i, now.k, now.x, motion.speed, now.leader, now.gap, drivers, shown, vehicles)
         length = float(vehicles.length[i])
@@ -199,6 +208,7 @@ def _extended(
 
 def _replay_one(
     sumo: Any,
+    net: RoadNetwork,
     scene: SumoScene,
     strip: tuple[str, ...],
     traffic: TrafficRows,
@@ -209,7 +219,7 @@ def _replay_one(
 ) -> None:
     """Drive window ``i`` and write it to ``out``."""
     length, lane, t = float(scenes.length[i]), int(scenes.lane[i]), scenes.traffic
-    end = sumo.simulation.getNetBoundary()[1][0]
+    end = net.reach(sumo)[1]
     right, left = inside_lane(scenes.road, [-np.inf, np.inf], lane).tolist()
     x, y, heading, speed = start_of(scenes, i)
     motion = Motion(*bicycle.center_of_front(x, y, heading, length), heading, speed)
@@ -224,7 +234,7 @@ def _replay_one(
             [*angles, float(compass(motion.heading))], [*lengths, length], [*widths, float(scenes.width[i])],
         )  # fmt: skip
         sumo.simulationStep()
-        row, gap = _perceive(sumo, strip, names, rows, t.length)
+        row, gap = _perceive(sumo, net, strip, names, rows, t.length)
         out.leader[i, k], out.gap[i, k] = row, gap
         if k == out.acceleration.shape[1]:
             break
@@ -232,14 +242,16 @@ def _replay_one(
         out.acceleration[i, k], out.steering[i, k], motion, x, y = drive(now)
 
 
-def _perceive(sumo: Any, strip: tuple[str, ...], names: list[str], rows: Integers, length: Floats) -> tuple[int, float]:
+def _perceive(
+    sumo: Any, net: RoadNetwork, strip: tuple[str, ...], names: list[str], rows: Integers, length: Floats
+) -> tuple[int, float]:
     """Return the leader's row (or ``NOBODY``) and gap (m)."""
     leader = leader_in_lane(sumo, EGO, strip)
     if leader is None:
         return NOBODY, np.inf
     row = int(rows[names.index(leader)])
     # getLeader's own gap is up to 1 mm off beside the end of an edge, and knows no lengths here.
-    front, own_front = sumo.vehicle.getPosition(leader)[0], sumo.vehicle.getPosition(EGO)[0]
+    front, own_front = net.seen(sumo, [leader, EGO])[:, 0]
     return row, float(front - length[row] - own_front)
 
 

@@ -80,6 +80,8 @@ def leader_in_lane(sumo: Any, name: str, strip: tuple[str, ...]) -> str | None:
     ahead, _ = leader_by_getleader(sumo, name)
     if ahead is not None and sumo.vehicle.getLaneID(ahead) == here:
         return ahead
+    if here not in strip:
+        return ahead  # within a junction, on a lane beside its own
     for piece in strip[strip.index(here) + 1 :]:
         if vehicles := sumo.lane.getLastStepVehicleIDs(piece):
             return str(vehicles[0])  # SUMO lists them from upstream
@@ -143,7 +145,7 @@ def compare_perception(
     bounds = np.searchsorted(traffic.frame[by_frame], [frames, frames + 1])
     net = network.of(scenes.road)
     with simulation(net=net.file) as sumo:
-        check_on_network(sumo, traffic)
+        check_on_network(sumo, traffic, net)
         scene = SumoScene(sumo, net, as_points=as_points)
         strips = [net.strip(lane + 1) for lane in range(scenes.road.main_lanes)] if as_points else None
         for done, (begin, end) in enumerate(bounds.T.tolist()):

@@ -83,7 +83,7 @@ def play(recording: Recording, *, progress: Progress = silent) -> Played:
             present = names[begin:end]
             scene.place(present, *(values[begin:end] for values in columns))
             sumo.simulationStep()
-            returned[begin:end] = [sumo.vehicle.getPosition(name) for name in present]
+            returned[begin:end] = net.seen(sumo, present)
             lane[begin:end] = [_lane_of(sumo, name, lane_of) for name in present]
             progress("playing in SUMO", done + 1, len(starts))
     return Played(

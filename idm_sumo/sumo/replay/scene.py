@@ -53,6 +53,7 @@ class SumoScene:
         self._routes = {} if routes is None else routes
         self._present: dict[str, float] = {}  # where each vehicle's front is (m)
         self._until: dict[str, float] = {}  # where its route ends (m)
+        self._network = network
         self._mainline = network.mainline
         self._ends = network.mainline_ends() if edge_by_edge else ()
         self._known_routes, self._known_types = set[str](), set[str]()
@@ -82,7 +83,8 @@ class SumoScene:
             Sizes (m), used when a vehicle enters.
         """
         move, present, until = self._sumo.vehicle.moveToXY, self._present, self._until
-        for name, front, lateral, turn, long, wide in zip(names, x, y, angle, length, width, strict=True):
+        plane = self._network.plane(x, y, angle)
+        for name, front, *where, long, wide in zip(names, x, *plane, length, width, strict=True):
             last = present.get(name)
             if last is None or front < last or front >= until[name]:
                 # SUMO sorts a lane before it applies a move backwards, so that it would be out of
@@ -91,7 +93,7 @@ class SumoScene:
                     self._leave(name)
                 self._enter(name, front, long, wide)
             present[name] = front
-            move(name, "", -1, front, lateral, turn, ON_ROUTE_AT_EXACT_PLACE)
+            move(name, "", -1, *where, ON_ROUTE_AT_EXACT_PLACE)
         for name in present.keys() - names:
             self._leave(name)
 

@@ -10,6 +10,7 @@ import numpy.typing as npt
 from idm_sumo.roads import Road
 from idm_sumo.runtime.errors import InputError
 from idm_sumo.scenes.windows import LEADER_FROM_LANE, Scenes
+from idm_sumo.sumo.network import RoadNetwork
 from idm_sumo.sumo.replay.scene import compass
 
 Floats = npt.NDArray[np.float64]
@@ -100,7 +101,7 @@ def traffic_rows(scenes: Scenes) -> TrafficRows:
     return TrafficRows(label, lane, frame, t.x, y, compass(t.heading), t.length, t.width)
 
 
-def check_on_network(sumo: Any, rows: TrafficRows) -> None:
+def check_on_network(sumo: Any, rows: TrafficRows, net: RoadNetwork) -> None:
     """Refuse traffic beyond the ends of the network.
 
     SUMO would accept such a vehicle, but no other vehicle would see it.
@@ -110,13 +111,14 @@ def check_on_network(sumo: Any, rows: TrafficRows) -> None:
     sumo : module
         As of :func:`idm_sumo.sumo.session.simulation`.
     rows : TrafficRows
+    net : RoadNetwork
 
     Raises
     ------
     InputError
         Names the first such vehicle.
     """
-    (start, _), (end, _) = sumo.simulation.getNetBoundary()
+    start, end = net.reach(sumo)
     if (outside := (rows.x < start) | (rows.x > end)).any():
         row = int(np.argmax(outside))
         raise InputError(

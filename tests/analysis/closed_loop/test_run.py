@@ -22,7 +22,6 @@ from idm_sumo.sumo.closed_loop.ego import Ego
 from idm_sumo.sumo.closed_loop.measurement import as_recording
 from idm_sumo.sumo.gui import gui_binary
 from idm_sumo.sumo.session import simulation
-from tests.helpers import ngsim_files
 from tests.helpers.builders import Car, recording
 
 SPEED = 12.0  # m/s
@@ -75,7 +74,7 @@ def test_everybody_departs_in_time_or_is_reported(tmp_path: Path, recorded: Reco
     assert sorted(outcome.departures["vehicle"]) == sorted(recorded.table[c.VEHICLE].unique())
     assert outcome.departures["departed_s"].notna().all()
     assert outcome.late.empty
-    assert outcome.collisions == 0
+    assert outcome.incidents.collisions == 0
     driven = as_recording(outcome, recorded, demand, "drivers")
     assert set(driven.table[c.VEHICLE]) == set(recorded.table[c.VEHICLE])
     first = driven.table.groupby(c.VEHICLE)[[c.FRAME, c.X, c.SPEED]].first()
@@ -161,7 +160,7 @@ def test_our_ego_is_where_we_put_it_and_others_react_to_it(
     assert steps > 200
     assert np.allclose(path["x"][:steps], seen[c.X][:steps], atol=1e-3)
     assert np.allclose(path["y"], US101.lane_center(3), atol=0.05)
-    assert outcome.collisions == 0
+    assert outcome.incidents.collisions == 0
     behind = demand[(demand["lane"] == 3) & (demand["depart_s"] > entering["depart_s"])].iloc[0]
     without = as_recording(run(tmp_path / "b", recorded, demand), recorded, demand, "").table
     gone = [t[t[c.VEHICLE] == behind[c.VEHICLE]][c.SPEED].mean() for t in (driven, without)]
@@ -223,6 +222,12 @@ def test_the_command_leaves_a_whole_result(tmp_path: Path, file: Path) -> None:
     table = pd.read_csv(out / "tables" / "closed_loop.csv")
     assert table["population"].tolist() == ["recorded", "krauss", "default-idm"]
     assert table["vehicles"].nunique() == 1
+    assert sorted(table["rank"].dropna()) == [1, 2]
+    simulated = table[table["population"] != "recorded"]
+    assert (simulated["emergency_brakings"] >= 0).all()
+    assert (simulated["teleports"] == 0).all()
+    assert simulated["flow_error_share"].between(-0.5, 0.5).all()
+    assert simulated["speed_profile_rmse_m_s"].between(0.0, 15.0).all()
     for name in (
         "figures/time_space.png",
         "figures/comparison.png",
@@ -262,12 +267,20 @@ def test_bad_input_is_one_line_and_nothing_is_left(
 def test_a_road_without_a_network_is_refused_with_what_can_be_done(
     tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
-    file = ngsim_files.portal(tmp_path / "i80.csv", ngsim_files.table(frames=60), location="i-80")
+    frame, file = np.arange(60), tmp_path / "street.txt"
+    rows = [np.column_stack([
+        np.full(60, vehicle), frame, np.full(60, 60), 1118846980000 + 100 * frame, np.full(60, 6.0),
+        300 - 130 * vehicle + 6.5 * frame, np.zeros((60, 2)), np.full(60, 13.0), np.full(60, 6.0), np.full(60, 2),
+        np.full(60, 65.0), np.zeros(60), np.ones(60), np.zeros((60, 3)), np.full((60, 2), 2), np.ones(60),
+        np.full(60, vehicle - 1), np.zeros((60, 3)),
+    ]) for vehicle in (1, 2)]  # fmt: skip
+    np.savetxt(file, np.concatenate(rows), fmt="%.6f")
     with pytest.raises(SystemExit, match="2"):
-        main(["interactive", str(file), "--location", "i-80", "--replay-bias", "0", "-o", str(tmp_path / "out")])
+        main(["interactive", str(file), "--replay-bias", "0", "-o", str(tmp_path / "out")])
     said = capsys.readouterr().err.splitlines()[-1]
-    assert f"{file}: road 'i-80' has no SUMO network" in said
-    assert "--backend kernel" in said
+    assert f"{file}: road " in said
+    assert "traffic lights" in said
+    assert "calibrate, predict and diagnose" in said
     assert not (tmp_path / "out").exists()
 
 

@@ -44,3 +44,20 @@ def test_a_population_without_waves_is_said_to_have_none_and_is_last_in_it() -> 
 
 def test_one_population_alone_is_not_called_closest() -> None:
     assert "Closest" not in words.in_words(table(row("only", 1.0)))
+
+
+def test_a_population_with_incidents_is_last_and_says_why() -> None:
+    some = table(row("jammed", 1.0, never_inserted=3.0), row("sane", 2.0, never_inserted=0.0))
+    ranks = words.ranking(some)
+    assert ranks[words.POPULATION].tolist() == ["sane", "jammed"]
+    assert ranks["rank"].tolist() == [1, 2]
+    assert ranks["disqualified"].tolist() == ["", "3 never inserted"]
+    said = words.in_words(some)
+    assert said.startswith("Closest to the recording is sane")
+    assert "Not to be trusted, whatever their other figures: jammed: 3 never inserted." in said
+
+
+def test_where_all_have_incidents_none_is_called_closest() -> None:
+    said = words.in_words(table(row("one", 1.0, collisions=1.0), row("other", 2.0, teleports=2.0)))
+    assert "Closest" not in said
+    assert "one: 1 collisions; other: 2 teleports" in said

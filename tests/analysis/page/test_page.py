@@ -2,14 +2,16 @@
 
 from __future__ import annotations
 
+from itertools import combinations
 from pathlib import Path
 from typing import Any
 
+import numpy as np
 import pandas as pd
 import pytest
 
 from analysis.page.page import html_table, with_contents
-from analysis.page.style import METHOD_COLOURS, dark_colour
+from analysis.page.style import LABEL_HEIGHT, METHOD_COLOURS, dark_colour, label_ends, method_line, new_figure
 from analysis.page.time_space import Mark, diagram, diagrams_of
 from tests.helpers.browser import complaints, least_contrast, overflows, prefer, requests, resize, visit
 from tests.helpers.builders import Car, recording
@@ -170,3 +172,41 @@ def test_colours_of_the_methods_on_a_dark_page_are_lighter() -> None:
         light = sum(int(colour[k : k + 2], 16) for k in (1, 3, 5))
         dark = sum(int(dark_colour(name)[k : k + 2], 16) for k in (1, 3, 5))
         assert dark > light
+
+
+# Sight without one kind of cone: Machado, Oliveira and Fernandes (2009), severity 1, linear RGB.
+SIGHT = {
+    "normal": (1.0, 0.0, 0.0, 0.0, 1.0, 0.0, 0.0, 0.0, 1.0),
+    "protanopia": (0.152286, 1.052583, -0.204868, 0.114503, 0.786281, 0.099216, -0.003882, -0.048116, 1.051998),
+    "deuteranopia": (0.367322, 0.860646, -0.227968, 0.280085, 0.672501, 0.047413, -0.011820, 0.042940, 0.968881),
+    "tritanopia": (1.255528, -0.076749, -0.178779, -0.078411, 0.930809, 0.147602, 0.004733, 0.691367, 0.303900),
+}
+TO_XYZ = np.array([[0.4124, 0.3576, 0.1805], [0.2126, 0.7152, 0.0722], [0.0193, 0.1192, 0.9505]])
+TOLD_APART = 10.0  # CIE 1976 distance; 2.3 is just noticeable side by side
+
+
+def lab(colour: str, sight: str) -> Any:
+    """Return CIE L*a*b* of ``#rrggbb`` as somebody sees it (D65)."""
+    rgb = np.array([int(colour[k : k + 2], 16) / 255 for k in (1, 3, 5)])
+    linear = np.reshape(SIGHT[sight], (3, 3)) @ np.where(rgb <= 0.04045, rgb / 12.92, ((rgb + 0.055) / 1.055) ** 2.4)
+    xyz = TO_XYZ @ np.clip(linear, 0, 1)
+    t = xyz / np.array([0.9505, 1.0, 1.089])
+    f = np.where(t > 0.008856, np.cbrt(t), 7.787 * t + 16 / 116)
+    return np.array([116 * f[1] - 16, 500 * (f[0] - f[1]), 200 * (f[1] - f[2])])
+
+
+@pytest.mark.parametrize("sight", SIGHT)
+def test_methods_are_told_apart_by_colour_or_else_by_stroke(sight: str) -> None:
+    for one, other in combinations(METHOD_COLOURS, 2):
+        apart = np.linalg.norm(lab(METHOD_COLOURS[one], sight) - lab(METHOD_COLOURS[other], sight))
+        assert apart > TOLD_APART or method_line(one) != method_line(other), (one, other, apart)
+
+
+def test_names_beside_lines_do_not_lie_on_each_other() -> None:
+    _, (ax,) = new_figure()
+    ax.set(xlim=(0, 10), ylim=(0, 20))
+    names = ("a", "b", "c", "d")
+    label_ends(ax, dict(zip(names, (3.0, 3.1, 3.2, 19.0), strict=True)), dict.fromkeys(names, "#000000"))
+    heights = [text.get_position()[1] for text in ax.texts]
+    assert np.diff(heights).min() >= LABEL_HEIGHT - 1e-9
+    assert [text.get_text() for text in ax.texts] == list(names)

@@ -22,7 +22,9 @@ from idm_sumo.cli import main
 from idm_sumo.evaluation.metrics import summary
 from idm_sumo.irl import learning
 from idm_sumo.irl.features import NAMES
+from idm_sumo.irl.policy import Policy
 from idm_sumo.runtime.errors import InputError
+from idm_sumo.runtime.siblings import locked
 from tests.helpers.platoons import platoon_recording
 
 STEPS = 2 * 128 * 50
@@ -100,6 +102,42 @@ def test_without_the_extra_there_are_clones_and_one_line_that_says_what_to_insta
     assert rows["method"].tolist() == ["behaviour_cloning"]
     assert learning.INSTALL in agents.missing_row(rows)
     assert found.missing == agents.missing_row(rows)
+
+
+def contents(folder: Path) -> list[str]:
+    return sorted(path.name for path in folder.iterdir())
+
+
+def test_a_training_that_fails_leaves_nothing_and_one_that_stops_only_what_is_whole(
+    settings: Settings, sides: tuple[Drivers, Drivers], tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    pytest.importorskip("stable_baselines3")
+    one = replace(settings, agent_seeds=1, agent_steps=128 * 50)
+    with monkeypatch.context() as patch:
+        patch.setattr(agent_learners, "learn_reward", lambda *_, **__: pytest.fail("no reward"))
+        with pytest.raises(pytest.fail.Exception):
+            agent_study.train(one, tmp_path / "none" / "agents")
+    assert not (tmp_path / "none").exists()
+    folder = tmp_path / "agents"
+    with monkeypatch.context() as patch:
+        patch.setattr(Policy, "write", lambda *_: pytest.fail("no policy"))
+        with pytest.raises(pytest.fail.Exception):
+            agent_study.train(one, folder)
+    assert contents(folder) == ["drivers.json", "reward.json"]
+    agent_study.train(one, folder)
+    whole = {path.name: path.read_bytes() for path in folder.iterdir()}
+    assert sorted(whole) == ["behaviour_cloning-seed1.npz", "drivers.json", "irl_rl-seed1.csv", "irl_rl-seed1.npz",
+                             "learning_curve.png", "reward.json"]  # fmt: skip
+    with pytest.raises(InputError, match="agents of other drivers"):
+        agent_study.train(replace(one, seed=2), folder)
+    (folder / "drivers.json").write_text("[" * 9999)
+    with pytest.raises(InputError, match=r"drivers\.json: is nested too deep"):
+        agent_study.train(one, folder)
+    (folder / "drivers.json").write_bytes(whole["drivers.json"])
+    with locked(folder, "training"), pytest.raises(InputError, match="another training is at work"):
+        agent_study.train(one, folder)
+    agent_study.train(one, folder)
+    assert {path.name: path.read_bytes() for path in folder.iterdir()} == whole
 
 
 def test_a_folder_without_agents_is_refused(tmp_path: Path) -> None:

@@ -86,10 +86,15 @@ def test_acceleration_is_found_where_sumo_did_not_write_it(run: dict[str, Path])
     np.testing.assert_allclose(found[c.ACCELERATION][later], own[c.ACCELERATION][later], atol=1e-4)
 
 
-def test_another_step_length_is_refused(run: dict[str, Path], tmp_path: Path) -> None:
-    simulate(run["xml"].parent / "a.rou.xml", tmp_path / "slow.xml", "--step-length", "0.5")
-    with pytest.raises(InputError, match=r"slow.xml: time step is 0.5 s; run SUMO with --step-length 0.1"):
-        read_recording(tmp_path / "slow.xml")
+def test_another_step_length_is_resampled(tmp_path: Path) -> None:
+    rows = "".join(
+        f'<timestep time="{t}"><vehicle id="7" x="{50 + 10 * t}" y="-1.8" angle="90" speed="10"/></timestep>'
+        for t in range(8)
+    )
+    (tmp_path / "slow.xml").write_text(f"<fcd-export>{rows}</fcd-export>")
+    recording = read_recording(tmp_path / "slow.xml")
+    np.testing.assert_allclose(recording.table[c.X], 50 + np.arange(71), atol=1e-9)
+    assert recording.accounting.added == {"interpolated to frames of 0.1 s": 63}
 
 
 def test_another_network_is_refused(run: dict[str, Path], tmp_path: Path) -> None:

@@ -62,7 +62,7 @@ def test_without_effects_all_drive_as_sumos_own_types(tmp_path, recorded, plain)
     assert len(both) > 0.99 * len(theirs)
     apart = (both[c.X] - both["x_ours"]).abs()
     assert apart.max() < 1e-6
-    assert outcome.collisions == 0
+    assert outcome.incidents.collisions == 0
 
 
 def test_a_slow_place_slows_all_vehicles_there(tmp_path, recorded, plain) -> None:
@@ -73,7 +73,7 @@ def test_a_slow_place_slows_all_vehicles_there(tmp_path, recorded, plain) -> Non
 
     assert speed(slow, 400, 450) < speed(plain[0], 400, 450) - 1.0
     assert speed(slow, 50, 150) == pytest.approx(speed(plain[0], 50, 150), abs=0.5)
-    assert outcome.collisions == 0
+    assert outcome.incidents.collisions == 0
 
 
 def test_drivers_outside_the_share_drive_without_the_effect(tmp_path, recorded, plain) -> None:

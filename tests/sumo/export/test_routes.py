@@ -300,7 +300,7 @@ def test_bad_networks(tmp_path: Path) -> None:
     with pytest.raises(InputError, match="allows 15 m/s, below the desired speed"):
         export_routes(drivers(), out / "x.rou.xml", net_file=slow)
     assert not list(out.iterdir())
-    assert len(export_routes(drivers(), out / "x.rou.xml", net_file=slow, desired_speed=15.0).vehicles) == 30
+    assert len(export_routes(drivers(desired_speed_m_s=15.0), out / "x.rou.xml", net_file=slow).vehicles) == 30
 
 
 def test_bad_output(tmp_path: Path) -> None:

@@ -54,8 +54,8 @@ def read(opened: Opened, columns: Mapping[str, str]) -> tuple[Recording, Account
     for name, recorded in ((c.SPEED, "speed"), (c.ACCELERATION, "acceleration"), (c.LEADER, "leader")):
         if recorded in raw:
             table[name] = raw[recorded]
-    if {"trackId", "class"} <= set(cars.table):
-        kind = cars.table.set_index("trackId")["class"].astype(str).str.strip().str.lower().map(CLASSES)
+    if (told := cars.by_key("trackId", "class")) is not None:
+        kind = told.astype(str).str.strip().str.lower().map(CLASSES)
         table[c.CLASS] = raw["id"].map(kind).fillna(0).astype("int8")
     notes.append("each carriageway is a period; x runs along the way of its longest recorded vehicle")
     limit = number_in(about, "speedLimit", float("nan"))
@@ -69,8 +69,8 @@ def read(opened: Opened, columns: Mapping[str, str]) -> tuple[Recording, Account
 def _straightened(raw: pd.DataFrame, period: npt.NDArray[np.str_]) -> tuple[Floats, Lanes]:
     """Return how far along its carriageway each row is, and its lane there."""
     s, number, offset, widths = np.zeros(len(raw)), np.zeros(len(raw), dtype=np.int64), np.zeros(len(raw)), []
-    lanelet = raw["lanelet"].astype(str).str.split(";").str[0].to_numpy()
-    from_middle = pd.to_numeric(raw["lanelet_offset"].astype(str).str.split(";").str[0], errors="coerce").to_numpy()
+    lanelet = raw["lanelet"].map(str).str.split(";").str[0].to_numpy()
+    from_middle = pd.to_numeric(raw["lanelet_offset"].map(str).str.split(";").str[0], errors="coerce").to_numpy()
     for label in np.unique(period):
         here = np.flatnonzero(period == label)
         vehicle = raw["id"].to_numpy(np.float64)[here].astype(np.int64)

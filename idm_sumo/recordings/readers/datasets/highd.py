@@ -16,7 +16,7 @@ import pandas as pd
 
 from idm_sumo.recordings import columns as c
 from idm_sumo.recordings.accounting import Accounting
-from idm_sumo.recordings.readers.beside import Companion, companion, number_in
+from idm_sumo.recordings.readers.beside import Companion, companion, markings_in, number_in
 from idm_sumo.recordings.readers.layout import Layout, Opened
 from idm_sumo.recordings.recording import Recording
 from idm_sumo.recordings.tracks import Tracks, to_recording, with_lanes
@@ -64,8 +64,8 @@ def read(opened: Opened, columns: Mapping[str, str]) -> tuple[Recording, Account
 
 def _leftwards(raw: pd.DataFrame, cars: Companion) -> pd.Series:
     """Return which rows are of vehicles that drive to the left of the picture."""
-    if {"id", "drivingDirection"} <= set(cars.table):
-        direction = raw["id"].map(cars.table.set_index("id")["drivingDirection"])
+    if (told := cars.by_key("id", "drivingDirection")) is not None:
+        direction = raw["id"].map(told)
         if direction.notna().all():
             return direction == LEFTWARDS
     if "xVelocity" in raw:
@@ -75,9 +75,9 @@ def _leftwards(raw: pd.DataFrame, cars: Companion) -> pd.Series:
 
 
 def _classes(vehicle: pd.Series, cars: Companion) -> pd.Series:
-    if not {"id", "class"} <= set(cars.table):
+    if (told := cars.by_key("id", "class")) is None:
         return pd.Series(0, vehicle.index)
-    kind = cars.table.set_index("id")["class"].astype(str).str.strip().str.lower().map(CLASSES)
+    kind = told.astype(str).str.strip().str.lower().map(CLASSES)
     return vehicle.map(kind).fillna(0).astype("int8")
 
 
@@ -88,10 +88,9 @@ def _lanes(raw: pd.DataFrame, left: pd.Series, leftwards: pd.Series, about: Comp
         here = leftwards == upper
         if not here.any():
             continue
-        if name in about.table:
-            text = str(about.table[name].iloc[0]).strip(";")
-            edges = np.array([float(word) for word in text.split(";")]) * (1.0 if upper else -1.0)
-            parts[upper] = here, lanes_between(left[here], sorted(edges.tolist(), reverse=True))
+        if (markings := markings_in(about, name)) is not None:
+            edges = sorted((edge if upper else -edge for edge in markings), reverse=True)
+            parts[upper] = here, lanes_between(left[here], edges)
         else:
             parts[upper] = here, lanes_of_labels(left[here], raw["laneId"][here].to_numpy(), source)
     number, offset = np.zeros(len(raw), dtype=np.int64), np.zeros(len(raw))

@@ -89,7 +89,7 @@ def _vehicle(told: dict[str, Any], number: int, source: str) -> pd.DataFrame:
         length, width = (float(np.median(np.asarray(told.get(name, np.nan), dtype=np.float64)))
                          for name in ("length", "width"))  # fmt: skip
         kind = int(np.median(np.asarray(told.get("coarse_vehicle_class", -1), dtype=np.float64)))
-        if not len(time) == len(x) == len(y) or time.ndim != 1:
+        if not len(time) == len(x) == len(y) > 0 or time.ndim != 1:
             raise ValueError(f"{len(time)} times, {len(x)} x, {len(y)} y")
     except (KeyError, TypeError, ValueError) as error:
         raise InputError(

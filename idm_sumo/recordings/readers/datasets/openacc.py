@@ -25,8 +25,8 @@ from idm_sumo.roads import DEFAULT
 from idm_sumo.runtime.errors import InputError
 
 LENGTH = 4.5  # m, of a car whose length is not told
-_SPEED, _GAP = re.compile(r"speed(\d+)"), re.compile(r"ivs(\d+)")
-_LENGTH = re.compile(r"^#\s*length\s*[,:=]\s*([\d.]+)", re.IGNORECASE | re.MULTILINE)
+_SPEED, _GAP = re.compile(r"speed(\d{1,3})"), re.compile(r"ivs(\d{1,3})")
+_LENGTH = re.compile(r"^#\s*length\s*[,:=]\s*(\d{1,3}(?:\.\d{1,9})?)\b", re.IGNORECASE | re.MULTILINE)
 
 
 def read(opened: Opened, columns: Mapping[str, str]) -> tuple[Recording, Accounting]:

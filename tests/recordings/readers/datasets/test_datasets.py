@@ -8,6 +8,7 @@ import pandas as pd
 import pytest
 
 from idm_sumo.recordings import columns as c
+from idm_sumo.recordings.readers.layout import plain
 from idm_sumo.recordings.reading import read_recording
 from idm_sumo.recordings.recording import Recording
 from idm_sumo.roads.units import FOOT
@@ -214,3 +215,8 @@ def test_reconstructed_ngsim(tmp_path: Path) -> None:
     recording = read_recording(tmp_path / "recon.txt")
     check(recording, tolerance=1e-5)
     assert recording.is_smooth
+
+
+def test_names_made_of_brackets_are_read_in_one_pass() -> None:
+    assert plain("speed (m/s)") == plain("Speed[m/s]") == "speed"
+    assert plain("[" * 1_000_000) == "[" * 1_000_000  # hours, if every bracket looked for its end

@@ -1,0 +1,85 @@
+"""A SUMO network of a straight road.
+
+Written where it is needed; netconvert need not be there.
+"""
+
+from __future__ import annotations
+
+import hashlib
+import json
+from itertools import pairwise
+from pathlib import Path
+from xml.etree.ElementTree import Element, ElementTree, SubElement
+
+from idm_sumo.roads import Road
+from idm_sumo.roads.straight import BEFORE, BEHIND
+from idm_sumo.runtime.cache import cache_folder
+from idm_sumo.runtime.files import new_file
+from idm_sumo.sumo.layouts import Layout
+
+EDGES = ("upstream", "section", "downstream")
+LAYOUT = Layout(mainline=EDGES, weave="section", downstream="downstream", on_ramp="", off_ramp="")
+
+
+def network_of(road: Road) -> Path:
+    """Return the network of a straight road: its main lanes.
+
+    In the recording's coordinates.
+
+    It is kept in the cache, one file a geometry.
+
+    Parameters
+    ----------
+    road : Road
+        Its side lanes are not part of the network.
+    """
+    geometry = json.dumps([road.widths, road.length, road.speed_limit])
+    name = hashlib.sha256(geometry.encode()).hexdigest()[:16]
+    path = cache_folder() / "networks" / f"straight-{name}.net.xml"
+    if not path.is_file():
+        path.parent.mkdir(parents=True, exist_ok=True)
+        with new_file(path) as part:
+            write_network(road, part)
+    return path
+
+
+def write_network(road: Road, path: Path) -> None:
+    """Write the network of a straight road.
+
+    Parameters
+    ----------
+    road : Road
+    path : Path
+    """
+    ends = (-BEFORE, 0.0, road.length, road.length + BEHIND)
+    lanes = range(road.main_lanes)  # SUMO's index, from the right
+    box = f"{ends[0]:.2f},{-road.width:.2f},{ends[-1]:.2f},0.00"
+    net = Element("net", version="1.20", junctionCornerDetail="5", limitTurnSpeed="5.50")
+    SubElement(net, "location", netOffset="0.00,0.00", convBoundary=box, origBoundary=box, projParameter="!")
+    for number, edge in enumerate(EDGES):
+        one = SubElement(net, "edge", {"id": edge, "from": f"n{number}", "to": f"n{number + 1}", "priority": "1"})
+        for index in lanes:
+            lane = road.main_lanes - index
+            y = float(road.lane_center(lane))
+            SubElement(one, "lane", id=f"{edge}_{index}", index=str(index), speed=f"{road.speed_limit:.4f}",
+                       length=f"{ends[number + 1] - ends[number]:.2f}", width=f"{road.widths[lane - 1]:.4f}",
+                       shape=f"{ends[number]:.2f},{y:.4f} {ends[number + 1]:.2f},{y:.4f}")  # fmt: skip
+    for number, x in enumerate(ends):
+        _junction(net, road, number, x)
+    for before, after in pairwise(EDGES):
+        for index in lanes:
+            SubElement(net, "connection", {"from": before, "to": after, "fromLane": str(index), "toLane": str(index),
+                                           "dir": "s", "state": "M"})  # fmt: skip
+    ElementTree(net).write(path, encoding="utf-8", xml_declaration=True)
+
+
+def _junction(net: Element, road: Road, number: int, x: float) -> None:
+    outer = number in (0, len(EDGES))
+    incoming = " ".join(f"{EDGES[number - 1]}_{index}" for index in range(road.main_lanes)) if number else ""
+    junction = SubElement(net, "junction", id=f"n{number}", type="dead_end" if outer else "priority", x=f"{x:.2f}",
+                          y=f"{-road.width:.2f}", incLanes=incoming, intLanes="",
+                          shape=f"{x:.2f},0.00 {x:.2f},{-road.width:.2f}")  # fmt: skip
+    if not outer:
+        for index in range(road.main_lanes):
+            none = "0" * road.main_lanes
+            SubElement(junction, "request", index=str(index), response=none, foes=none, cont="0")

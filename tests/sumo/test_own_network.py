@@ -1,0 +1,128 @@
+"""Roads of networks of one's own: numbers, places, and SUMO's traffic where the recording has it."""
+
+import shutil
+from pathlib import Path
+
+import numpy as np
+import pandas as pd
+import pytest
+
+from idm_sumo.calibration import calibrate
+from idm_sumo.recordings import columns as c
+from idm_sumo.recordings.cleaning import clean
+from idm_sumo.recordings.reading import read_recording, write_parquet
+from idm_sumo.roads.pieces import shown
+from idm_sumo.roads.straight import straight_road
+from idm_sumo.runtime.errors import InputError
+from idm_sumo.scenes.windows import Window, build_scenes
+from idm_sumo.simulation.rollout import drive_idm
+from idm_sumo.sumo import network
+from idm_sumo.sumo.own_network import road_of
+from idm_sumo.sumo.replay.one_vehicle import replay
+from idm_sumo.sumo.replay.playback import play
+from idm_sumo.sumo.session import simulation
+from tests.roads import networks, proof
+
+SECONDS = 45.0
+BY_NAME = {"curve": networks.EVERY[1], "ramp": networks.RAMP, "city": networks.CITY}
+pytestmark = pytest.mark.skipif(
+    not shutil.which(networks.netconvert()), reason="netconvert is not there (package eclipse-sumo)"
+)
+
+
+@pytest.fixture(scope="module", params=list(BY_NAME))
+def made(request: pytest.FixtureRequest, tmp_path_factory: pytest.TempPathFactory) -> tuple[str, proof.Truth]:
+    folder = tmp_path_factory.mktemp(request.param)
+    return request.param, proof.make(BY_NAME[request.param], folder, seconds=SECONDS)
+
+
+def test_positions_of_sumo_come_back(made: tuple[str, proof.Truth], tmp_path: Path) -> None:
+    name, truth = made
+    recording = proof.recorded(BY_NAME[name], truth, tmp_path, step=0.1, noise=0.0)
+    table, road = recording.table, recording.road
+    number = {which: one for one, which in proof.named(recording, truth).items()}
+    fcd = truth.fcd.assign(vehicle=truth.fcd["vehicle_id"].astype(str).map(number))
+    fcd["frame"] = (fcd["timestep_time"] * 10).round().astype("int64")
+    both = table.merge(fcd[["vehicle", "frame", "vehicle_x", "vehicle_y"]], on=["vehicle", "frame"])
+    assert len(both) == len(table) > 1000
+    place = shown(road, both[c.X], both[c.Y])
+    assert np.hypot(place.x - both["vehicle_x"], place.y - both["vehicle_y"]).max() < 0.01
+
+
+def test_sumo_shows_vehicles_where_they_were_and_agrees_with_the_kernels(
+    made: tuple[str, proof.Truth], tmp_path: Path
+) -> None:
+    name, truth = made
+    recording = proof.recorded(BY_NAME[name], truth, tmp_path, step=0.1, noise=0.0)
+    scenes = build_scenes(recording, Window(observed=10, horizon=50))
+    some = scenes.subset(np.arange(0, len(scenes), max(len(scenes) // 8, 1)))
+    drivers = calibrate(some)
+    ours, theirs = drive_idm(some, drivers), replay(some, drivers)
+    assert np.abs(ours.x - theirs.x).max() < 1e-3
+    assert len(recording.periods) == 1
+
+
+def test_a_recording_keeps_its_network(made: tuple[str, proof.Truth], tmp_path: Path) -> None:
+    name, truth = made
+    recording = proof.recorded(BY_NAME[name], truth, tmp_path, step=0.1, noise=0.0)
+    write_parquet(recording, tmp_path / "kept.parquet")
+    again = read_recording(tmp_path / "kept.parquet")
+    assert again.road == recording.road
+    pd.testing.assert_frame_equal(again.table, recording.table)
+
+
+def test_places_on_edges_come_back(made: tuple[str, proof.Truth]) -> None:
+    name, truth = made
+    road = road_of(truth.net, BY_NAME[name].corridor)
+    net = network.of(road)
+    x = np.linspace(1.0, road.length - 1.0, 50)
+    outside = np.array([not any(p.internal and p.start < one < p.end for p in road.pieces) for one in x])
+    for lane in range(1, road.main_lanes + 1):
+        back, _, lanes = net.coordinates(net.place(x[outside], np.full(outside.sum(), lane)))
+        np.testing.assert_allclose(back, x[outside], atol=1e-6)
+        assert (lanes == lane).all()
+
+
+def test_a_ramp_and_its_lane_are_side_lanes(tmp_path: Path) -> None:
+    road = road_of(networks.build(networks.RAMP, tmp_path))
+    assert road.main_lanes == 2
+    assert [lane.kind for lane in road.side_lanes] == ["auxiliary", "on-ramp"]
+    assert road.edges == ("before", "merge", "after")
+
+
+def test_a_network_of_several_roads_asks_for_the_corridor(tmp_path: Path) -> None:
+    net = networks.build(networks.CITY, tmp_path)
+    with pytest.raises(InputError, match=r"more than one road.*--corridor"):
+        road_of(net)
+    assert road_of(net, ["west", "east"]).has_signals
+    with pytest.raises(InputError, match="has no edge 'nowhere'; it has"):
+        road_of(net, ["nowhere"])
+    with pytest.raises(InputError, match="no way from edge 'east' to 'west'"):
+        road_of(net, ["east", "west"])
+
+
+def test_what_is_no_network_is_refused(tmp_path: Path) -> None:
+    (tmp_path / "bad.net.xml").write_text("<net><edge>")
+    with pytest.raises(InputError, match="not a SUMO network"):
+        road_of(tmp_path / "bad.net.xml")
+    with pytest.raises(InputError, match="no such network"):
+        road_of(tmp_path / "none.net.xml")
+
+
+def test_a_straight_road_has_a_network_without_netconvert(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setenv("IDM_SUMO_CACHE", str(tmp_path))
+    road = straight_road("test", (3.5, 3.0), length=500.0, speed_limit=30.0)
+    net = network.of(road)
+    with simulation([], net=net.file) as sumo:
+        sumo.route.add("main", net.mainline)
+        sumo.vehicle.add("one", "main", departLane="1", departSpeed="30")
+        for _ in range(300):
+            sumo.simulationStep()
+        assert sumo.vehicle.getLaneID("one") == "downstream_1"
+        assert sumo.vehicle.getPosition("one")[1] == pytest.approx(float(road.lane_center(1)))
+
+
+def test_play_is_exact_on_a_straight_road(tmp_path: Path) -> None:
+    truth = proof.make(networks.STRAIGHT, tmp_path, seconds=15.0)
+    recording = proof.recorded(networks.STRAIGHT, truth, tmp_path, step=0.1, noise=0.0)
+    assert play(clean(recording)).largest_deviation < 0.01
