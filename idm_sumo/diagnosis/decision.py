@@ -112,14 +112,14 @@ def claims_of(found: Found) -> list[Claim]:
     """Return everything significant on enough drivers, at sizes that are more than systematic errors."""
     look, settings = found.last, found.settings
     library = look.library
-    arena = se.Competition(look.evidence, library, settings, look.score, look.selection.tau)
+    arena = look.arena(settings)
     parts = [arena.contribution(one) for one in look.selection.components]
     claims: list[Claim] = []
     for n, component in enumerate(look.selection.components):
         winner = look.winner(component)
         if winner is None:
             continue
-        others = sum((part for k, part in enumerate(parts) if k != n), np.zeros(library.plan.count))
+        others = sum((part for k, part in enumerate(parts) if k != n), arena.nothing)
         careful = arena.component(others, careful=True)
         family = int(library.family[winner])
         drivers = look.effective_drivers(winner)

@@ -4,9 +4,11 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
+from functools import cached_property
 
 import numpy as np
 import numpy.typing as npt
+from scipy.sparse import csr_matrix
 
 from idm_sumo.diagnosis import columns as co
 from idm_sumo.diagnosis import gls
@@ -70,7 +72,16 @@ class Evidence:
         """The same by driver, the replicates' mean taken off evenly."""
         return np.asarray(self.u - self.share[:, None] * self.nulls.mean(axis=0))
 
-    @property
+    def replicate_error(self, mix: csr_matrix) -> Floats:
+        """Return by how much the replicates' mean adds to the variance of combined scores, as a share of the model's.
+
+        Replicates whose drivers are drawn anew may differ by more than windows with the same drivers do.
+        """
+        own = np.maximum(np.asarray(mix.multiply(mix @ self.gram).sum(axis=1)).ravel(), 1e-9)
+        varied = np.asarray(self.nulls @ mix.T).var(axis=0, ddof=1) if len(self.nulls) > 1 else own
+        return np.asarray(np.maximum(varied / own, self.inflation) / len(self.nulls) / self.inflation)
+
+    @cached_property
     def inflation(self) -> float:
         """By how much the variance of blocks of neighbours exceeds the model's, the median over bins of catalogued effects."""
         which = [k for g in self.plan.groups if g.axes and g.name for k in range(g.first, g.first + g.count)]
@@ -109,13 +120,6 @@ def examine(subject: Subject, fit: Fit, plan: co.Plan, lucks: Sequence[Luck]) ->
     nulls = np.where(between, np.array(totals[len(lucks) :]), np.array(totals[: len(lucks)]))
     share = np.bincount(windows.driver, minlength=windows.drivers) / len(windows.driver)
     return Evidence(plan, found.u, nulls, found.gram, found.part, windows.platoon, share)
-
-
-def scores_of(subject: Subject, fit: Fit, plan: co.Plan) -> gls.Scores:
-    """Return the recording's scores of some columns, no replicates heard."""
-    answer = co.answer_of(subject.windows, fit)
-    longest = _longest(subject.windows, fit, answer, plan)
-    return _scores(subject.windows, fit, answer, plan, longest, whole=True)
 
 
 def _longest(windows: w.Windows, fit: Fit, answer: co.Answer, plan: co.Plan, most: int = 600) -> Floats:

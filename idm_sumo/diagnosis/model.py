@@ -1,4 +1,4 @@
-"""Effects in the model: put there, moved to the size where their score vanishes, taken out again."""
+"""Effects in the model: put there, taken out again, and what they leave to compete for."""
 
 from __future__ import annotations
 
@@ -9,17 +9,14 @@ import numpy as np
 import numpy.typing as npt
 
 from idm_sumo.diagnosis import columns as co
-from idm_sumo.diagnosis.evidence import Evidence, Subject, scores_of
-from idm_sumo.diagnosis.fit import Fit, fit_drivers, improve
+from idm_sumo.diagnosis.evidence import Evidence, Subject
+from idm_sumo.diagnosis.fit import Fit, improve
 from idm_sumo.diagnosis.library import Library, magnitude_of
 from idm_sumo.diagnosis.rollout import ROWS
 from idm_sumo.models.effects import BY_NAME, Parameter
 from idm_sumo.models.effects.form import Form
 
 Floats = npt.NDArray[np.float64]
-
-STEPS, REFITS = 5, 2  # of a size on its way, and of the drivers at each
-LONGEST, SETTLED, FASTEST = 0.6, 0.03, 6.0  # of a size in one step; below, it has settled; growth of steps
 
 
 @dataclass(frozen=True)
@@ -106,60 +103,6 @@ def refitted(subject: Subject, fit: Fit, rounds: int) -> Fit:
     for _ in range(rounds):
         fit = improve(subject.windows, fit)
     return fit
-
-
-def anew(subject: Subject, fit: Fit) -> Fit:
-    """Return drivers, population and noise fitted from scratch to the same magnitudes."""
-    return fit_drivers(subject.windows, fit.by_lane, fit.start_variance)
-
-
-def climbed(
-    subject: Subject, base: Fit, effects: Sequence[Placed], plan: co.Plan, bias: Mapping[str, float]
-) -> tuple[Fit, list[Placed]]:
-    """Move the effects' magnitudes to where their scores, less what replicates show, vanish.
-
-    Drivers absorb part of an effect, and give it back only slowly: steps grow as long as they go the same way.
-    """
-    effects = list(effects)
-    fit = anew(subject, with_effects(base, effects, plan))
-    factor, last = np.full(len(effects), 1.0), np.zeros(len(effects))
-    for _ in range(STEPS):
-        score, information = local_scores(subject, fit, plan, [one.name for one in effects])
-        free = score - np.array([bias.get(one.name, 0.0) for one in effects])
-        step = np.linalg.solve(information + 1e-9 * np.diag(np.diag(information)), free)
-        same = step * last >= 0.0
-        factor = np.where(
-            same, np.minimum(factor * np.where(last == 0.0, 1.0, 1.7), FASTEST), np.maximum(0.5 * factor, 0.5)
-        )
-        last = step
-        values = np.array([one.value for one in effects])
-        typical = np.array([one.magnitude.typical for one in effects])
-        longest = LONGEST * np.maximum(np.abs(values), 0.5 * typical)
-        moved = values + np.clip(factor * step, -longest, longest)
-        effects = [_at(one, float(value)) for one, value in zip(effects, moved, strict=True)]
-        fit = refitted(subject, with_effects(fit, effects, plan), REFITS)
-        if (np.abs(step) < SETTLED * np.maximum(np.abs(values), 0.2 * typical)).all():
-            break
-    return fit, effects
-
-
-def _at(one: Placed, value: float) -> Placed:
-    """Return an effect with another magnitude, within its bounds and off zero, where it would not be there."""
-    first = one.magnitude
-    value = float(np.clip(value, first.lower, first.upper))
-    least = 0.02 * first.typical
-    return replace(one, value=value if abs(value) >= least else float(np.copysign(least, value)))
-
-
-def local_scores(subject: Subject, fit: Fit, plan: co.Plan, names: Sequence[str]) -> tuple[Floats, Floats]:
-    """Return the recording's scores of a little more of effects in the model, and their Gram matrix."""
-    groups = []
-    for number, name in enumerate(names):
-        form = co.present_form(fit, BY_NAME[name])
-        assert form is not None
-        groups.append(co.Group(name, form, present=True, first=number))
-    found = scores_of(subject, fit, replace(plan, groups=tuple(groups)))
-    return found.u.sum(axis=0), found.gram
 
 
 def present_columns(plan: co.Plan, effects: Sequence[Placed]) -> list[int]:

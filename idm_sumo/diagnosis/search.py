@@ -3,24 +3,26 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from typing import NamedTuple
 
 import numpy as np
 import numpy.typing as npt
 
 from idm_sumo.diagnosis import columns as co
 from idm_sumo.diagnosis import selection as se
+from idm_sumo.diagnosis.driving import Driven, Road
 from idm_sumo.diagnosis.evidence import Evidence, Subject, examine
 from idm_sumo.diagnosis.fit import Fit
 from idm_sumo.diagnosis.library import Library, library_of
 from idm_sumo.diagnosis.luck import draws
-from idm_sumo.diagnosis.model import Placed, climbed, placed_of, present_columns, whole_score
+from idm_sumo.diagnosis.model import Placed, placed_of, present_columns, whole_score
 from idm_sumo.diagnosis.settings import Settings
 from idm_sumo.runtime.progress import Progress
 
 Floats = npt.NDArray[np.float64]
 
-ROUNDS = 4  # of linearisation at the sizes reached
-SAME = 0.1  # of a size: a smaller change needs no further round
+ROUNDS = 6  # of what enters or leaves the model
+TRIED = 3  # effects that are driven in one round
 SURE = 0.5  # probability of a family within a component
 
 
@@ -44,6 +46,18 @@ class Look:
         inside = np.where(self.library.family == family, component.weight, 0.0)
         return int(np.argmax(inside))
 
+    def arena(self, settings: Settings) -> se.Competition:
+        """Return the competition with the law's misfit that is likeliest."""
+        return se.Competition(self.evidence, self.library, settings, self.score, self.selection.tau)
+
+    def log_bf(self, driven: Driven, hypothesis: int) -> float:
+        """Return the logarithm of the mean Bayes factor of a family of which one hypothesis was driven."""
+        unsure = 1.0 + float(self.evidence.replicate_error(self.library.mix[[hypothesis]])[0])
+        slab, variance = self.library.size[hypothesis] ** 2, self.evidence.inflation * unsure * driven.deviation**2
+        keep = slab / (variance + slab)
+        said = max(driven.support, 0.0) / (self.evidence.inflation * unsure) * keep
+        return float(0.5 * np.log1p(-keep) + said + np.log(self.library.within[hypothesis]))
+
     def effective_drivers(self, hypothesis: int) -> float:
         """Return on how many drivers a hypothesis rests, by Kish's formula on what each says for it."""
         row = self.library.mix[hypothesis]
@@ -66,10 +80,15 @@ class Found:
 
 
 def search(subject: Subject, base: Fit, settings: Settings, rng: np.random.Generator, progress: Progress) -> Found:
-    """Return what competes best, each effect at its size."""
+    """Return what competes best, each effect at its size.
+
+    The linear competition says what is worth driving, the likelihood of the driven effect whether it enters the model and at which
+    size; then everything competes anew around it, and what no longer wins leaves.
+    """
     lucks = draws(subject.windows, subject.noises, settings.replicates, rng)
 
-    def look(fit: Fit, effects: tuple[Placed, ...], stage: str) -> Look:
+    def look(fit: Fit, effects: tuple[Placed, ...]) -> Look:
+        stage = "comparing hypotheses at the sizes reached" if effects else "comparing hypotheses"
         progress(stage, 0, 1)
         plan = co.plan_of(subject.windows, fit)
         evidence = examine(subject, fit, plan, lucks)
@@ -79,54 +98,88 @@ def search(subject: Subject, base: Fit, settings: Settings, rng: np.random.Gener
         progress(stage, 1, 1)
         return Look(fit, effects, evidence, library, score, selection)
 
-    first = now = look(base, (), "comparing hypotheses")
-    for number in range(ROUNDS):
-        wanted = _wanted(now, settings, most=number + 1)
-        if _is_settled(wanted, now.effects):
-            break
-        progress(f"fitting {len(wanted)} effects", 0, 1)
-        fit, effects = climbed(subject, base, wanted, now.library.plan, _biases(now, wanted)) if wanted else (base, [])
-        now = look(fit, tuple(effects), "comparing hypotheses at the sizes reached") if effects else first
+    first = now = look(base, ())
+    road = Road(subject, base, first.library.plan)
+    refused: set[str] = set()
+    for _ in range(ROUNDS):
+        kept = tuple(one for one in now.effects if one.name in _winners(now, settings))
+        refused |= {one.name for one in now.effects} - {one.name for one in kept}
+        slopes = [_slope(now, one) for one in kept]
+        if len(kept) == len(now.effects):
+            one = _entering(now, road, refused, settings, progress) if len(kept) < settings.components else None
+            if one is None:
+                break
+            kept, slopes = one.driven.effects, [*slopes, one.slope]
+        now = look(*road.together(kept, slopes)) if kept else first
     return Found(base, first, now, settings)
 
 
-def _wanted(now: Look, settings: Settings, most: int) -> list[Placed]:
-    """Return the effects that win, at the sizes at which they do."""
-    wanted: list[Placed] = []
+def _winners(now: Look, settings: Settings) -> dict[str, int]:
+    """Return the hypothesis of each name that wins a component on enough drivers."""
+    out: dict[str, int] = {}
     for component in now.selection.components:
         winner = now.winner(component)
-        if winner is None or now.library.is_free(winner) or now.effective_drivers(winner) < settings.least_drivers:
-            continue
-        one = placed_of(now.library, winner, float(component.size[winner]), now.effects)
-        if all(one.name != other.name for other in wanted) and len(wanted) < most:
-            wanted.append(one)
-    return wanted
-
-
-def _is_settled(wanted: list[Placed], effects: tuple[Placed, ...]) -> bool:
-    """Return whether the model already holds what is wanted."""
-    if {one.name for one in wanted} != {one.name for one in effects}:
-        return False
-    pairs = [(one, next(other for other in effects if other.name == one.name)) for one in wanted]
-    return all(
-        one.is_like(other) and abs(one.value - other.value) <= SAME * max(abs(other.value), 0.5 * one.magnitude.typical)
-        for one, other in pairs
-    )
-
-
-def _biases(now: Look, wanted: list[Placed]) -> dict[str, float]:
-    """Return what null replicates say of a little more of each effect."""
-    plan, nulls = now.library.plan, now.evidence.nulls.mean(axis=0)
-    out = {}
-    for one in wanted:
-        there = [other for other in now.effects if other.name == one.name]
-        if there:
-            out[one.name] = float(nulls[present_columns(plan, there)[0]])
-            continue
-        for number in range(len(now.library.group)):
-            group = now.library.group_of(number)
-            if group.name == one.name and group.form == one.form and now.library.edges(number) == dict(one.edges):
-                row = now.library.mix[number]
-                out[one.name] = float(row.data @ nulls[row.indices])
-                break
+        if winner is not None and now.effective_drivers(winner) >= settings.least_drivers:
+            out.setdefault(now.library.names[int(now.library.family[winner])], winner)
     return out
+
+
+def _candidates(now: Look, refused: set[str], settings: Settings) -> list[tuple[int, float]]:
+    """Return hypotheses of effects that are worth driving, and the sizes at which they win; none if nothing is left to explain."""
+    there = {one.name for one in now.effects}
+    if not set(_winners(now, settings)) - there:
+        return []
+    library, arena = now.library, now.arena(settings)
+    held, others = [], []
+    for component in now.selection.components:
+        own = library.names[int(np.argmax(component.probability(library)))]
+        (held if own in there else others).append(component)
+    alone = arena.component(sum((arena.contribution(one) for one in held), arena.nothing))
+    close: list[tuple[float, int, float]] = []
+    for one in (alone, *others):
+        for family in np.flatnonzero(one.by_family > np.maximum(now.selection.threshold, 0.0)):
+            name = library.names[family]
+            inside = np.where(library.family == family, one.log_bf + np.log(library.within), -np.inf)
+            best = int(np.argmax(inside))
+            if library.is_free(best) or name in there | refused | {name_of(library, n) for _, n, _ in close}:
+                continue
+            if now.effective_drivers(best) >= settings.least_drivers:
+                close.append((float(one.by_family[family]), best, float(one.size[best])))
+    return [(best, size) for _, best, size in sorted(close, reverse=True)[:TRIED]]
+
+
+def name_of(library: Library, hypothesis: int) -> str:
+    """Return the family of a hypothesis."""
+    return library.names[int(library.family[hypothesis])]
+
+
+class Entering(NamedTuple):
+    """An effect that enters the model, driven beside those in it."""
+
+    log_bf: float
+    driven: Driven
+    slope: float
+
+
+def _entering(now: Look, road: Road, refused: set[str], settings: Settings, progress: Progress) -> Entering | None:
+    """Return the effect that is likeliest once it is driven; None if none is likely enough."""
+    tried = _candidates(now, refused, settings)
+    without = road.driven(now.effects)[0] if tried else 0.0
+    likely: list[Entering] = []
+    for number, (hypothesis, size) in enumerate(tried):
+        progress("driving with one more effect", number, len(tried))
+        one = placed_of(now.library, hypothesis, size, now.effects)
+        row = now.library.mix[hypothesis]
+        slope = float(row.data @ now.evidence.nulls.mean(axis=0)[row.indices])
+        driven = road.sized(now.effects, one, slope, without)
+        log_bf = now.log_bf(driven, hypothesis)
+        if log_bf < max(now.selection.threshold[now.library.family[hypothesis]], 0.0):
+            refused.add(one.name)
+        else:
+            likely.append(Entering(log_bf, driven, slope))
+    return max(likely, key=lambda one: one.log_bf, default=None)
+
+
+def _slope(now: Look, one: Placed) -> float:
+    """Return what null replicates say of a little more of an effect in the model."""
+    return float(now.evidence.nulls.mean(axis=0)[present_columns(now.library.plan, [one])[0]])

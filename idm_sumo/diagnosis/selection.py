@@ -106,9 +106,8 @@ class Competition:
 
     def __init__(self, evidence: Evidence, library: Library, settings: Settings, score: Floats, tau: float) -> None:
         self.library, self.settings = library, settings
-        replicates = len(evidence.nulls)
-        unsure = evidence.inflation * (1.0 + 1.0 / max(replicates, 1))
-        score, gram = score / unsure, evidence.gram / unsure
+        score, gram = score / evidence.inflation, evidence.gram / evidence.inflation
+        self.unsure = 1.0 + evidence.replicate_error(library.mix)
         rough, precision = misfit_columns(library, tau)
         inner = gram[np.ix_(rough, rough)]
         held = np.linalg.inv(inner + np.diag(precision))
@@ -137,7 +136,7 @@ class Competition:
         theirs = self.mixed @ others
         estimate = (self.library.mix @ self.score - theirs) / self.information
         leak = self.settings.doubt * theirs / self.information
-        variance = 1.0 / self.information + leak**2 + (self.fixed if careful else 0.0)
+        variance = self.unsure / self.information + leak**2 + (self.fixed if careful else 0.0)
         keep = self.slab / (variance + self.slab)
         z = estimate / np.sqrt(variance)
         log_bf = 0.5 * np.log1p(-keep) + 0.5 * z**2 * keep
@@ -153,6 +152,11 @@ class Competition:
         total = logsumexp(np.append(weight, np.log(self.settings.nothing)))
         return Component(np.exp(weight - total), mean, deviation, log_bf, family, z)
 
+    @property
+    def nothing(self) -> Floats:
+        """Return the sizes of columns of no effect."""
+        return np.zeros(self.library.plan.count)
+
     def contribution(self, component: Component) -> Floats:
         """Return the sizes of columns that a component expects."""
         return np.asarray(self.library.mix.T @ (component.weight * component.size))
@@ -163,9 +167,9 @@ class Competition:
         root = vectors * np.sqrt(np.maximum(values, 0.0))
         library = self.library
         left = library.mix @ (root @ rng.standard_normal((len(values), NULL_DRAWS)))
-        variance = 1.0 / self.information
+        variance = self.unsure / self.information
         keep = (self.slab / (variance + self.slab))[:, None]
-        z = left / (self.information * np.sqrt(variance))[:, None]
+        z = left / np.sqrt(self.information)[:, None]
         log_bf = 0.5 * np.log1p(-keep) + 0.5 * z**2 * keep
         log_bf = np.where(self.is_positive[:, None] & (z < 0.0), np.log1p(-keep), log_bf)
         log_bf += np.log(library.within)[:, None]
@@ -227,9 +231,8 @@ def _settled(arena: Competition, components: list[Component]) -> list[Component]
 def _misfit(evidence: Evidence, library: Library, score: Floats, tau: float, sizes: Floats) -> tuple[Floats, float]:
     """Return the posterior mean of the law's misfit, given effects, and its largest standard error."""
     rough, precision = misfit_columns(library, tau)
-    unsure = evidence.inflation * (1.0 + 1.0 / max(len(evidence.nulls), 1))
-    gram = evidence.gram / unsure
-    left = score[rough] / unsure - gram[rough] @ sizes
+    gram = evidence.gram / evidence.inflation
+    left = score[rough] / evidence.inflation - gram[rough] @ sizes
     inner = gram[np.ix_(rough, rough)]
     mean = np.asarray(np.linalg.solve(inner + np.diag(precision), left), dtype=np.float64)
     return mean, float(np.sqrt(max(float(mean @ inner @ mean), 0.0)))

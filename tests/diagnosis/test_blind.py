@@ -58,7 +58,7 @@ def test_nothing_hidden_nothing_named(tmp_path):
 
 
 @pytest.mark.parametrize("law", ["fvd", *(pytest.param(law, marks=pytest.mark.slow) for law in ("idm", "gipps"))])
-def test_drivers_of_anmisfit_are_told_from_those_of_an_idm(law, tmp_path):
+def test_drivers_of_another_law_are_told_from_those_of_an_idm(law, tmp_path):
     recording = hidden(tmp_path, 23, None, underlying=law, drivers=350, minutes=5.0, sigma=0.15)
     found = checked(diagnose(recording))
     assert found.verdict == "none"
@@ -70,7 +70,7 @@ def test_drivers_of_anmisfit_are_told_from_those_of_an_idm(law, tmp_path):
 
 
 @pytest.mark.slow
-def test_what_is_beyond_anmisfit_is_named_and_not_what_the_law_makes_of_an_idm(tmp_path):
+def test_what_is_beyond_another_law_is_named_and_not_what_the_law_makes_of_an_idm(tmp_path):
     # To an IDM, drivers of this law seem to keep longer headways at speed.
     given = {"underlying": "fvd", "drivers": 300, "minutes": 4.0, "density": "moderate", "form": "third"}
     found = checked(diagnose(hidden(tmp_path, 24, "speed_dependent_headway", "mid", **given)))
@@ -137,7 +137,7 @@ def test_what_some_drivers_have_is_named_with_how_many_they_are(tmp_path):
 
 
 @pytest.mark.slow
-def test_some_who_are_late_under_anmisfit_are_not_taken_for_an_asymmetry_of_all(tmp_path):
+def test_some_who_are_late_under_another_law_are_not_taken_for_an_asymmetry_of_all(tmp_path):
     plan = planting.plan(81210034, effect="reaction_delay", size="large", underlying="fvd", share=0.4)
     planting.write(planting.simulate(plan), tmp_path / "recording.parquet")
     late_ones(checked(diagnose(read_recording(tmp_path / "recording.parquet"), seed=81210034)))
@@ -285,7 +285,7 @@ def test_headways_that_change_with_speed_are_named_beyond_a_safe_speed(seed, siz
 @pytest.mark.parametrize(
     ("seed", "effect", "form"), [(81210016, "speed_dependent_headway", "usual"), (81210052, "time_of_day", "third")]
 )
-def test_what_anmisfit_or_the_time_since_the_entry_had_taken_up_is_named(seed, effect, form, tmp_path):
+def test_what_another_law_or_the_time_since_the_entry_had_taken_up_is_named(seed, effect, form, tmp_path):
     """Headways that grow with speed, and a drift, both of drivers of full velocity difference."""
     plan = planting.plan(seed, effect=effect, size="large", underlying="fvd", form=form)
     planting.write(planting.simulate(plan), tmp_path / "recording.parquet")

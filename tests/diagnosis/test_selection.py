@@ -129,12 +129,24 @@ def test_a_bayes_factor_is_that_of_two_normal_distributions():
     )
     one = arena.component(np.zeros(PLAN.count))
     number = int(np.flatnonzero(LIBRARY.family == LIBRARY.names.index("hysteresis"))[0])
-    variance, slab = 1.0 / arena.information[number], LIBRARY.size[number] ** 2
+    variance, slab = arena.unsure[number] / arena.information[number], LIBRARY.size[number] ** 2
     estimate = one.z[number] * np.sqrt(variance)
     direct = 0.5 * (estimate**2 / variance - estimate**2 / (variance + slab)) + 0.5 * np.log(
         variance / (variance + slab)
     )
     assert one.log_bf[number] == pytest.approx(direct)
+
+
+def test_replicates_that_differ_much_make_less_sure():
+    seen = evidence(hidden(hysteresis=0.2), 8)
+    number = int(np.flatnonzero(LIBRARY.family == LIBRARY.names.index("hysteresis"))[0])
+    apart = seen.nulls.copy()
+    apart[:, PLAN.of("hysteresis")[0]] += np.array([-60.0, -20.0, 20.0, 60.0])
+    zs = [
+        se.Competition(one, LIBRARY, SETTINGS, one.score, 0.0).component(np.zeros(PLAN.count)).z[number]
+        for one in (seen, replace(seen, nulls=apart))
+    ]
+    assert abs(zs[1]) < 0.8 * abs(zs[0])
 
 
 def test_a_careful_size_is_never_surer_than_the_exact_one():

@@ -1,0 +1,159 @@
+r"""Sizes by driving: how likely the recording is with an effect at each size, all drivers fitted anew.
+
+A column says what a little of an effect does. At the size of a real one drivers absorb and give back what no straight line does, so
+that what is in the model is judged by its likelihood at the size reached, less the slope that null replicates show.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+import numpy.typing as npt
+
+from idm_sumo.diagnosis import columns as co
+from idm_sumo.diagnosis.evidence import Subject
+from idm_sumo.diagnosis.fit import Fit, fit_drivers
+from idm_sumo.diagnosis.likelihood import log_likelihood
+from idm_sumo.diagnosis.model import Placed, with_effects
+
+Floats = npt.NDArray[np.float64]
+
+State = tuple[float, Fit, tuple[Placed, ...]]  # log-likelihood, fit, and the effects in it
+
+FIRST, GROWTH, MOST, SHORT = (
+    0.5,
+    2.0,
+    16.0,
+    0.25,
+)  # size tried first, of the typical one; then its multiples: by, to, or less
+BETTER = 0.5  # of a log-likelihood: less is no reason to go on
+NEARER = 0.2  # of a size, by which it is moved once others are beside it
+
+
+@dataclass(frozen=True)
+class Driven:
+    """Effects at their likeliest sizes, the last one judged.
+
+    Attributes
+    ----------
+    effects : tuple of Placed
+    fit : Fit
+    support : float
+        Log-likelihood over that without the last effect, less what null replicates show.
+    deviation : float
+        Standard deviation of its size, by the curvature there.
+    """
+
+    effects: tuple[Placed, ...]
+    fit: Fit
+    support: float
+    deviation: float
+
+
+class Road:
+    """A recording, and the base model into which effects are put."""
+
+    def __init__(self, subject: Subject, base: Fit, plan: co.Plan) -> None:
+        self.subject, self.base, self.plan = subject, base, plan
+
+    def fitted(self, effects: Sequence[Placed]) -> Fit:
+        """Return drivers, population and noise fitted from scratch beside some effects."""
+        by_lane = with_effects(self.base, effects, self.plan).by_lane
+        return fit_drivers(self.subject.windows, by_lane, self.base.start_variance)
+
+    def driven(self, effects: Sequence[Placed]) -> tuple[float, Fit]:
+        """Return how likely the recording is with some effects, and the fit."""
+        fit = self.fitted(effects)
+        return float(log_likelihood(self.subject.windows, fit).sum()), fit
+
+    def sized(self, rest: Sequence[Placed], one: Placed, slope: float, without: float) -> Driven:
+        """Return an effect at its likeliest size beside others, whose likelihood without it is known."""
+        kept: dict[float, tuple[float, Fit]] = {}
+
+        def at(value: float) -> float:
+            if value not in kept:
+                kept[value] = self.driven([*rest, replace(one, value=value)])
+            return kept[value][0] - without - slope * value
+
+        curve = _climbed(at, one)
+        best = max(curve, key=lambda value: curve[value])
+        if best == 0.0:
+            best = min((value for value in curve if value), key=abs)
+        support, fit = curve[best], kept[best][1]
+        return Driven((*rest, replace(one, value=best)), fit, support, _deviation(curve, best))
+
+    def together(self, effects: Sequence[Placed], slopes: Sequence[float]) -> tuple[Fit, tuple[Placed, ...]]:
+        """Return effects at their likeliest sizes once all are in the model, each moved in turn."""
+        effects = tuple(effects)
+        best, fit = self.driven(effects)
+        for n, slope in enumerate(slopes if len(effects) > 1 else ()):
+            best, fit, effects = self._moved(n, slope, (best, fit, effects))
+        return fit, effects
+
+    def _moved(self, number: int, slope: float, now: State) -> State:
+        """Return one effect nearer to its likeliest size beside the others."""
+        effects, one = now[2], now[2][number]
+        states, curve = {one.value: now}, {one.value: now[0] - slope * one.value}
+        for value in (_within(one, (1.0 - NEARER) * one.value), _within(one, (1.0 + NEARER) * one.value), None):
+            value = _within(one, _top(curve)) if value is None else value
+            if value not in states:
+                moved = (*effects[:number], replace(one, value=value), *effects[number + 1 :])
+                states[value] = (*self.driven(moved), moved)
+                curve[value] = states[value][0] - slope * value
+        return states[max(curve, key=lambda value: curve[value])]
+
+
+def _within(one: Placed, value: float) -> float:
+    first = one.magnitude
+    return float(np.clip(value, first.lower, first.upper))
+
+
+def _climbed(at: Callable[[float], float], one: Placed) -> dict[float, float]:
+    """Return the curve of the likelihood over sizes: doubled as long as it rises, then where a parabola has its top."""
+    step = FIRST * one.magnitude.typical * (float(np.sign(one.value)) or 1.0)
+    curve, last = {0.0: 0.0}, 0.0
+    value = _within(one, step)
+    curve[value] = at(value)
+    if curve[value] < 0.0:
+        value = _within(one, SHORT * step)
+        curve[value] = at(value)
+    else:
+        while value not in (last, MOST * step) and curve[value] >= curve[last] - BETTER:
+            last, value = value, _within(one, GROWTH * value)
+            curve.setdefault(value, at(value))
+    for _ in range(2):
+        value = _within(one, _top(curve))
+        if min(abs(value - other) for other in curve) < 0.03 * max(abs(value), 0.1 * one.magnitude.typical):
+            break
+        curve[value] = at(value)
+    return curve
+
+
+def _around(curve: dict[float, float], best: float) -> tuple[Floats, Floats]:
+    """Return the best size with its neighbours, and their likelihoods."""
+    sizes = sorted(curve)
+    middle = min(max(sizes.index(best), 1), len(sizes) - 2) if len(sizes) > 2 else 0
+    chosen = np.array(sizes[max(middle - 1, 0) : middle + 2])
+    return chosen, np.array([curve[value] for value in chosen])
+
+
+def _top(curve: dict[float, float]) -> float:
+    """Return where the parabola through the best size and its neighbours has its top."""
+    best = max(curve, key=lambda value: curve[value])
+    sizes, heights = _around(curve, best)
+    if len(sizes) < 3:
+        return best
+    bend, tilt, _ = np.polyfit(sizes - best, heights, 2)
+    if bend >= 0.0:
+        return best
+    return float(np.clip(best - 0.5 * tilt / bend, sizes[0], sizes[-1]))
+
+
+def _deviation(curve: dict[float, float], best: float) -> float:
+    """Return the standard deviation that the curvature at the best size says."""
+    sizes, heights = _around(curve, best)
+    bend = np.polyfit(sizes - best, heights, 2)[0] if len(sizes) > 2 else 0.0
+    fall = max(curve[best], 1e-3)
+    return float((-2.0 * bend) ** -0.5) if bend < 0.0 else abs(best) / float(np.sqrt(2.0 * fall))
