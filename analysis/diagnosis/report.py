@@ -159,6 +159,7 @@ def _write_tables(found: Diagnosis, folder: Path) -> None:
         "ruled_out": ruled_out_table(found),
         "untestable": pd.DataFrame({"name": list(found.untestable), "reason": list(found.untestable.values())}),
         "detectable": pd.DataFrame([vars(one) for one in found.detectable]),
+        "law_misfit": found.misfit_map,
         "laws": laws_table(found),
         "scans": pd.concat(
             [
@@ -230,6 +231,7 @@ def _write_page(
         unexplained=unexplained,
         laws=laws_table(found),
         ruled_out=ruled_out_table(found),
+        detectable=words.detectable_sentences(found),
         counts=counts,
         notes=notes,
         sentence=words.sentence,

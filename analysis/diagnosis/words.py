@@ -262,3 +262,23 @@ def _another(found: Diagnosis) -> str:
         f"lacks a smooth acceleration of gap, speed and approach rate of about {misfit.deviation:.2g} m/s² "
         f"({misfit.standard_errors:.0f} standard errors), with which every effect has to compete."
     )
+
+
+def detectable_sentences(found: Diagnosis) -> list[str]:
+    """Return how often each effect was found that was put into the recording's own followers.
+
+    Parameters
+    ----------
+    found : Diagnosis
+        The diagnosis.
+
+    Returns
+    -------
+    list of str
+        One line an effect and size.
+    """
+    return [
+        f"{plain(one.name)} of {one.symbol} = {format_quantity(one.size, one.unit)}, put into these very followers, "
+        f"was found in {round(one.found * one.of)} of {one.of}"
+        for one in found.detectable
+    ]

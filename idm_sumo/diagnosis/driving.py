@@ -22,12 +22,8 @@ Floats = npt.NDArray[np.float64]
 
 State = tuple[float, Fit, tuple[Placed, ...]]  # log-likelihood, fit, and the effects in it
 
-FIRST, GROWTH, MOST, SHORT = (
-    0.5,
-    2.0,
-    16.0,
-    0.25,
-)  # size tried first, of the typical one; then its multiples: by, to, or less
+FIRST, GROWTH, MOST, SHORT = 0.5, 2.0, 16.0, 0.25
+# size tried first, of the typical one; then its multiples: by, to, or less
 BETTER = 0.5  # of a log-likelihood: less is no reason to go on
 NEARER = 0.2  # of a size, by which it is moved once others are beside it
 
@@ -42,14 +38,11 @@ class Driven:
     fit : Fit
     support : float
         Log-likelihood over that without the last effect, less what null replicates show.
-    deviation : float
-        Standard deviation of its size, by the curvature there.
     """
 
     effects: tuple[Placed, ...]
     fit: Fit
     support: float
-    deviation: float
 
 
 class Road:
@@ -63,34 +56,34 @@ class Road:
         by_lane = with_effects(self.base, effects, self.plan).by_lane
         return fit_drivers(self.subject.windows, by_lane, self.base.start_variance)
 
-    def driven(self, effects: Sequence[Placed]) -> tuple[float, Fit]:
-        """Return how likely the recording is with some effects, and the fit."""
+    def driven(self, effects: Sequence[Placed]) -> tuple[Floats, Fit]:
+        """Return how likely each driver is with some effects, and the fit."""
         fit = self.fitted(effects)
-        return float(log_likelihood(self.subject.windows, fit).sum()), fit
+        return log_likelihood(self.subject.windows, fit), fit
 
-    def sized(self, rest: Sequence[Placed], one: Placed, slope: float, without: float) -> Driven:
-        """Return an effect at its likeliest size beside others, whose likelihood without it is known."""
-        kept: dict[float, tuple[float, Fit]] = {}
+    def sized(self, rest: Sequence[Placed], one: Placed, slope: float, without: Floats) -> Driven:
+        """Return an effect at its likeliest size beside others; how likely drivers are without it is known."""
+        kept: dict[float, tuple[Floats, Fit]] = {}
+        each_slope = slope / max(len(without), 1)
 
         def at(value: float) -> float:
-            if value not in kept:
-                kept[value] = self.driven([*rest, replace(one, value=value)])
-            return kept[value][0] - without - slope * value
+            kept[value] = self.driven([*rest, replace(one, value=value)])
+            return float((kept[value][0] - without - each_slope * value).sum())
 
         curve = _climbed(at, one)
-        best = max(curve, key=lambda value: curve[value])
-        if best == 0.0:
-            best = min((value for value in curve if value), key=abs)
-        support, fit = curve[best], kept[best][1]
-        return Driven((*rest, replace(one, value=best)), fit, support, _deviation(curve, best))
+        best = max((value for value in curve if value), key=lambda value: curve[value])
+        likely, fit = kept[best]
+        support = agreed(likely - without - each_slope * best, self.subject.windows.platoon)
+        return Driven((*rest, replace(one, value=best)), fit, support)
 
     def together(self, effects: Sequence[Placed], slopes: Sequence[float]) -> tuple[Fit, tuple[Placed, ...]]:
         """Return effects at their likeliest sizes once all are in the model, each moved in turn."""
         effects = tuple(effects)
-        best, fit = self.driven(effects)
+        likely, fit = self.driven(effects)
+        now: State = (float(likely.sum()), fit, effects)
         for n, slope in enumerate(slopes if len(effects) > 1 else ()):
-            best, fit, effects = self._moved(n, slope, (best, fit, effects))
-        return fit, effects
+            now = self._moved(n, slope, now)
+        return now[1], now[2]
 
     def _moved(self, number: int, slope: float, now: State) -> State:
         """Return one effect nearer to its likeliest size beside the others."""
@@ -100,9 +93,32 @@ class Road:
             value = _within(one, _top(curve)) if value is None else value
             if value not in states:
                 moved = (*effects[:number], replace(one, value=value), *effects[number + 1 :])
-                states[value] = (*self.driven(moved), moved)
+                likely, fit = self.driven(moved)
+                states[value] = float(likely.sum()), fit, moved
                 curve[value] = states[value][0] - slope * value
         return states[max(curve, key=lambda value: curve[value])]
+
+
+def agreed(each: Floats, block: npt.NDArray[np.int64]) -> float:
+    r"""Return a difference of log-likelihoods as far as blocks of drivers agree on it.
+
+    Of a model that is right, the differences' mean is half of its squared standard errors :math:`z^2`, and their deviation :math:`z`; so
+    twice the squared ratio of both says as much as the difference itself. It says less where few drivers say it all.
+
+    Parameters
+    ----------
+    each : float64, shape (drivers,)
+    block : int64, shape (drivers,)
+        Of neighbours.
+
+    References
+    ----------
+    Vuong (1989), Likelihood ratio tests for model selection and non-nested hypotheses.
+    """
+    sums = np.bincount(np.unique(block, return_inverse=True)[1], each)
+    deviation = float(np.sqrt(len(sums)) * sums.std(ddof=1)) if len(sums) > 1 else np.inf
+    ratio = float(sums.sum()) / max(deviation, 1e-12)
+    return float(np.sign(ratio) * min(abs(float(sums.sum())), 2.0 * ratio**2))
 
 
 def _within(one: Placed, value: float) -> float:
@@ -149,11 +165,3 @@ def _top(curve: dict[float, float]) -> float:
     if bend >= 0.0:
         return best
     return float(np.clip(best - 0.5 * tilt / bend, sizes[0], sizes[-1]))
-
-
-def _deviation(curve: dict[float, float], best: float) -> float:
-    """Return the standard deviation that the curvature at the best size says."""
-    sizes, heights = _around(curve, best)
-    bend = np.polyfit(sizes - best, heights, 2)[0] if len(sizes) > 2 else 0.0
-    fall = max(curve[best], 1e-3)
-    return float((-2.0 * bend) ** -0.5) if bend < 0.0 else abs(best) / float(np.sqrt(2.0 * fall))

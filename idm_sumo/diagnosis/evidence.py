@@ -25,6 +25,9 @@ Floats = npt.NDArray[np.float64]
 Integers = npt.NDArray[np.int64]
 
 
+ROUNDING = 1e-6  # of the largest entry of a Gram matrix, which is summed in single precision
+
+
 @dataclass(frozen=True)
 class Subject:
     """A recording under examination: its windows, noises, and whether it needed no smoothing."""
@@ -85,7 +88,9 @@ class Evidence:
     def inflation(self) -> float:
         """By how much the variance of blocks of neighbours exceeds the model's, the median over bins of catalogued effects."""
         which = [k for g in self.plan.groups if g.axes and g.name for k in range(g.first, g.first + g.count)]
-        known = np.array([k for k in which if self.gram[k, k] > 1e-9], np.int64)
+        said, own = np.diag(self.gram), self.part.sum(axis=0)
+        rounding = ROUNDING * float(said.max(initial=0.0))
+        known = np.array([k for k in which if said[k] > rounding and own[k] > 0.5 * said[k]], np.int64)
         if not len(known):
             return 1.5
         own, part = self.by_driver[:, known], self.part[:, known]

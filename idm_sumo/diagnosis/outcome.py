@@ -73,6 +73,7 @@ def told(
         notes=_notes(recording, windows, measurement),
         by_law=followed.by_law,
         misfit=LawMisfit(decision.look.selection.tau, decision.look.selection.misfit_z),
+        misfit_map=tables.misfit(windows, decision.look),
     )
 
 

@@ -235,6 +235,8 @@ class Diagnosis:
     misfit : LawMisfit
         Of the law to which causes are added.
     detectable : tuple of Detectable
+    misfit_map : pandas.DataFrame
+        ``gap`` (m), ``speed, approach_rate`` (m/s) and the ``acceleration`` (m/s²) that the law lacks there.
     law : Law or None
         Which drivers follow more likely than the IDM; it is then in both models, and gains are beside it. None for the IDM.
     by_law : mapping of str to LawCompared
@@ -259,5 +261,6 @@ class Diagnosis:
     seconds: Mapping[str, float] = field(default_factory=dict)
     misfit: LawMisfit = LawMisfit(0.0, 0.0)
     detectable: tuple[Detectable, ...] = ()
+    misfit_map: pd.DataFrame = field(default_factory=pd.DataFrame)
     law: Law | None = None
     by_law: Mapping[str, LawCompared] = field(default_factory=dict)

@@ -22,6 +22,7 @@ from idm_sumo.runtime.progress import Progress
 Floats = npt.NDArray[np.float64]
 
 ROUNDS = 6  # of what enters or leaves the model
+LITTLE = 1e-6  # of a log-likelihood
 TRIED = 3  # effects that are driven in one round
 SURE = 0.5  # probability of a family within a component
 
@@ -46,17 +47,29 @@ class Look:
         inside = np.where(self.library.family == family, component.weight, 0.0)
         return int(np.argmax(inside))
 
-    def arena(self, settings: Settings) -> se.Competition:
-        """Return the competition with the law's misfit that is likeliest."""
-        return se.Competition(self.evidence, self.library, settings, self.score, self.selection.tau)
+    def arena(self, settings: Settings, score: Floats | None = None) -> se.Competition:
+        """Return the competition with the law's misfit that is likeliest, over another score if one is given."""
+        score = self.score if score is None else score
+        return se.Competition(self.evidence, self.library, settings, score, self.selection.tau)
 
-    def log_bf(self, driven: Driven, hypothesis: int) -> float:
-        """Return the logarithm of the mean Bayes factor of a family of which one hypothesis was driven."""
-        unsure = 1.0 + float(self.evidence.replicate_error(self.library.mix[[hypothesis]])[0])
-        slab, variance = self.library.size[hypothesis] ** 2, self.evidence.inflation * unsure * driven.deviation**2
-        keep = slab / (variance + slab)
-        said = max(driven.support, 0.0) / (self.evidence.inflation * unsure) * keep
-        return float(0.5 * np.log1p(-keep) + said + np.log(self.library.within[hypothesis]))
+    def is_likely(self, driven: Driven, hypothesis: int, settings: Settings) -> bool:
+        """Return whether a driven effect is above chance, and likelier than nothing when judged carefully.
+
+        Its family's mean Bayes factor is taken as if no other of its hypotheses could explain anything.
+        """
+        arena, family = self.arena(settings), int(self.library.family[hypothesis])
+        squared, slab = driven.effects[-1].value ** 2, arena.slab[hypothesis]
+        said = max(driven.support, LITTLE) / (self.evidence.inflation * arena.unsure[hypothesis])
+
+        def log_bf(doubt: float) -> float:
+            variance = 0.5 * squared / said + doubt
+            keep = slab / (variance + slab)
+            mean = 0.5 * np.log1p(-keep) + 0.5 * squared / variance * keep + np.log(self.library.within[hypothesis])
+            return float(mean)
+
+        odds = np.log((1.0 - settings.nothing) * self.library.prior[family] / settings.nothing)
+        chance = max(float(self.selection.threshold[family]), 0.0)
+        return log_bf(0.0) >= chance and log_bf(float(arena.fixed[hypothesis])) + odds >= 0.0
 
     def effective_drivers(self, hypothesis: int) -> float:
         """Return on how many drivers a hypothesis rests, by Kish's formula on what each says for it."""
@@ -156,7 +169,6 @@ def name_of(library: Library, hypothesis: int) -> str:
 class Entering(NamedTuple):
     """An effect that enters the model, driven beside those in it."""
 
-    log_bf: float
     driven: Driven
     slope: float
 
@@ -164,7 +176,7 @@ class Entering(NamedTuple):
 def _entering(now: Look, road: Road, refused: set[str], settings: Settings, progress: Progress) -> Entering | None:
     """Return the effect that is likeliest once it is driven; None if none is likely enough."""
     tried = _candidates(now, refused, settings)
-    without = road.driven(now.effects)[0] if tried else 0.0
+    without = road.driven(now.effects)[0] if tried else np.empty(0)
     likely: list[Entering] = []
     for number, (hypothesis, size) in enumerate(tried):
         progress("driving with one more effect", number, len(tried))
@@ -172,12 +184,11 @@ def _entering(now: Look, road: Road, refused: set[str], settings: Settings, prog
         row = now.library.mix[hypothesis]
         slope = float(row.data @ now.evidence.nulls.mean(axis=0)[row.indices])
         driven = road.sized(now.effects, one, slope, without)
-        log_bf = now.log_bf(driven, hypothesis)
-        if log_bf < max(now.selection.threshold[now.library.family[hypothesis]], 0.0):
-            refused.add(one.name)
+        if now.is_likely(driven, hypothesis, settings):
+            likely.append(Entering(driven, slope))
         else:
-            likely.append(Entering(log_bf, driven, slope))
-    return max(likely, key=lambda one: one.log_bf, default=None)
+            refused.add(one.name)
+    return max(likely, key=lambda one: one.driven.support, default=None)
 
 
 def _slope(now: Look, one: Placed) -> float:

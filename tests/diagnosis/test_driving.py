@@ -56,7 +56,6 @@ def test_a_slope_of_the_replicates_moves_the_size_by_as_much_as_its_variance():
     with_slope = dr._climbed(lambda size: curve(size) - curve(0.0) - 20.0 * size, one)
     best = max(with_slope, key=lambda size: with_slope[size])
     assert best == pytest.approx(0.3 - 20.0 / 400.0, abs=0.01)
-    assert dr._deviation(with_slope, best) == pytest.approx(0.05, rel=0.1)
 
 
 def test_a_large_delay_is_found_at_its_size_though_drivers_without_one_were_fitted(late):
@@ -77,3 +76,12 @@ def test_sizes_that_hide_each_other_are_moved_together(late):
     low = [placed("reaction_delay", 1.7), placed("hysteresis", 0.1)]
     _, moved = late.together(low, [0.0, 0.0])
     assert moved[0].value > low[0].value
+
+
+def test_what_one_driver_says_is_no_agreement():
+    block, all_alike, one = np.arange(60) // 3, np.full(60, 1.0), np.zeros(60)
+    one[7] = 60.0
+    noisy = all_alike + 0.1 * np.random.default_rng(8).standard_normal(60)
+    assert dr.agreed(noisy, block) == pytest.approx(noisy.sum())
+    assert dr.agreed(one, block) < 2.5
+    assert dr.agreed(-noisy, block) == pytest.approx(-noisy.sum())
