@@ -124,7 +124,7 @@ class RuledOut(_Part):
 
 
 class Detectable(_Part):
-    """How often an effect was found that was put into the recording's own followers."""
+    """How often an effect was found in the recording's followers."""
 
     name: str
     symbol: str
@@ -135,7 +135,7 @@ class Detectable(_Part):
 
 
 class LawMisfit(_Part):
-    """The smooth acceleration of gap, speed and approach rate that the law lacks.
+    """The smooth acceleration that the law lacks.
 
     Attributes
     ----------

@@ -265,7 +265,7 @@ def _another(found: Diagnosis) -> str:
 
 
 def detectable_sentences(found: Diagnosis) -> list[str]:
-    """Return how often each effect was found that was put into the recording's own followers.
+    """Return how often each effect was found in followers.
 
     Parameters
     ----------

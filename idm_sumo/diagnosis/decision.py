@@ -149,7 +149,7 @@ def _claim(
     return Claim(
         library.names[family], winner, placed, value, error, float(exact.by_family[family]),
         float(look.selection.threshold[family]), z, float(min(1.0, 2.0 * len(library.names) * norm.sf(abs(z)))),
-        float(probability[family]), tuple(library.names[n] for n in likely), drivers,
+        min(float(probability[family]), 1.0), tuple(library.names[n] for n in likely), drivers,
     )  # fmt: skip
 
 
