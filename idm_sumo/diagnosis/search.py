@@ -143,7 +143,8 @@ def _candidates(now: Look, refused: set[str], settings: Settings) -> list[tuple[
     if not set(_winners(now, settings)) - there:
         return []
     library, arena = now.library, now.arena(settings)
-    held, others = [], []
+    held: list[se.Component] = []
+    others: list[se.Component] = []
     for component in now.selection.components:
         own = library.names[int(np.argmax(component.probability(library)))]
         (held if own in there else others).append(component)
