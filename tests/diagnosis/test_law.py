@@ -47,7 +47,6 @@ def test_a_law_that_is_not_surely_likelier_is_not_taken(monkeypatch):
     monkeypatch.setattr(law, "SURE", 0.0)
     surely = law.followed(windows, base, np.random.default_rng(1))
     assert law.law_of(surely.fit) == laws.KRAUSS
-    assert surely.runner_up not in (laws.KRAUSS, None)
 
 
 def test_of_the_likeliest_laws_all_drivers_decide(monkeypatch):
