@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import shlex
 import time
 from dataclasses import replace
 from pathlib import Path
@@ -18,7 +17,7 @@ from idm_sumo.recordings.recording import Recording
 from idm_sumo.runtime.files import MANIFEST, new_folder
 from idm_sumo.runtime.progress import Progress, silent
 
-from ..page.manifest import manifest, write_manifest
+from ..page.manifest import manifest, repeated, write_manifest
 from ..page.page import not_measured, render
 from . import words
 from .content import contract
@@ -234,5 +233,5 @@ def _write_page(
         counts=counts,
         notes=notes,
         sentence=words.sentence,
-        repeat=f"To repeat: {shlex.join(['idm-sumo', *command[1:]])}",
+        repeat=f"To repeat: {repeated(command)}",
     )
