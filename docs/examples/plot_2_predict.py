@@ -8,9 +8,9 @@ Each driver is predicted by weights that have not seen it, and driven for ten se
 
 import idm_sumo
 
-path = idm_sumo.surrogate(minutes=4)  # or the path of your own file
+path = idm_sumo.surrogate(minutes=2)  # or the path of your own file
 recording = idm_sumo.smooth(idm_sumo.clean(idm_sumo.read_recording(path)))
-training = idm_sumo.build_scenes(recording, idm_sumo.Window(every=30))  # a window every 3 s
+training = idm_sumo.build_scenes(recording, idm_sumo.Window(every=100))  # a window every 10 s
 predictor = idm_sumo.RolloutPredictor().fit(training)
 scenes = idm_sumo.build_scenes(recording)
 predicted = predictor.predict_left_out(scenes).to_pandas()
