@@ -9,7 +9,7 @@ from pathlib import Path
 from idm_sumo.sumo.closed_loop.extended_loop import ModelDrivers
 from idm_sumo.sumo.closed_loop.populations import DEFAULTS
 from idm_sumo.sumo.closed_loop.run import RunFiles
-from idm_sumo.sumo.surrogate.builtin import SURROGATE
+from idm_sumo.sumo.surrogate import SURROGATE
 
 from .populations import CALIBRATED
 

@@ -17,7 +17,8 @@ from idm_sumo.runtime.errors import InputError
 from idm_sumo.runtime.files import MANIFEST, new_folder
 from idm_sumo.runtime.progress import Progress, silent
 from idm_sumo.runtime.text import number
-from idm_sumo.sumo.surrogate.builtin import SURROGATE, recording_path
+from idm_sumo.sumo.surrogate import SURROGATE
+from idm_sumo.sumo.surrogate.builtin import recording_path
 
 from ..page.manifest import manifest, write_manifest
 from ..page.page import not_measured, render

@@ -9,7 +9,7 @@ import pandas as pd
 
 from idm_sumo.recordings import columns as c
 from idm_sumo.scenes.windows import LEADER_OF_RECORDED
-from idm_sumo.sumo.surrogate.builtin import SURROGATE
+from idm_sumo.sumo.surrogate import SURROGATE
 
 from ..page.page import not_measured
 from . import paper

@@ -11,6 +11,7 @@ from idm_sumo.cli import options as shared
 from idm_sumo.cli import outputs
 from idm_sumo.cli.console import progress_bar, say, study_module, text_table
 from idm_sumo.runtime import limits
+from idm_sumo.sumo.surrogate import SURROGATE
 
 SHOWN = [
     "recording",
@@ -81,8 +82,12 @@ def _add_compare(commands: Any) -> None:
     parser = shared.command(
         commands, "compare", compare, COMPARE, "idm-sumo compare RECORDING surrogate --minutes 1 -o out/comparison"
     )
-    parser.add_argument("recording", metavar="RECORDING", help=f"the reference: {shared.RECORDING_HELP}")
-    parser.add_argument("others", metavar="OTHER", nargs="+", help="further recordings of any such layout")
+    parser.add_argument(
+        "recording", type=shared.recording_name, metavar="RECORDING", help=f"the reference: {shared.RECORDING_HELP}"
+    )
+    parser.add_argument(
+        "others", type=shared.recording_name, metavar="OTHER", nargs="+", help="further recordings of any such layout"
+    )
     shared.location_argument(parser)
     shared.minutes_argument(parser, 45.0)
     shared.output_argument(parser, "DIR", "tables/, figures/, report.html, manifest.json go there")
@@ -122,9 +127,9 @@ def _add_interactive(commands: Any) -> None:
     )
     parser.add_argument(
         "recording",
+        type=shared.recording_name,
         metavar="RECORDING",
         nargs="?",
-        default="surrogate",
         help=f"whose demand drives: {shared.RECORDING_HELP} (default: that)",
     )
     shared.location_argument(parser)
@@ -210,6 +215,7 @@ def interactive(options: argparse.Namespace) -> None:
     options : argparse.Namespace
     """
     module = study_module("closed_loop.run")
+    options.recording = options.recording or SURROGATE
     single = options.gui or options.ego is not None  # one population is all that can be watched or driven among
     types = tuple(dict.fromkeys(options.types or (TYPES[:1] if single else _types_for(options.drivers))))
     if options.model is not None:

@@ -10,6 +10,7 @@ from idm_sumo.cli import options as shared
 from idm_sumo.cli import outputs
 from idm_sumo.cli.console import note, progress_bar, say, study_module, text_table
 from idm_sumo.runtime import limits
+from idm_sumo.sumo.surrogate import SURROGATE
 
 STEPS = 1_200_000
 SEEDS = 3
@@ -100,7 +101,9 @@ def add(commands: Any) -> None:
 
 
 def _source_arguments(parser: argparse.ArgumentParser) -> None:
-    parser.add_argument("recording", metavar="RECORDING", nargs="+", help=shared.RECORDING_HELP)
+    parser.add_argument(
+        "recording", type=shared.recording_name, metavar="RECORDING", nargs="+", help=shared.RECORDING_HELP
+    )
     parser.add_argument(
         "--train", action="append", metavar="PERIOD", help="training period; may be repeated (default: the first)"
     )
@@ -119,8 +122,6 @@ def _source_arguments(parser: argparse.ArgumentParser) -> None:
 
 def _settings(options: argparse.Namespace) -> Any:
     """Return the study's settings that the options ask for."""
-    from idm_sumo.sumo.surrogate.builtin import SURROGATE
-
     module = study_module("reproduce.settings")
     named = options.recording == [SURROGATE]
     overrides = {

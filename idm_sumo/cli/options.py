@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import argparse
 import json
+import os
 from collections.abc import Callable, Iterable
 from dataclasses import dataclass
 from pathlib import Path
@@ -11,6 +12,7 @@ from typing import TYPE_CHECKING, Any
 
 from idm_sumo.cli.console import note, progress_bar
 from idm_sumo.runtime import limits
+from idm_sumo.sumo.surrogate import SURROGATE
 
 if TYPE_CHECKING:
     from idm_sumo.recordings.recording import Recording
@@ -69,10 +71,30 @@ def recording_argument(parser: argparse.ArgumentParser) -> None:
     ----------
     parser : argparse.ArgumentParser
     """
-    parser.add_argument("recording", metavar="RECORDING", help=RECORDING_HELP)
+    parser.add_argument("recording", type=recording_name, metavar="RECORDING", help=RECORDING_HELP)
     location_argument(parser)
     network_arguments(parser)
     minutes_argument(parser)
+
+
+def recording_name(text: str) -> str:
+    """Return RECORDING, a path or the word for the built-in one.
+
+    Parameters
+    ----------
+    text : str
+
+    Raises
+    ------
+    argparse.ArgumentTypeError
+        If it is the word, and a file or folder of that name is there: both can be meant.
+    """
+    if text == SURROGATE and os.path.lexists(text):
+        raise argparse.ArgumentTypeError(
+            f"`{text}` is the built-in recording, and something of that name is here: give ./{text} to read that, "
+            "or rename it to get the built-in one"
+        )
+    return text
 
 
 def location_argument(parser: argparse.ArgumentParser) -> None:

@@ -12,6 +12,7 @@ from idm_sumo.cli import outputs
 from idm_sumo.cli.console import note, progress_bar, say, study_module, text_table
 from idm_sumo.runtime import limits
 from idm_sumo.runtime.places import refuse_overlap
+from idm_sumo.sumo.surrogate import SURROGATE
 
 SHOWN = ["method", "ade_m", "ade_se_m", "fde_m", "fde_se_m", "collisions", "vehicles"]
 
@@ -88,7 +89,9 @@ def _add_reproduce(commands: Any) -> None:
     parser = shared.command(
         commands, "reproduce", reproduce, REPRODUCE, "idm-sumo reproduce RECORDING --quick --no-agents -o out/study"
     )
-    parser.add_argument("recording", metavar="RECORDING", nargs="*", help=shared.RECORDING_HELP)
+    parser.add_argument(
+        "recording", type=shared.recording_name, metavar="RECORDING", nargs="*", help=shared.RECORDING_HELP
+    )
     parser.add_argument(
         "-c",
         "--configuration-file",
@@ -172,8 +175,6 @@ def reproduce(options: argparse.Namespace) -> None:
     ----------
     options : argparse.Namespace
     """
-    from idm_sumo.sumo.surrogate.builtin import SURROGATE
-
     settings_module, module = study_module("reproduce.settings"), study_module("reproduce.run")
     named = options.recording and options.recording != [SURROGATE]
     overrides = {

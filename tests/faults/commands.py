@@ -13,6 +13,7 @@ from tests.helpers.platoons import platoon_recording
 
 ROOT = Path(__file__).parents[2]
 RECORDING, DRIVERS = "inputs/platoons.parquet", "inputs/drivers.parquet"
+LONGER = "inputs/longer.parquet"  # what a diagnosis needs to look for causes at all
 OUT = "out"
 WINDOW = ("--observed", "10", "--horizon", "40")
 COMMANDS: dict[str, tuple[str, ...]] = {
@@ -24,7 +25,7 @@ COMMANDS: dict[str, tuple[str, ...]] = {
     "compare": ("compare", RECORDING, "inputs/again.parquet", "-o", f"{OUT}/c"),
     "interactive": ("interactive", RECORDING, "--drivers", DRIVERS, "--types", "drivers", "--types", "krauss",
                     "--replay-bias", "5", "-o", f"{OUT}/i"),
-    "diagnose": ("diagnose", RECORDING, "-o", f"{OUT}/g"),
+    "diagnose": ("diagnose", LONGER, "-o", f"{OUT}/g"),
     "reproduce": ("reproduce", RECORDING, "--quick", "--no-agents", "-o", f"{OUT}/q"),
 }  # fmt: skip
 
@@ -34,6 +35,7 @@ def prepare(folder: Path) -> None:
     inputs = folder / "inputs"
     inputs.mkdir(parents=True)
     platoon_recording().to_parquet(inputs / "platoons.parquet")
+    platoon_recording(frames=700).to_parquet(folder / LONGER)
     platoon_recording(seed=4).to_parquet(inputs / "again.parquet")
     ended(start(folder, ("calibrate", RECORDING, *WINDOW, "-o", DRIVERS)))
 
