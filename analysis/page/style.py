@@ -24,7 +24,7 @@ METHOD_NAMES = {
     "idm_typical": "IDM, typical driver of the population",
     "idm_hierarchical": "IDM, oracle drawn to the population",
     "idm_oracle": "IDM, oracle",
-    "idm_watched": "IDM, predicted and watched",
+    "idm_residual": "IDM, pooled, and a predicted residual",
     "idm_own_past": "IDM, fitted to its own past",
     "extended": "extended model",
 }
@@ -41,7 +41,7 @@ METHOD_COLOURS = {
     "idm_typical": "#882255",
     "idm_hierarchical": "#117733",
     "idm_oracle": "#009E73",
-    "idm_watched": "#AA4499",
+    "idm_residual": "#661100",
     "idm_own_past": "#DDAA33",
     "extended": "#332288",
 }
@@ -58,7 +58,7 @@ METHOD_STROKES: dict[str, list[float]] = {
     "idm_first_gap": [1, 2],
     "idm_typical": [6, 1, 1, 1, 1, 1],
     "idm_hierarchical": [4, 2],
-    "idm_watched": [1, 1],
+    "idm_residual": [1, 1],
     "idm_own_past": [2, 2],
 }
 LABEL_HEIGHT = 0.045  # of a picture: least distance of two names beside their lines

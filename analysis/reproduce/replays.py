@@ -12,7 +12,7 @@ import numpy as np
 import numpy.typing as npt
 import pandas as pd
 
-from idm_sumo.prediction import RolloutPredictor, first_second
+from idm_sumo.prediction import RolloutPredictor
 from idm_sumo.recordings.columns import FRAME_STEP
 from idm_sumo.scenes.windows import Scenes
 from idm_sumo.simulation.rollout import Trajectories
@@ -133,7 +133,7 @@ def _fan(predictor: RolloutPredictor, scenes: Scenes, driven: Trajectories) -> l
 
     Intervals (m along the road) about its rollout.
     """
-    found = predictor.predict_with_spread(first_second(scenes))
+    found = predictor.predict_with_spread(predictor.observe(scenes))
     scale = predictor.scale(scenes, found)[0]
     bands = []
     for share in SHARES:

@@ -101,16 +101,18 @@ def _add_predict(commands: Any) -> None:
     shared.recording_argument(parser)
     parser.add_argument(
         "--method",
-        choices=("knn", "rollout"),
+        choices=("knn", "rollout", "residual"),
         default="knn",
         help="knn: the paper's, average the calibrated neighbours (default); rollout: weights fitted to drive the "
-        "RECORDING right, with spread; a driver is left out of what predicts it",
+        "RECORDING right, with spread; residual: rollout's parameters for SUMO, and beside them what drives nearer in "
+        "`replay`, an acceleration beyond the pooled IDM that no vehicle type holds; a driver is left out of what "
+        "predicts it",
     )
     parser.add_argument(
         "--drivers",
         type=Path,
         metavar="FILE",
-        help="calibrated drivers to learn from (rollout: all of RECORDING without)",
+        help="calibrated drivers to learn from (rollout, residual: all of RECORDING without)",
     )
     parser.add_argument(
         "--period", action="append", metavar="PERIOD", help="only this recording period; may be repeated"
@@ -120,8 +122,7 @@ def _add_predict(commands: Any) -> None:
         type=shared.whole(limits.OBSERVED),
         default=10,
         metavar="FRAMES",
-        help="frames to observe (default 10, one second); "
-        "with rollout those before the last ten are driven again, and count as much as they help in drivers left out",
+        help="frames to observe (default 10, one second); rollout predicts from the last ten, residual from all",
     )
     parser.add_argument(
         "--neighbours",
@@ -208,7 +209,7 @@ def predict(options: argparse.Namespace) -> None:
     from idm_sumo.calibration.departures import departures
     from idm_sumo.calibration.without_d1 import MEAN_SPEED
 
-    foresee = _through_rollout(options) if options.method == "rollout" else _neighbours(options)
+    foresee = _neighbours(options) if options.method == "knn" else _through_rollout(options)
     found = shared.scenes_of(options, shared.window_of(options))
     scenes = found.scenes
     observed = pd.DataFrame({MEAN_SPEED: scenes.speed[:, : options.observed].mean(axis=1)})
@@ -238,11 +239,10 @@ def _neighbours(options: argparse.Namespace) -> Callable[[Scenes], pd.DataFrame]
 def _through_rollout(options: argparse.Namespace) -> Callable[[Scenes], pd.DataFrame]:
     """Learn from the recording; return the prediction."""
     from idm_sumo.calibration.driver_table import read_drivers
-    from idm_sumo.prediction import MovingHorizon, RolloutPredictor
+    from idm_sumo.prediction import ResidualPredictor, RolloutPredictor, recent
     from idm_sumo.prediction.driver_prediction import (
         LEARNING_STEP,
         SECOND,
-        WATCHING_STEP,
         drivers_of,
         predict_through_rollout,
         typical_desired_speed,
@@ -257,13 +257,16 @@ def _through_rollout(options: argparse.Namespace) -> Callable[[Scenes], pd.DataF
         return found if drivers is None else drivers_of(found, drivers)
 
     second = min(options.observed, SECOND)
-    predictor = RolloutPredictor(desired_speed=speed, seed=options.seed)
-    predictor.fit(training(Window(observed=second, every=LEARNING_STEP)))
-    if options.observed == second:
-        return lambda scenes: predict_through_rollout(scenes, predictor)
-    watched = training(Window(observed=options.observed, every=WATCHING_STEP))
-    watcher = MovingHorizon(predictor, seed=options.seed).fit(watched)
-    return lambda scenes: predict_through_rollout(scenes, watcher)
+    windows = training(Window(observed=options.observed, every=LEARNING_STEP))
+    predictor = RolloutPredictor(desired_speed=speed, seed=options.seed).fit(recent(windows, second))
+
+    def parameters(scenes: Scenes) -> pd.DataFrame:
+        return predict_through_rollout(recent(scenes, second), predictor).assign(first_frame=scenes.first_frame)
+
+    if options.method == "rollout":
+        return parameters
+    residual = ResidualPredictor(desired_speed=speed, seed=options.seed, one_for_all=predictor.pooled_).fit(windows)
+    return lambda scenes: _beside(parameters(scenes), residual.predict_left_out(scenes).to_pandas())
 
 
 def _beside(table: pd.DataFrame, *more: pd.DataFrame) -> pd.DataFrame:

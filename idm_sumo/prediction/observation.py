@@ -85,7 +85,7 @@ def first_second(scenes: Scenes, frames: int | None = None) -> pd.DataFrame:
         GAP: gap[:, -1],
         APPROACH_RATE: speed[:, -1] - leader.speed[:, -1],
         ACCELERATION: _slope(speed),
-        LEADER_ACCELERATION: _slope(np.where(_same_leader(x + gap, leader.speed), leader.speed, np.nan)),
+        LEADER_ACCELERATION: _slope(np.where(same_leader(x + gap, leader.speed), leader.speed, np.nan)),
         POSITION: x[:, -1],
         LANE: lane.astype(np.float64),
         OFFSET: y[:, -1] - scenes.road.lane_center(lane),
@@ -94,7 +94,7 @@ def first_second(scenes: Scenes, frames: int | None = None) -> pd.DataFrame:
     })  # fmt: skip
 
 
-def _same_leader(rear: Floats, speed: Floats) -> npt.NDArray[np.bool_]:
+def same_leader(rear: Floats, speed: Floats) -> npt.NDArray[np.bool_]:
     """Return the frames whose leader is the last frame's."""
     jump = np.abs(np.diff(rear, axis=1) - speed[:, :-1] * FRAME_STEP) > NEW_LEADER
     changed_later = np.cumsum(jump[:, ::-1], axis=1)[:, ::-1] > 0

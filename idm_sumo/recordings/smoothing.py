@@ -35,7 +35,7 @@ def smooth(recording: Recording, *, already_smooth: bool = False) -> Recording:
     plain differences. Speed is cut off below at 0. Heading is the direction of motion, with
     a longitudinal speed of at least 5 m/s so that noise at standstill does not turn a car.
 
-    ``headway`` stays as recorded.
+    ``headway`` stays as recorded, and the positions before smoothing as ``raw_x, raw_y``.
 
     Parameters
     ----------
@@ -62,6 +62,8 @@ def smooth(recording: Recording, *, already_smooth: bool = False) -> Recording:
         c.SPEED: np.maximum(speed, 0.0),
         c.ACCELERATION: acceleration,
         c.HEADING: np.arctan2(lateral, np.maximum(speed, STEERING_SPEED)),
+        c.RAW_X: table[c.X].to_numpy(),
+        c.RAW_Y: table[c.Y].to_numpy(),
     }
     return recording.with_table(table.assign(**motion), "positions smoothed (Savitzky-Golay, 21 frames, order 3)")
 

@@ -13,7 +13,7 @@ from idm_sumo.calibration.problem import prepare
 from idm_sumo.evaluation.metrics import displacement
 from idm_sumo.models.idm import LOWER, UPPER
 from idm_sumo.prediction import RolloutPredictor, first_second
-from idm_sumo.prediction import rollout_predictor as rp
+from idm_sumo.prediction import statuses as rp
 from idm_sumo.prediction.driver_prediction import drivers_of, predict_through_rollout
 from idm_sumo.prediction.noise import ObservedScale, ResidualNoise
 from idm_sumo.prediction.observation import ACCELERATION, APPROACH_RATE, GAP, LATERAL_SPEED, LEADER_ACCELERATION, SPEED

@@ -10,7 +10,7 @@ import pandas as pd
 from matplotlib.figure import Figure
 
 from idm_sumo.calibration.hierarchical import to_parameters
-from idm_sumo.prediction import Prediction, first_second
+from idm_sumo.prediction import Prediction
 from idm_sumo.prediction.spread import logarithms
 from idm_sumo.recordings.columns import FRAME_STEP
 from idm_sumo.scenes.windows import Scenes
@@ -18,7 +18,7 @@ from idm_sumo.simulation.rollout import drive_idm
 
 from ...page.style import METHOD_COLOURS, METHOD_NAMES, RECORDED, new_figure
 from ..study import Study
-from .seconds import ORACLE, OWN_PAST, POOLED, SECONDS, WATCHED
+from .seconds import ORACLE, OWN_PAST, POOLED, RESIDUAL, SECONDS
 
 QUARTILES = (0.25, 0.5, 0.75)
 DRAWN = 20  # rollouts with drawn parameters for each driver
@@ -41,7 +41,7 @@ def fan(study: Study) -> Figure:
         One panel a driver.
     """
     scenes, predictor = max(study.test.scenes, key=len), study.learned.predictor
-    found = predictor.predict_with_spread(first_second(scenes))
+    found = predictor.predict_with_spread(predictor.observe(scenes))
     own = slice(scenes.start, scenes.start + scenes.window.horizon + 1)
     off = scenes.x[:, own] - drive_idm(scenes, found.theta, desired_speed=predictor.desired_speed_).x
     order = np.argsort(np.abs(off).mean(axis=1), kind="stable")
@@ -78,7 +78,7 @@ def seconds(table: pd.DataFrame) -> Figure:
         ADE on the left, share of the way from pooled to oracle on the right.
     """
     figure, (left, right) = new_figure(9.0, 3.6, columns=2)
-    for name in (WATCHED, OWN_PAST):
+    for name in (RESIDUAL, OWN_PAST):
         rows = table[table["method"] == name]
         if rows.empty:
             continue

@@ -9,8 +9,10 @@ import numpy as np
 import numpy.typing as npt
 import pandas as pd
 
+from idm_sumo.prediction import ResidualPredictor, drive_residual
 from idm_sumo.recordings import columns as c
 from idm_sumo.scenes.windows import Scenes
+from idm_sumo.simulation.rollout import Trajectories
 
 from ..drivers import Drivers
 from ..settings import Settings
@@ -18,11 +20,12 @@ from ..source import Source
 from .black_box import black_box_ade
 from .coverage import coverage_of
 from .intervals import share_closed
-from .learned import Learned, first_seconds, fits_or, window_ade
+from .learned import Learned, fits_or, residual_of, window_ade
 
 Floats = npt.NDArray[np.float64]
 
 TEST_STEP = 60
+FEWEST_FOLDS = 2  # of a predictor whose spread is not used
 
 
 def test_windows(source: Source, settings: Settings) -> Drivers:
@@ -65,8 +68,10 @@ def tables(
         One row a method and kind of windows; one row a method and time.
     """
     pooled = learned.predictor.pooled_
-    theta = learned.predictor.predict(first_seconds(test))
+    theta = learned.predictor.predict(learned.first_seconds(test))
     driven = {"idm_pooled": test.drive(pooled), "idm_rollout": test.drive(theta)}
+    driven["idm_residual"] = drive_by(learned.residual, test)
+    driven["idm_residual_ahead"] = drive_by(_smoothed_ahead(learned), test)
     driven["idm_prediction"] = test.drive(neighbours(test.code(settings.observed), settings.neighbours))
     driven["idm_oracle"] = test.drive(np.concatenate([fits_or(s, pooled, settings.desired_speed) for s in test.scenes]))
     errors = {
@@ -74,9 +79,36 @@ def tables(
         for name, found in driven.items()
     }
     for name, with_leader in (("black_box_first_second", False), ("black_box_with_leaders_path", True)):
-        errors[name] = black_box_ade(learned.windows, test, pooled, with_leader=with_leader)
+        errors[name] = black_box_ade(learned, test, with_leader=with_leader)
     at_fault = {name: test.score(found)["at_fault"].to_numpy() for name, found in driven.items()}
     return _shares(test, errors, at_fault), coverage_of(learned, test, driven)
+
+
+def drive_by(residual: ResidualPredictor, drivers: Drivers) -> list[Trajectories]:
+    """Drive windows by the pooled IDM and a predicted residual.
+
+    Parameters
+    ----------
+    residual : ResidualPredictor
+        Fitted.
+    drivers : Drivers
+        Windows.
+
+    Returns
+    -------
+    list of Trajectories
+        One a period, by the kernel.
+    """
+    return [drive_residual(s, residual.predict(s)) for s in drivers.scenes]
+
+
+def _smoothed_ahead(learned: Learned) -> ResidualPredictor:
+    """Return the same residual with the future in the observed second.
+
+    The recording's smoothing looks up to a second ahead.
+    """
+    other = residual_of(learned.predictor, past_only=False, ridges=(learned.residual.ridge_,), folds=FEWEST_FOLDS)
+    return other.fit(list(learned.windows.scenes))
 
 
 def _shares(test: Drivers, errors: dict[str, Floats], at_fault: dict[str, npt.NDArray[np.bool_]]) -> pd.DataFrame:
