@@ -1,4 +1,4 @@
-r"""What a driver accelerates beyond the pooled IDM, as a compiled kernel.
+r"""A driver's acceleration beyond the pooled IDM, as compiled kernels.
 
 .. math:: \dot v = \dot v_\mathrm{IDM}(v, \Delta v, d) + r(s, t),\qquad
     r = c_0 + c_1 e^{-t/1\,\mathrm s} + c_2 e^{-t/3\,\mathrm s} + \sum_j w_j\psi_j(s)

@@ -53,8 +53,8 @@ def pooled_acceleration(
         m/s².
     """
     out = np.empty(speed.size)
-    flat = [np.ascontiguousarray(values).ravel() for values in (speed, rate, gap)]
-    _pooled_acceleration(*flat, np.asarray(pooled, dtype=np.float64), float(desired_speed), out)
+    v, dv, d = (np.ascontiguousarray(values).ravel() for values in (speed, rate, gap))
+    _pooled_acceleration(v, dv, d, np.asarray(pooled, dtype=np.float64), float(desired_speed), out)
     return out.reshape(speed.shape)
 
 

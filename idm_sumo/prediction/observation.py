@@ -95,7 +95,17 @@ def first_second(scenes: Scenes, frames: int | None = None) -> pd.DataFrame:
 
 
 def same_leader(rear: Floats, speed: Floats) -> npt.NDArray[np.bool_]:
-    """Return the frames whose leader is the last frame's."""
+    """Return the frames whose leader is the last frame's.
+
+    Parameters
+    ----------
+    rear, speed : float64, shape (vehicles, frames)
+        The leader's rear bumper (m) and speed (m/s); infinite and NaN without one.
+
+    Returns
+    -------
+    bool, shape (vehicles, frames)
+    """
     jump = np.abs(np.diff(rear, axis=1) - speed[:, :-1] * FRAME_STEP) > NEW_LEADER
     changed_later = np.cumsum(jump[:, ::-1], axis=1)[:, ::-1] > 0
     return np.isfinite(rear) & np.pad(~changed_later, ((0, 0), (0, 1)), constant_values=True)

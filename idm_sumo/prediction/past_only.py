@@ -60,12 +60,11 @@ def raw_paths(scenes: Scenes, frames: int) -> Raw:
     Raw
         The smoothed positions where nothing else is known.
     """
-    x, y, speed, leader = o.watched(scenes, frames)
+    x, y, _, leader = o.watched(scenes, frames)
     rows, t = leader_rows_along(scenes, x, y, 0), scenes.traffic
     front = t.x if t.raw_x is None else t.raw_x
     known = rows != NOBODY
     rear = np.where(known, front[rows] - t.length[rows], np.nan) if len(front) else np.full(x.shape, np.nan)
-    del speed
     same = o.same_leader(np.where(known, x + leader.gap, np.nan), leader.speed)
     if scenes.raw_x is not None and scenes.raw_y is not None:
         x, y = scenes.raw_x[:, :frames], scenes.raw_y[:, :frames]

@@ -1,4 +1,4 @@
-"""Drivers with a residual, and the ``kernel`` back end that drives them."""
+"""Drivers with a residual, and what drives them."""
 
 from __future__ import annotations
 
@@ -146,7 +146,7 @@ class ResidualDrivers(NamedTuple):
         """
         weights = None if self.weights is None else self.weights[which]
         own, start, status = self.own[which], self.leader_acceleration[which], self.status[which]
-        return ResidualDrivers(self.model, own, start, status, self.keys[which], weights)
+        return ResidualDrivers(self.model, own, start, status, self.keys.iloc[which], weights)
 
     @classmethod
     def of_table(cls, scenes: Scenes, table: pd.DataFrame, source: str) -> ResidualDrivers:

@@ -1,4 +1,4 @@
-"""What is observed of a driver that its residual is predicted from."""
+"""What a driver's residual is predicted from."""
 
 from __future__ import annotations
 
@@ -67,7 +67,7 @@ def expanded(standard: Floats) -> Floats:
 
 
 def _along(raw: Raw, pooled: IDMParameters, desired_speed: float) -> tuple[Floats, Floats]:
-    """Return imbalance (m/s²) and time gap (s) along a longer past."""
+    """Return imbalance (m/s²) and time gap (s) along the past."""
     x, rear = (path[:, ::-1][:, ::STRIDE][:, ::-1] for path in (raw.x, raw.rear))
     step = STRIDE * FRAME_STEP
     speed, ahead = np.diff(x, axis=1) / step, np.diff(rear, axis=1) / step
@@ -83,6 +83,9 @@ def _along(raw: Raw, pooled: IDMParameters, desired_speed: float) -> tuple[Float
 
 
 def _mean(values: Floats) -> Floats:
-    """Return each row's mean over its finite values, 0 without any."""
+    """Return each row's mean over its finite values.
+
+    0 without any.
+    """
     known = np.isfinite(values)
     return np.asarray(np.where(known, values, 0.0).sum(axis=1) / np.maximum(known.sum(axis=1), 1))

@@ -188,7 +188,7 @@ def fit_folds(parts: Sequence[Part], shared: Shared, weights: Floats, ridges: Se
 
 
 def left_out_ade(parts: Sequence[Part], shared: Shared, folds: Floats) -> float:
-    """Return the mean ADE (m) of drivers that were left out.
+    """Return the mean ADE (m) of drivers left out.
 
     Parameters
     ----------
@@ -204,7 +204,7 @@ def left_out_ade(parts: Sequence[Part], shared: Shared, folds: Floats) -> float:
 
 
 def by_fold(part: Part, folds: Floats) -> tuple[Floats, Floats, Floats]:
-    """Return what each window is driven by if its driver is left out.
+    """Return what drives each window without having seen its driver.
 
     Parameters
     ----------
@@ -223,7 +223,7 @@ def by_fold(part: Part, folds: Floats) -> tuple[Floats, Floats, Floats]:
 
 
 def sums(parts: Sequence[Part], shared: Shared, weights: Floats) -> Normal:
-    """Return gradient and Gauss-Newton matrix by the weights, summed over windows.
+    """Return gradient and Gauss-Newton matrix, summed over windows.
 
     Parameters
     ----------

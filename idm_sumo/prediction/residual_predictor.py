@@ -1,4 +1,4 @@
-"""The pooled IDM and a residual that is predicted from what was observed."""
+"""The pooled IDM and a residual predicted from observation."""
 
 from __future__ import annotations
 
@@ -266,7 +266,10 @@ class ResidualPredictor(BaseEstimator):  # type: ignore[misc]
         return np.asarray(np.clip((values - self.mean_) / self.deviation_, -FURTHEST, FURTHEST))
 
     def _phi(self, scenes: Scenes, code: pd.DataFrame) -> Floats:
-        """Return the constant and standardised facts, 0 for drivers that get no residual."""
+        """Return the constant and standardised facts.
+
+        All 0 for drivers that get no residual.
+        """
         more = expanded(self._standard(self._facts(scenes, code)))
         more[:, 1:] = np.clip((more[:, 1:] - self.more_mean_) / self.more_deviation_, -FURTHEST, FURTHEST)
         return np.asarray(np.where(self.familiar_.known(_plain(code))[:, None], more, 0.0))
@@ -294,7 +297,7 @@ class ResidualPredictor(BaseEstimator):  # type: ignore[misc]
         )
 
     def _learn_noise(self, parts: list[Part], seen: Floats) -> None:
-        """Learn how far drivers that were left out are from their prediction."""
+        """Learn how far drivers left out are off."""
         off = []
         for part in parts:
             weights, own, start = by_fold(part, self.fold_weights_)
@@ -307,7 +310,10 @@ class ResidualPredictor(BaseEstimator):  # type: ignore[misc]
         self.noise_ = ResidualNoise.fit(residuals, ones * self.observed_scale_.factor(seen))
 
     def _scaling(self, code: pd.DataFrame) -> Floats:
-        """Return what the scale depends on, standardised; 0 for drivers that are not known."""
+        """Return what the scale depends on, standardised.
+
+        0 for drivers that are not known.
+        """
         plain = _plain(code)
         state = np.clip((_state(plain) - self.center_) / self.scale_, -FURTHEST, FURTHEST)[:, :2]
         return np.asarray(np.where(self.familiar_.known(plain)[:, None], state, 0.0))
@@ -318,12 +324,15 @@ def _plain(code: pd.DataFrame) -> Floats:
 
 
 def _leader_acceleration(code: pd.DataFrame) -> Floats:
-    """Return the leader's acceleration at the start (m/s²), 0 where it is not known."""
+    """Return the leader's acceleration at the start (m/s²).
+
+    0 where it is not known.
+    """
     return np.clip(np.nan_to_num(code[o.LEADER_ACCELERATION].to_numpy(np.float64)), -HARDEST, HARDEST)
 
 
 def _state(plain: Floats) -> Floats:
-    """Return the state in the last observed frame, as the residual takes it."""
+    """Return the state in the last observed frame."""
     v, gap, rate = plain[:, 0], np.maximum(np.nan_to_num(plain[:, 1]), LEAST_GAP), np.nan_to_num(plain[:, 2])
     headway = np.minimum(gap / np.maximum(v, SLOWEST), LONGEST)
     return np.column_stack([v, np.log(gap), rate, headway, np.nan_to_num(plain[:, 4])])

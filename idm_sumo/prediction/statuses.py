@@ -87,5 +87,5 @@ class Familiar:
             NO_LEADER: ~np.isfinite(codes[:, 1]),
             ONE_FRAME: ~np.isfinite(codes[:, 3]),
             STANDING: codes[:, 0] < STANDING_SPEED,
-            OUTSIDE: outside.any(axis=1),
+            OUTSIDE: np.asarray(outside.any(axis=1)),
         }

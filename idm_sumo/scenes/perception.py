@@ -64,7 +64,9 @@ def leaders_along(scenes: Scenes, x: Floats, y: Floats, first: int) -> LeadersAl
 
 
 def leader_rows_along(scenes: Scenes, x: Floats, y: Floats, first: int) -> npt.NDArray[np.int64]:
-    """Return the traffic's row of each path's leader, -1 for none.
+    """Return the traffic's rows of the paths' leaders.
+
+    -1 for none.
 
     Parameters
     ----------

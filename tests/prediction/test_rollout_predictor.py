@@ -116,7 +116,7 @@ def test_a_handful_of_drivers_is_not_learned_from():
 
 
 def test_training_drivers_are_predicted_by_weights_that_have_not_seen_them(predictor, training):
-    apart, whole = predictor.predict_left_out(training).theta, predictor.predict(first_second(training))
+    apart, whole = predictor.predict_left_out(training).theta, predictor.predict(predictor.observe(training))
     assert (np.abs(apart - whole).max(axis=1) > 1e-9).mean() > 0.9
     stranger = replace(training, period=np.full(len(training), "another"))
     np.testing.assert_array_equal(predictor.predict_left_out(stranger).theta, whole)

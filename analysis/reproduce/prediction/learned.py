@@ -44,7 +44,9 @@ class Learned:
     residual: ResidualPredictor
 
     def first_seconds(self, drivers: Drivers) -> pd.DataFrame:
-        """Return what is observed in each window, smoothed by the past alone.
+        """Return what is observed in each window.
+
+        Smoothed by the past alone.
 
         Parameters
         ----------
@@ -85,7 +87,7 @@ def learn(source: Source, settings: Settings, window: Window) -> Learned:
 
 
 def residual_of(predictor: RolloutPredictor, **changes: Any) -> ResidualPredictor:
-    """Return a residual on the pooled set of a fitted predictor.
+    """Return a residual on a fitted predictor's pooled set.
 
     Parameters
     ----------

@@ -105,7 +105,7 @@ def _watched(source: Source, settings: Settings) -> Drivers | None:
 
 
 def _residual(source: Source, settings: Settings, learned: Learned, frames: int) -> ResidualPredictor | None:
-    """Return a residual that is fitted to so many observed frames.
+    """Return a residual fitted to so many observed frames.
 
     None if no training driver was observed for as long or can be driven.
     """

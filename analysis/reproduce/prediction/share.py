@@ -103,7 +103,7 @@ def drive_by(residual: ResidualPredictor, drivers: Drivers) -> list[Trajectories
 
 
 def _smoothed_ahead(learned: Learned) -> ResidualPredictor:
-    """Return the same residual with the future in the observed second.
+    """Return the residual with the future in its observed second.
 
     The recording's smoothing looks up to a second ahead.
     """
