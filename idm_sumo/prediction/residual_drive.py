@@ -101,7 +101,8 @@ class ResidualModel(NamedTuple):
         whole = all(a.shape == (n,) and np.isfinite(a).all() for a, n in zip(arrays, sizes, strict=True))
         if not (whole and (arrays[3] > 0.0).all() and 0.0 < speed < np.inf and observed > 0):
             raise InputError(f"{MODEL}: has impossible numbers; `idm-sumo predict --method residual` writes it")
-        return cls(IDMParameters(*arrays[0].tolist()), *arrays[1:], speed, observed)
+        pooled, weights, center, scale = arrays
+        return cls(IDMParameters(*pooled.tolist()), weights, center, scale, speed, observed)
 
 
 class ResidualDrivers(NamedTuple):

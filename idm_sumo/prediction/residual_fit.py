@@ -64,11 +64,11 @@ class Part(NamedTuple):
 
 
 class Normal(NamedTuple):
-    """Sums over windows: gradient, Gauss-Newton matrix, count."""
+    """Sums over windows: gradient, Gauss-Newton matrix, how many."""
 
     gradient: Floats
     matrix: Floats
-    count: int
+    windows: int
 
     def plus(self, other: Normal, sign: int = 1) -> Normal:
         """Return the sum with, or the difference from, another.
@@ -84,7 +84,9 @@ class Normal(NamedTuple):
         Normal
         """
         return Normal(
-            self.gradient + sign * other.gradient, self.matrix + sign * other.matrix, self.count + sign * other.count
+            self.gradient + sign * other.gradient,
+            self.matrix + sign * other.matrix,
+            self.windows + sign * other.windows,
         )
 
     def step(self, weights: Floats, ridge: float) -> Floats:
@@ -99,8 +101,8 @@ class Normal(NamedTuple):
         -------
         float64, shape (weights,)
         """
-        matrix = self.matrix / self.count + (ridge + 1e-9) * np.eye(len(weights))
-        return np.asarray(np.linalg.solve(matrix, self.gradient / self.count + ridge * weights))
+        matrix = self.matrix / self.windows + (ridge + 1e-9) * np.eye(len(weights))
+        return np.asarray(np.linalg.solve(matrix, self.gradient / self.windows + ridge * weights))
 
 
 def own_numbers(weights: Floats, phi: Floats) -> Floats:

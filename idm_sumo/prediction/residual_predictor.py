@@ -320,7 +320,7 @@ class ResidualPredictor(BaseEstimator):  # type: ignore[misc]
 
 
 def _plain(code: pd.DataFrame) -> Floats:
-    return code[list(COLUMNS)].to_numpy(np.float64)
+    return np.asarray(code[list(COLUMNS)], dtype=np.float64)
 
 
 def _leader_acceleration(code: pd.DataFrame) -> Floats:
@@ -328,7 +328,7 @@ def _leader_acceleration(code: pd.DataFrame) -> Floats:
 
     0 where it is not known.
     """
-    return np.clip(np.nan_to_num(code[o.LEADER_ACCELERATION].to_numpy(np.float64)), -HARDEST, HARDEST)
+    return np.asarray(np.clip(np.nan_to_num(code[o.LEADER_ACCELERATION].to_numpy(np.float64)), -HARDEST, HARDEST))
 
 
 def _state(plain: Floats) -> Floats:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, replace
+from typing import Any
 
 import numpy as np
 import numpy.typing as npt
@@ -50,7 +51,7 @@ class Traffic:
     frames: int
     raw_x: npt.NDArray[np.float64] | None = None
 
-    def _columns(self, which: slice | npt.NDArray[np.bool_]) -> dict[str, npt.NDArray[np.float64]]:
+    def _columns(self, which: slice | npt.NDArray[np.bool_]) -> dict[str, Any]:
         raw = () if self.raw_x is None else ("raw_x",)
         names = ("x", "y", "heading", "speed", "length", "width", "vehicle", *raw)
         return {name: getattr(self, name)[which] for name in names}

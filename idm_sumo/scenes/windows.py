@@ -212,6 +212,7 @@ class Scenes:
         -------
         Scenes
         """
+        per_vehicle: tuple[str, ...]
         per_vehicle = ("period", "vehicle", "first_frame", "lane", "x", "y", "heading", "speed", "headway",
                        "length", "width", "vehicle_class", "size_known", "cell")  # fmt: skip
         per_vehicle += () if self.raw_x is None else (c.RAW_X, c.RAW_Y)
