@@ -79,13 +79,15 @@ def diagram(
     }  # fmt: skip
 
 
-def diagrams_of(recordings: Mapping[str, Recording]) -> list[dict[str, Any]]:
+def diagrams_of(recordings: Mapping[str, Recording], *, marks: Sequence[Mark] = ()) -> list[dict[str, Any]]:
     """Return a diagram of the first period of each recording.
 
     Parameters
     ----------
     recordings : mapping of str to Recording
         By the title of the diagram.
+    marks : sequence of Mark
+        Framed in each.
 
     Returns
     -------
@@ -94,7 +96,7 @@ def diagrams_of(recordings: Mapping[str, Recording]) -> list[dict[str, Any]]:
     """
     fastest = colours_end(recordings.values())
     return [
-        diagram(str(number), title, one, one.periods[0], fastest=fastest)
+        diagram(str(number), title, one, one.periods[0], fastest=fastest, marks=marks)
         for number, (title, one) in enumerate(recordings.items(), 1)
     ]
 

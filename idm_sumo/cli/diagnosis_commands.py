@@ -70,6 +70,7 @@ def diagnose(options: argparse.Namespace) -> None:
     """
     keep_freed_memory()
     module, words = study_module("diagnosis.report"), study_module("diagnosis.words")
+    first = study_module("diagnosis.answer")
     with progress_bar(module.STAGES) as report:
         found = module.diagnose_file(
             shared.recording_path(options),
@@ -80,13 +81,7 @@ def diagnose(options: argparse.Namespace) -> None:
             command=sys.argv,
             progress=report,
         )
-    sentences = (
-        words.headline(found),
-        words.without_gain_sentence(found),
-        words.gain_sentence(found.gain),
-        words.law_sentence(found),
-    )
-    say(*filter(None, sentences))
+    say(*filter(None, (*first.spoken(found), words.law_sentence(found))))
     if found.verdict == "none" and found.power:
         say(*words.power_sentences(found))
     if options.verbose:
