@@ -5,6 +5,8 @@ A page that plays each method's best, median and worst.
 
 from __future__ import annotations
 
+import re
+from collections.abc import Iterable
 from pathlib import Path
 from typing import NamedTuple
 
@@ -113,7 +115,7 @@ def _write(results: Results, methods: list[str], place: int, folder: Path) -> tu
     played = [Played(name, one, name != "constant_velocity", fans.get(name, ())) for name, one in driven.items()]
     table = pd.concat([results.scores[name].iloc[[place]].assign(method=name) for name in methods], ignore_index=True)
     vehicle, period = scenes.vehicle[0], scenes.one_period
-    page = f"{FOLDER}/{period}_{vehicle}.html"
+    page = f"{FOLDER}/{file_name(period, results.source.periods)}_{vehicle}.html"
     recording = results.source.periods[period]
     seconds = scenes.window.horizon * FRAME_STEP
     best = table.loc[table["ade_m"].idxmin()]
@@ -140,6 +142,26 @@ def _fan(predictor: RolloutPredictor, scenes: Scenes, driven: Trajectories) -> l
         low, high = (driven.x[0] + np.append(0.0, end) for end in predictor.noise_.interval(share, scale))
         bands.append((share, low, high))
     return bands
+
+
+def file_name(period: str, periods: Iterable[str]) -> str:
+    """Return a period's name in the name of a file.
+
+    A period may be named by anything, such as a path.
+
+    Parameters
+    ----------
+    period : str
+        Name of a period.
+    periods : iterable of str
+        All of them.
+
+    Returns
+    -------
+    str
+        The name itself if every system takes it, else its number.
+    """
+    return period if re.fullmatch(r"[\w-]{1,60}", period) else str(list(periods).index(period) + 1)
 
 
 def part_of(lengths: list[int], place: int) -> tuple[int, int]:
