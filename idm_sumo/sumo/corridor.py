@@ -15,7 +15,7 @@ MOST_WAYS = 1000  # through a network; a road with ramps has fewer, a town more 
 
 
 def edges_between(net: Any, path: Path | str, corridor: Sequence[str]) -> list[Any]:
-    """Return the edges of a corridor, with those between two of its names.
+    """Return the edges of a corridor and those between.
 
     Parameters
     ----------
@@ -96,7 +96,7 @@ def _ways(first: Any) -> Iterator[list[Any]]:
 
 
 def plain_edges(net: Any) -> list[Any]:
-    """Return the edges that cars drive on, without those within junctions.
+    """Return the edges outside junctions that cars drive on.
 
     Parameters
     ----------
