@@ -106,7 +106,7 @@ def plain_edges(net: Any) -> list[Any]:
 
 
 def carries_cars(edge: Any) -> bool:
-    """Tell whether a lane of an edge is open to cars.
+    """Tell whether cars may drive on an edge.
 
     Parameters
     ----------
