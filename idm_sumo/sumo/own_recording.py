@@ -1,28 +1,21 @@
-"""A recording on a user's own network.
-
-Kept as one file that names its road.
-"""
+"""A recording on a user's own network, kept as one file that names its road."""
 
 from __future__ import annotations
 
-import hashlib
-import json
 from collections.abc import Sequence
 from dataclasses import replace
 from pathlib import Path
 
 from idm_sumo.recordings.reading import read_recording, write_parquet
 from idm_sumo.recordings.recording import Recording
-from idm_sumo.runtime.cache import cache_folder
+from idm_sumo.runtime.cache import kept
 from idm_sumo.sumo.own_network import road_of
 
 
 def read_on_network(
     recording: Path, net: Path, *, corridor: Sequence[str] = (), route_files: Sequence[Path] = (), location: str
 ) -> Recording:
-    """Read a recording on edges of a network.
-
-    Return a recording of the road that edges of a network make up.
+    """Read a recording on the road that edges of a network make up.
 
     Parameters
     ----------
@@ -44,9 +37,7 @@ def read_on_network(
 def kept_on_network(
     recording: Path, net: Path, *, corridor: Sequence[str] = (), route_files: Sequence[Path] = (), location: str
 ) -> Path:
-    """Return a file of a recording on a network.
-
-    Return a file of the recording that :func:`read_on_network` returns, made if the cache lacks it.
+    """Return a file of what :func:`read_on_network` returns, made if the cache lacks it.
 
     Whatever reads it knows the road, so that programs which pass on the path of a recording need not.
 
@@ -60,10 +51,10 @@ def kept_on_network(
     """
     files = [recording, net, *route_files]
     told = [[str(path.resolve()), path.stat().st_size, path.stat().st_mtime_ns] for path in files if path.exists()]
-    name = hashlib.sha256(json.dumps([told, list(corridor), location]).encode()).hexdigest()[:12]
-    path = cache_folder() / "networks" / f"{recording.name.partition('.')[0][:40]}-{name}.parquet"
-    if not path.is_file():
+
+    def write(path: Path) -> None:
         found = read_on_network(recording, net, corridor=corridor, route_files=route_files, location=location)
-        path.parent.mkdir(parents=True, exist_ok=True)
         write_parquet(found, path)
-    return path
+
+    stem = recording.name.partition(".")[0][:40]
+    return kept(f"networks/{stem}", ".parquet", [told, list(corridor), location], write)
