@@ -1,4 +1,4 @@
-"""What vehicles that the recording lacks do to every method's error.
+"""Errors of all methods in scenes that lack vehicles.
 
 The paper models 1,992 of 2,169 and 1,521 of 2,017 counted vehicles. If the others are missing from the replayed scene
 too, a modelled vehicle follows the wrong leader.
@@ -33,7 +33,7 @@ COLUMNS = ["missing_share", "seed", "parameters", "method", "ade_m", "ade_se_m",
 
 @dataclass(frozen=True)
 class Thinned:
-    """One side of the study in a scene with vehicles missing.
+    """A side of the study with vehicles missing.
 
     Attributes
     ----------
@@ -86,7 +86,7 @@ def missing_vehicles(study: Study, progress: Progress = silent) -> pd.DataFrame:
 
 
 def _thin(side: Drivers, share: float, rng: np.random.Generator) -> Thinned:
-    """Take away a share of each period's vehicles, modelled or not."""
+    """Take away a share of each period's vehicles."""
     scenes, there = [], []
     for one in side.scenes:
         recorded = np.unique(one.traffic.vehicle)
@@ -99,7 +99,7 @@ def _thin(side: Drivers, share: float, rng: np.random.Generator) -> Thinned:
 
 
 def _refitted(study: Study, train: Drivers, test: Drivers) -> Study:
-    """Return the study of thinned scenes, both sides fitted in them."""
+    """Return the study with both sides fitted again."""
     s = study.settings
     return replace(study, train=train, test=test, train_fits=fits_of(train, s), test_fits=fits_of(test, s))
 

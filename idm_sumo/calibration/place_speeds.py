@@ -1,4 +1,4 @@
-r"""Desired speeds by place and time, from drivers whom their leader does not hold up.
+r"""Desired speeds by place and time, from free drivers.
 
 The IDM accelerates by :math:`a\,[1-(v/v_0)^4-(d^*/d)^2]`. Where the recorded acceleration, the speed and the gap are
 known, the desired speed is what remains:
@@ -30,7 +30,6 @@ HELD_UP = 0.5  # share of the acceleration that a leader takes, from which on it
 SLOWEST = 1.0  # m/s; who is slower stands in a queue
 LEAST_MOMENTS = 10  # of a driver at a place, a second
 FEWEST = 20  # free drivers that a speed rests on
-ALONE = 1000.0  # m, the gap of who has no leader
 
 
 @dataclass(frozen=True)
@@ -102,12 +101,12 @@ def place_speeds(recording: Recording, parameters: IDMParameters, ends: Floats) 
 
 
 def _free_moments(recording: Recording, parameters: IDMParameters, ends: Floats) -> pd.DataFrame:
-    """Return the moments in which a leader takes less than half of the acceleration."""
+    """Return the moments of drivers whom no leader holds up."""
     table, road = recording.table, recording.road
     ahead = row_ahead(table)
     x, speed = table[c.X].to_numpy(), table[c.SPEED].to_numpy()
     length = table[c.LENGTH].fillna(road.car_length).to_numpy()
-    gap = np.where(ahead >= 0, x[ahead] - length[ahead] - x, ALONE)
+    gap = np.where(ahead >= 0, x[ahead] - length[ahead] - x, np.inf)
     rate = np.where(ahead >= 0, speed - speed[ahead], 0.0)
     a, b, T, d0, d1 = parameters
     wanted = (

@@ -1,4 +1,4 @@
-"""A recording on a user's own network, kept as one file that names its road."""
+"""A recording kept with the user's network as its road."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ from idm_sumo.sumo.own_network import road_of
 def read_on_network(
     recording: Path, net: Path, *, corridor: Sequence[str] = (), route_files: Sequence[Path] = (), location: str
 ) -> Recording:
-    """Read a recording on the road that edges of a network make up.
+    """Read a recording on the edges of a network.
 
     Parameters
     ----------
@@ -37,8 +37,9 @@ def read_on_network(
 def kept_on_network(
     recording: Path, net: Path, *, corridor: Sequence[str] = (), route_files: Sequence[Path] = (), location: str
 ) -> Path:
-    """Return a file of what :func:`read_on_network` returns, made if the cache lacks it.
+    """Return the file of a recording on a network.
 
+    It holds what :func:`read_on_network` returns and is made if the cache lacks it.
     Whatever reads it knows the road, so that programs which pass on the path of a recording need not.
 
     Parameters

@@ -1,4 +1,4 @@
-"""Room upstream of the section, in which vehicles of a closed loop line up.
+"""Room upstream of the section for vehicles to line up.
 
 A vehicle that is put on the road at the section's start needs the gap there that its model holds for safe; in dense
 traffic it waits for one while the road ahead empties. Put on the road some way upstream, it drives up to its leader.
@@ -48,7 +48,7 @@ def moved_upstream(demand: pd.DataFrame, net: RoadNetwork) -> pd.DataFrame:
 
 
 def _earlier(lane: pd.DataFrame, start: float) -> tuple[npt.NDArray[np.float64], ...]:
-    """Return place (m), time (s) and speed (m/s) of departure of one lane's vehicles, in order."""
+    """Return places (m), times (s) and speeds (m/s) of departure."""
     usual = lane[d.SPEED].rolling(SPEEDS, center=True, min_periods=1).median().clip(lower=SLOWEST).to_numpy()
     x, then = lane[d.X].to_numpy(dtype=np.float64), lane[d.DEPART].to_numpy(dtype=np.float64)
     way = np.clip(x - start, 0.0, DISTANCE)

@@ -133,7 +133,7 @@ def write_routes(
 
 
 def _allowed(demand: pd.DataFrame, road: Road, places: PlaceSpeeds | None) -> npt.NDArray[np.float64]:
-    """Return departure speeds (m/s) that the road allows: SUMO refuses others."""
+    """Return departure speeds (m/s) that SUMO accepts."""
     speed = demand[d.SPEED].clip(upper=road.speed_limit).to_numpy(dtype=np.float64)
     if places is None:
         return speed
