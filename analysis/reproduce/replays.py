@@ -67,7 +67,7 @@ class Row(NamedTuple):
 def write_replays(results: Results, folder: Path) -> list[Row]:
     """Write the pages of the drivers.
 
-    Write the pages of the drivers that every method drives best, at the median and worst.
+    Each method has three: those it drives best, at the median and worst.
 
     Parameters
     ----------
@@ -97,7 +97,7 @@ def write_replays(results: Results, folder: Path) -> list[Row]:
 def _places(ade: Floats) -> list[int]:
     """Return the rows of three drivers.
 
-    Return the rows of the drivers with the least, the median and the largest error.
+    They have the least, the median and the largest error.
     """
     order = np.argsort(ade, kind="stable")
     return [int(order[round(share * (len(order) - 1))]) for share in PLACES.values()]
@@ -167,7 +167,7 @@ def file_name(period: str, periods: Iterable[str]) -> str:
 def part_of(lengths: list[int], place: int) -> tuple[int, int]:
     """Return part and row of a place.
 
-    Return part and row of a place in parts laid end to end.
+    The parts are laid end to end.
 
     Parameters
     ----------
