@@ -101,7 +101,7 @@ def _road(net: Any, path: Path | str, corridor: Sequence[str]) -> Road:
 def _parts(net: Any, edges: Sequence[Any], path: Path | str) -> list[_Part]:
     """Return the edges with their starts and lanes.
 
-    Return the edges with their starts and the numbers of their lanes, which go on along connections.
+    Lanes keep their numbers along connections.
     """
     parts = [_Part(edges[0], 0.0, 0)]
     for one, following in pairwise(edges):
@@ -189,7 +189,7 @@ def _beside(net: Any, parts: Sequence[_Part], main: dict[int, int]) -> tuple[lis
 def _ramps(net: Any, parts: Sequence[_Part], used: int) -> tuple[list[SideLane], list[Piece]]:
     """Return the edges beside the corridor as ramps.
 
-    Return the edges that lead onto the corridor or off it, as ramps, and their pieces.
+    They lead onto the corridor or off it; their pieces come with them.
     """
     corridor = {part.edge.getID() for part in parts}
     lanes, pieces = [], []

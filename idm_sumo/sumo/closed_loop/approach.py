@@ -22,7 +22,7 @@ SLOWEST = 3.0  # m/s
 
 
 def moved_upstream(demand: pd.DataFrame, net: RoadNetwork) -> pd.DataFrame:
-    """Return the demand with later vehicles upstream of where they were recorded.
+    """Return the demand with entering vehicles farther upstream.
 
     A vehicle departs earlier by the time that the way takes at the speed of those who enter in its lane; the order in
     a lane is kept.
