@@ -141,7 +141,7 @@
     if (isLeader) {
       c.strokeStyle = theme.leader; c.lineWidth = 2.5; c.stroke();
       c.fillStyle = theme.leader; c.textAlign = "center";
-      c.fillText("leader " + vehicle.id, px(x - vehicle.length / 2), py(y + vehicle.width / 2) - 4);
+      c.fillText("leader " + vehicle.id, px(x - vehicle.length / 2), Math.max(py(y + vehicle.width / 2) - 4, 11));
     }
   }
 

@@ -13,15 +13,16 @@ import pytest
 from analysis.page.page import render
 from analysis.page.style import new_figure, save
 from analysis.page.time_space import Mark, diagram
+from analysis.replay.player import Played, write_player
+from analysis.reproduce.replays import file_name
 from idm_sumo.cli import main
-from idm_sumo.recordings import columns as c
-from idm_sumo.recordings.cleaning import clean
-from idm_sumo.recordings.reading import read_recording
+from idm_sumo.evaluation.metrics import score
 from idm_sumo.recordings.recording import Recording
+from idm_sumo.scenes.windows import Window, build_scenes
+from idm_sumo.simulation.rollout import drive_constant_velocity
 from tests.helpers.browser import complaints, requests, visit
 from tests.helpers.builders import Car, recording
 from tests.helpers.hostile import HOSTILE, HOSTILE_NAME, MARK, foreign_elements
-from tests.helpers.platoons import platoon_recording
 
 
 def through(number: int, lane: int, first: int) -> Car:
@@ -56,31 +57,22 @@ def interactive(folder: Path) -> list[Path]:
 
 
 def replay(folder: Path) -> list[Path]:
-    file = write(stream(HOSTILE), folder)
-    main(["calibrate", str(file), "--jobs", "1", "-o", str(folder / "one.parquet")])
-    tables = [folder / f"{HOSTILE_NAME}{n}.parquet" for n in "12"]
-    for table in tables:
-        pd.read_parquet(folder / "one.parquet").to_parquet(table)
-    main(["replay", str(file), "--vehicle", "43", "--backend", "kernel", "--drivers", str(tables[0]),
-          "--drivers", str(tables[1]), "-o", str(folder / "out")])  # fmt: skip
-    return [folder / "out" / "replay.html"]
+    """The page of the command, whose models are called after their tables' files."""
+    whole = stream(HOSTILE)
+    scenes = build_scenes(whole, Window(), modelled=[43])
+    driven = drive_constant_velocity(scenes)
+    scores = score(scenes, driven).assign(method=HOSTILE_NAME)[["method", "ade_m"]]
+    played = [Played(HOSTILE_NAME, driven), Played(HOSTILE, driven)]
+    write_player(
+        folder / "replay.html", whole, scenes, played, scores, title=HOSTILE, answer=HOSTILE, notes=[HOSTILE],
+        footnote=HOSTILE, apart=True,
+    )  # fmt: skip
+    return [folder / "replay.html"]
 
 
 def diagnose(folder: Path) -> list[Path]:
     main(["diagnose", str(write(stream(HOSTILE), folder)), "--jobs", "1", "-o", str(folder / "out")])
     return [folder / "out" / "report.html"]
-
-
-def reproduce(folder: Path) -> list[Path]:
-    platoon_recording().to_parquet(folder / "platoons.parquet")
-    whole = clean(read_recording(folder / "platoons.parquet"))
-    renamed = {period: f"{n} {HOSTILE}" for n, period in enumerate(whole.periods)}
-    table = whole.table.assign(**{c.PERIOD: whole.table[c.PERIOD].astype(str).map(renamed)})
-    (folder / "in").mkdir()
-    table.to_parquet(folder / "in" / f"{HOSTILE_NAME}.parquet")
-    main(["reproduce", str(folder / "in" / f"{HOSTILE_NAME}.parquet"), "--quick", "--no-agents", "--backend", "kernel",
-          "--jobs", "1", "-o", str(folder / "out")])  # fmt: skip
-    return [folder / "out" / "report.html", *sorted((folder / "out" / "replays").glob("*.html"))]
 
 
 def time_space(folder: Path) -> list[Path]:
@@ -97,14 +89,11 @@ def time_space(folder: Path) -> list[Path]:
     return [folder / "page.html"]
 
 
-PAGES = (compare, interactive, replay, diagnose, reproduce, time_space)
+PAGES = (compare, interactive, replay, diagnose, time_space)
 
 
-@pytest.mark.parametrize("make", PAGES, ids=lambda make: make.__name__)
-def test_no_value_of_a_file_becomes_an_element(
-    make: Callable[[Path], list[Path]], tmp_path: Path, browser: Any
-) -> None:
-    pages = make(tmp_path)
+def check(browser: Any, pages: list[Path]) -> None:
+    """Look for elements that no template has, and for complaints of the browser."""
     assert pages
     for page in pages:
         assert foreign_elements(page) == []
@@ -115,3 +104,20 @@ def test_no_value_of_a_file_becomes_an_element(
         assert browser.execute_script("return document.querySelectorAll(`[id=${arguments[0]}]`).length", MARK) == 0
         assert complaints(browser) == []
         assert requests(browser) == []
+
+
+@pytest.mark.parametrize("make", PAGES, ids=lambda make: make.__name__)
+def test_no_value_of_a_file_becomes_an_element(
+    make: Callable[[Path], list[Path]], tmp_path: Path, browser: Any
+) -> None:
+    check(browser, make(tmp_path))
+
+
+def test_no_value_of_a_file_becomes_an_element_of_a_study(platoon_study: Path, browser: Any) -> None:
+    check(browser, [platoon_study / "report.html", *sorted((platoon_study / "replays").glob("*.html"))])
+
+
+def test_a_period_that_no_file_can_be_named_after_is_called_by_its_number() -> None:
+    assert file_name("0750-0805", ["0750-0805"]) == "0750-0805"
+    assert file_name("../a", ["0750-0805", "../a"]) == "2"
+    assert file_name(HOSTILE, [HOSTILE]) == "1"
