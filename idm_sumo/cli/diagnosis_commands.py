@@ -37,7 +37,8 @@ verdicts (exit code 0 for each):
 reads   RECORDING
 leaves  DIR/report.html for people, diagnosis.json for programs, tables/,
         figures/, manifest.json, model.json, the extended model, and
-        drivers.parquet, each driver refitted with the causes
+        drivers.parquet, each driver refitted with the causes; replays/, three
+        held-out drivers by the base and the extended model, if a cause is named
 next    open DIR/report.html; idm-sumo replay RECORDING --vehicle ID --model
         DIR/model.json -o out, and `export` and `interactive` with --model"""
 
