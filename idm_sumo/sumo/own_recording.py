@@ -9,7 +9,10 @@ from pathlib import Path
 from idm_sumo.recordings.reading import read_recording, write_parquet
 from idm_sumo.recordings.recording import Recording
 from idm_sumo.runtime.cache import kept
+from idm_sumo.runtime.environment import fingerprint
 from idm_sumo.sumo.own_network import road_of
+
+PACKAGE = Path(__file__).parents[1]
 
 
 def read_on_network(
@@ -39,7 +42,8 @@ def kept_on_network(
 ) -> Path:
     """Return the file of a recording on a network.
 
-    It holds what :func:`read_on_network` returns and is made if the cache lacks it.
+    It holds what :func:`read_on_network` returns and is made if the cache lacks it; other sources of the
+    program, which may read it another way, make their own.
     Whatever reads it knows the road, so that programs which pass on the path of a recording need not.
 
     Parameters
@@ -58,4 +62,4 @@ def kept_on_network(
         write_parquet(found, path)
 
     stem = recording.name.partition(".")[0][:40]
-    return kept(f"networks/{stem}", ".parquet", [told, list(corridor), location], write)
+    return kept(f"networks/{stem}", ".parquet", [fingerprint(PACKAGE), told, list(corridor), location], write)
