@@ -160,7 +160,7 @@ def write_results(
         setup=_setup(settings, demand, measured),
         measures=measures,
         distances=distances,
-        ranks=ranks,
+        ranks=ranks.replace({"disqualified": {"": "–"}}),
         diagrams=diagrams_of(glimpses),
         insertion=table[table[POPULATION] != RECORDED][["population", "seed", *INSERTION]].rename(columns=INSERTION),
         bias=bias if len(bias) else None,

@@ -17,9 +17,11 @@ import pandas as pd
 from joblib import cpu_count
 
 from idm_sumo.calibration import driver_table as d
+from idm_sumo.calibration.place_speeds import PlaceSpeeds, place_speeds
 from idm_sumo.evaluation.comparison import compare_measures
 from idm_sumo.evaluation.traffic_measures import measure_traffic
 from idm_sumo.models.effects import ExtendedModel
+from idm_sumo.models.idm import TEXTBOOK
 from idm_sumo.recordings import columns as c
 from idm_sumo.recordings.recording import Recording
 from idm_sumo.recordings.smoothing import smooth
@@ -29,7 +31,7 @@ from idm_sumo.runtime.files import MANIFEST, new_folder
 from idm_sumo.runtime.progress import Progress, silent
 from idm_sumo.runtime.workers import in_processes
 from idm_sumo.sumo import network
-from idm_sumo.sumo.closed_loop.demand import boundary_speeds, demand_of
+from idm_sumo.sumo.closed_loop.demand import demand_of
 from idm_sumo.sumo.closed_loop.ego import Ego
 from idm_sumo.sumo.closed_loop.extended_loop import ModelDrivers
 from idm_sumo.sumo.closed_loop.measurement import Measured, run_and_measure
@@ -41,6 +43,7 @@ from idm_sumo.sumo.closed_loop.populations import (
     lane_change_attributes,
 )
 from idm_sumo.sumo.closed_loop.run import write_run
+from idm_sumo.sumo.closed_loop.signs import boundary_signs, place_signs
 from idm_sumo.sumo.gui import gui_binary
 
 from ..comparison.run import read_all
@@ -104,7 +107,7 @@ def interactive(settings: Settings, out: Path, *, command: list[str], progress: 
             raise InputError("--gui shows one population; choose it with --types")
     with new_folder(out) as part:
         recorded, path = _recorded(settings, progress)
-        demand = demand_of(recorded)
+        demand = demand_of(recorded, approach=True)
         _check_ego(settings, demand, recorded)
         drivers = (
             drivers_of(recorded, settings.drivers, refit=settings.refit, progress=progress)
@@ -183,7 +186,9 @@ def _cases(
 ) -> list[Case]:
     """Write the inputs of every population."""
     speeds = mean_speed_of(recorded)
-    downstream = boundary_speeds(recorded) if settings.downstream_speed else None
+    signs = boundary_signs(recorded) if settings.downstream_speed else []
+    places = _place_speeds(recorded, drivers) if settings.place_speeds else None
+    signs += [] if places is None else place_signs(places, recorded.road)
     cases = []
     for population in settings.types:
         pooled = 0
@@ -195,17 +200,26 @@ def _cases(
             types = calibrated_types(demand, theta, lane_change, limits, speed_limit=recorded.road.speed_limit)
         ours = None
         if population in LOOPS and settings.model is not None:
-            ours = _ours(settings.model, population, demand, recorded, theta)
+            ours = _ours(settings.model, population, demand, recorded, theta, places)
         options = SUBLANE.get(settings.lane_change_model, ())
         files = write_run(
-            part / "simulation", population, recorded, demand, types, downstream=downstream, options=options
+            part / "simulation", population, recorded, demand, types, signs=signs, places=places, options=options
         )
         seeds = [0] if settings.seeds == 1 else range(settings.seed, settings.seed + settings.seeds)
         cases += [Case(population, seed, files, pooled, deepcopy(ours)) for seed in seeds]
     return cases
 
 
-def _ours(file: Path, population: str, demand: pd.DataFrame, recorded: Recording, calibrated: Floats) -> ModelDrivers:
+def _place_speeds(recorded: Recording, drivers: Drivers | None) -> PlaceSpeeds:
+    """Return desired speeds by place, seen with the pooled driver, or the textbook's where none was calibrated."""
+    typical = TEXTBOOK if drivers is None else drivers.pooled
+    return place_speeds(recorded, typical, np.array(network.of(recorded.road).mainline_ends()))
+
+
+def _ours(
+    file: Path, population: str, demand: pd.DataFrame, recorded: Recording, calibrated: Floats,
+    places: PlaceSpeeds | None,
+) -> ModelDrivers:  # fmt: skip
     """Return the drivers of a population of our own loop.
 
     They drive with a model's causes, or by its law without them.
@@ -214,9 +228,9 @@ def _ours(file: Path, population: str, demand: pd.DataFrame, recorded: Recording
     if population != EXTENDED:
         model = replace(model, causes=())
         if model.is_idm:
-            return ModelDrivers(model, demand, calibrated, recorded.road)
+            return ModelDrivers(model, demand, calibrated, recorded.road, places=places)
     theta, limits, has = refitted_for(model, file, demand, recorded.periods[0], calibrated)
-    return ModelDrivers(model, demand, theta, recorded.road, limits, has)
+    return ModelDrivers(model, demand, theta, recorded.road, limits, has, places)
 
 
 def _run_all(

@@ -43,6 +43,8 @@ class Settings:
     gui : bool
     downstream_speed : bool
         Whether the recorded speeds at the end of the section are imposed behind it.
+    place_speeds : bool
+        Whether nobody wants to drive faster at a place than drivers did there whom no leader held up.
     seeds : int
         Runs of each population, with ``seed``, ``seed + 1``, ...
     bias_sample : int
@@ -65,6 +67,7 @@ class Settings:
     ego: int | None = None
     gui: bool = False
     downstream_speed: bool = True
+    place_speeds: bool = True
     seeds: int = 1
     bias_sample: int = 150
     minutes: float = 45.0

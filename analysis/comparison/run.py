@@ -247,7 +247,8 @@ def findings(comparison: Comparison) -> str:
     """
     parts = []
     for name in list(comparison.measures)[1:]:
-        own, theirs = (last_row(comparison, key) for key in (comparison.reference, name))
+        theirs = last_row(comparison, name)
+        own = reference_row(comparison, str(theirs[c.PERIOD]))
         parts.append(
             f"{name}: mean speed {theirs['mean_speed_m_s']:.1f} against {own['mean_speed_m_s']:.1f} m/s, "
             f"median gap {theirs['gap_m']:.1f} "
@@ -271,6 +272,21 @@ def last_row(comparison: Comparison, name: str) -> pd.Series:
     name : str
     """
     return comparison.summary[comparison.summary[RECORDING] == name].iloc[-1]
+
+
+def reference_row(comparison: Comparison, period: str) -> pd.Series:
+    """Return the reference's row of a period.
+
+    If it has no such row, that over all its periods.
+
+    Parameters
+    ----------
+    comparison : Comparison
+    period : str
+    """
+    rows = comparison.summary[comparison.summary[RECORDING] == comparison.reference]
+    of_period = rows[rows[c.PERIOD] == period]
+    return (of_period if len(of_period) else rows).iloc[-1]
 
 
 def _write_page(comparison: Comparison, recordings: dict[str, Recording], part: Path) -> None:

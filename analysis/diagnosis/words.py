@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
-from idm_sumo.diagnosis import CauseFound, Diagnosis, Gain, Power, Region
+from collections.abc import Sequence
+
+from idm_sumo.diagnosis import Diagnosis, Power
 from idm_sumo.models import laws
 from idm_sumo.models.effects import BY_NAME, Parameter, format_quantity
 
@@ -55,76 +57,6 @@ def p_value(p: float) -> str:
     return "p < 0.0001" if p < 1e-4 else f"p = {p:.2g}"
 
 
-def headline(found: Diagnosis) -> str:
-    """Return the verdict in one sentence.
-
-    Parameters
-    ----------
-    found : Diagnosis
-        The diagnosis.
-
-    Returns
-    -------
-    str
-        Sentence.
-    """
-    if found.verdict == "named":
-        names = " and ".join(_sized(cause) for cause in found.causes)
-        return f"Named: {names}."
-    if found.verdict == "unknown":
-        places = "; ".join(
-            f"{plain(one.covariate)} from {one.range[0]:.4g} to {one.range[1]:.4g}{where(one.position_m, one.time_s)} "
-            f"({p_value(one.p_value)})"
-            for one in found.unexplained
-        )
-        return f"Unknown: residuals that no effect of the catalogue explains, at {places}."
-    if found.gain is None and found.notes:
-        return f"None: {sentence(found.notes[0])}"
-    if found.without_gain:
-        return "None: no effect of the catalogue improves the simulation."
-    if found.other_law is not None:
-        return "None: these data show no effect of the catalogue."
-    return f"None: these data show nothing beyond {law_of(found)}."
-
-
-def _sized(cause: CauseFound) -> str:
-    drivers = f"; rests on about {cause.effective_drivers:.0f} drivers" if cause.effective_drivers else ""
-    bound = "; its size is at the bound of what is searched" if cause.at_bound else ""
-    shown = f"{_sizes(cause)}; {p_value(cause.p_value)}; {cause.share_of_gain:.0%} of the gain"
-    return f"{_what(cause)} ({shown}{drivers}{bound})"
-
-
-def _what(cause: CauseFound) -> str:
-    region = cause.where
-    place = "" if region is None else where(region.position_m, region.time_s) + lanes(region)
-    drifts = cause.name == "time_of_day" and "delta" in cause.parameters
-    return f"{plain(cause.name)}{', drifting' if drifts else ''}{place}"
-
-
-def _sizes(cause: CauseFound) -> str:
-    return ", ".join(
-        f"{symbol} = {format_quantity(one.value, one.unit)} (95 %: {one.ci95[0]:.3g} to {one.ci95[1]:.3g})"
-        for symbol, one in cause.parameters.items()
-    )
-
-
-def without_gain_sentence(found: Diagnosis) -> str:
-    """Name the causes that do not improve rollouts.
-
-    Parameters
-    ----------
-    found : Diagnosis
-        The diagnosis.
-
-    Returns
-    -------
-    str
-        Sentence, empty without such causes.
-    """
-    there = " and ".join(f"{_what(one)} ({_sizes(one)}; {p_value(one.p_value)})" for one in found.without_gain)
-    return f"Present, but without a gain of the rollouts: {there}." if there else ""
-
-
 def where(position: tuple[float, float] | None, time: tuple[float, float] | None) -> str:
     """Return where and when something holds, as words.
 
@@ -139,51 +71,42 @@ def where(position: tuple[float, float] | None, time: tuple[float, float] | None
         Empty without intervals, else with a blank before.
     """
     place = "" if position is None else f" between {position[0]:.0f} and {position[1]:.0f} m"
-    return place + ("" if time is None else f" between {time[0]:.0f} and {time[1]:.0f} s")
+    if time is None:
+        return place
+    return f"{place}{' and' if place else ''} from {clock(time[0])} to {clock(time[1])} (min:s)"
 
 
-def lanes(region: Region) -> str:
-    """Return the lanes of a region, as words.
+def clock(seconds: float) -> str:
+    """Return a time as minutes and seconds.
 
     Parameters
     ----------
-    region : Region
-        A part of the road and of the recording.
+    seconds : float
+        Since the period began.
+
+    Returns
+    -------
+    str
+        Such as ``7:05``.
+    """
+    minutes, rest = divmod(round(seconds), 60)
+    return f"{minutes}:{rest:02d}"
+
+
+def lanes(numbers: Sequence[int] | None) -> str:
+    """Return lanes as words.
+
+    Parameters
+    ----------
+    numbers : sequence of int or None
+        As in the recording; None for all.
 
     Returns
     -------
     str
         Empty for all lanes, else with a blank before.
     """
-    return "" if region.lanes is None else f" in lane {', '.join(map(str, region.lanes))}"
-
-
-def gain_sentence(gain: Gain | None) -> str:
-    """Describe the gain of the extended model on held-out drivers.
-
-    Parameters
-    ----------
-    gain : Gain or None
-        The gain, None if no drivers were held out.
-
-    Returns
-    -------
-    str
-        Sentences.
-    """
-    if gain is None:
-        return "Too few drivers to hold some out: no gain was measured."
-    if gain.difference == 0.0:
-        error = f"The mean displacement error is {gain.base:.2f} m on {gain.vehicles} held-out drivers"
-        return f"{error}; the model is not extended."
-    share = gain.difference / gain.base if gain.base else 0.0
-    moves = "falls" if gain.difference > 0.0 else "rises"
-    sure = "" if gain.ci95[0] > 0.0 else " An effect can be significant without a gain: here nothing is clearly gained."
-    return (
-        f"On {gain.vehicles} held-out drivers the mean displacement error {moves} from {gain.base:.3f} to "
-        f"{gain.extended:.3f} m, a gain of {gain.difference:.3f} m or {share:.1%} (95 %: {gain.ci95[0]:.3f} to "
-        f"{gain.ci95[1]:.3f} m).{sure}"
-    )
+    return "" if not numbers else f" in lane {', '.join(map(str, numbers))}"
 
 
 def law_of(found: Diagnosis) -> str:

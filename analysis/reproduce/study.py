@@ -93,6 +93,22 @@ class Study:
         columns = features_of(features, speed=speed or self.settings.code_speed)
         return KNNPredictor(min(k, len(theta)), columns).fit(train_codes, theta).predict(codes)
 
+    def or_pooled(self, fits: pd.DataFrame) -> Floats:
+        """Return fitted parameters, pooled ones where a fit failed.
+
+        Parameters
+        ----------
+        fits : pandas.DataFrame
+            One row a window.
+
+        Returns
+        -------
+        float64, shape (windows, 5)
+            ``a, b, T, d0, d1``.
+        """
+        theta = fits[PARAMETERS].to_numpy()
+        return np.where(np.isfinite(theta), theta, np.array(self.pooled))
+
 
 def prepare(source: Source, settings: Settings, window: Window, progress: Progress = silent) -> Study:
     """Cut the windows of both sides and calibrate every driver.
@@ -125,9 +141,9 @@ def prepare(source: Source, settings: Settings, window: Window, progress: Progre
     progress("calibration", 0, 5)
     learned = learn(source, settings, window)
     progress("calibration", 1, 5)
-    train_fits = _fits(train, settings)
+    train_fits = fits_of(train, settings)
     progress("calibration", 2, 5)
-    test_fits = _fits(test, settings)
+    test_fits = fits_of(test, settings)
     progress("calibration", 3, 5)
     _, population = hierarchical(train.scenes, desired_speed=settings.desired_speed)
     progress("calibration", 4, 5)
@@ -148,8 +164,21 @@ def prepare(source: Source, settings: Settings, window: Window, progress: Progre
     )
 
 
-def _fits(drivers: Drivers, settings: Settings) -> pd.DataFrame:
-    """Calibrate all drivers of one side, in their windows' order."""
+def fits_of(drivers: Drivers, settings: Settings) -> pd.DataFrame:
+    """Calibrate all drivers of one side, in their windows' order.
+
+    Parameters
+    ----------
+    drivers : Drivers
+        Windows of one side of the study.
+    settings : Settings
+        Settings of the run.
+
+    Returns
+    -------
+    pandas.DataFrame
+        One row a window.
+    """
     fits = [calibrate(s, desired_speed=settings.desired_speed) for s in drivers.scenes]
     return pd.concat(fits, ignore_index=True)
 
@@ -174,11 +203,6 @@ def predictions(study: Study) -> dict[str, Floats]:
     first_gap = [first_gap_parameters(one, study.pooled, desired_speed=s.desired_speed) for one in study.test.scenes]
     one_for_all = np.tile(study.pooled, (n, 1))
 
-    def or_pooled(fits: pd.DataFrame) -> Floats:
-        """Return the fits, pooled parameters where one failed."""
-        theta = fits[PARAMETERS].to_numpy()
-        return np.where(np.isfinite(theta), theta, one_for_all)
-
     return {
         "idm_average": np.tile(average_parameters(theta), (n, 1)),
         "idm_prediction": study.neighbours(seen, s.neighbours),
@@ -186,6 +210,6 @@ def predictions(study: Study) -> dict[str, Floats]:
         "idm_first_gap": np.concatenate(first_gap),
         "idm_pooled": one_for_all,
         "idm_typical": np.tile(study.population.typical(), (n, 1)),
-        "idm_hierarchical": or_pooled(study.drawn_fits),
-        "idm_oracle": or_pooled(study.test_fits),
+        "idm_hierarchical": study.or_pooled(study.drawn_fits),
+        "idm_oracle": study.or_pooled(study.test_fits),
     }

@@ -362,7 +362,7 @@ def _as_table(
     drawn[which] = np.trace(share, axis1=1, axis2=2) / PARAMETERS
     table = scenes.keys()
     table[NAMES] = theta
-    table["ade_m"] = full_ade(scenes, problem, theta, desired_speed)
+    table["ade_m"] = full_ade(scenes, theta, desired_speed, problem.counted)
     state = status.statuses(problem, scenes.speed[:, scenes.start : scenes.start + scenes.window.horizon + 1])
     table["status"] = pd.Series(state, dtype=str)
     table["effective_frames"], table["drawn"] = frames, drawn

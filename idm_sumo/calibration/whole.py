@@ -1,7 +1,4 @@
-"""Calibration of each driver over all of its windows.
-
-The driver, not ten seconds of it.
-"""
+"""Calibration of each driver over all of its windows together."""
 
 from __future__ import annotations
 
@@ -10,11 +7,11 @@ import pandas as pd
 
 from idm_sumo.calibration.pooled import pooled
 from idm_sumo.calibration.status import OK
+from idm_sumo.calibration.table import full_ade
 from idm_sumo.recordings import columns as c
 from idm_sumo.runtime.progress import Progress, silent
 from idm_sumo.scenes.windows import Scenes
 from idm_sumo.simulation.driver_parameters import PARAMETERS
-from idm_sumo.simulation.rollout import drive_idm
 
 WINDOWS = "windows"  # column: how many windows of the driver its parameters were fitted to
 
@@ -48,18 +45,17 @@ def fit_whole_drivers(fits: pd.DataFrame, scenes: Scenes, progress: Progress = s
 
 def _one(fits: pd.DataFrame, scenes: Scenes, every: np.ndarray[tuple[int], np.dtype[np.int64]]) -> pd.Series:
     """Return the row of one driver."""
-    row = fits.iloc[int(every[0])].copy()
     usable = every[(fits["status"].to_numpy()[every] == OK)]
+    first = usable[0] if len(usable) else every[0]
+    row = fits.iloc[int(first)].copy()
     row[WINDOWS] = len(usable)
     if len(usable) < 2:
-        return fits.iloc[int(usable[0])].copy() if len(usable) else row
+        return row
     part, told = scenes.subset(usable), fits.iloc[usable]
     limit = told["desired_speed_m_s"].max()
     theta = pooled(part, desired_speed=float(limit))
     row[list(PARAMETERS)] = list(theta)
-    driven = drive_idm(part, np.tile(np.array(theta, dtype=np.float64), (len(part), 1)), desired_speed=limit)
-    told_x, told_y = (values[:, part.start : part.start + driven.x.shape[1]] for values in (part.x, part.y))
-    row["ade_m"] = float(np.hypot(driven.x - told_x, driven.y - told_y)[:, 1:].mean())
+    row["ade_m"] = full_ade(part, np.tile(theta, (len(part), 1)), limit).mean()
     row["status"] = OK
     for name in PARAMETERS:
         row[f"{name}_sd"] = float(1.0 / np.sqrt((1.0 / told[f"{name}_sd"].clip(lower=1e-9) ** 2).sum()))

@@ -175,6 +175,11 @@ def _add_interactive(commands: Any) -> None:
         help="do not impose the recorded speeds behind the section, where the bottleneck is",
     )
     parser.add_argument(
+        "--no-place-speeds",
+        action="store_true",
+        help="let vehicles drive faster at a place than free vehicles were recorded there",
+    )
+    parser.add_argument(
         "--seeds",
         type=shared.whole(limits.COUNT),
         default=1,
@@ -234,6 +239,7 @@ def interactive(options: argparse.Namespace) -> None:
         ego=options.ego,
         gui=options.gui,
         downstream_speed=not options.no_downstream_speed,
+        place_speeds=not options.no_place_speeds,
         seeds=options.seeds,
         bias_sample=0 if single else options.replay_bias,
         minutes=options.minutes,

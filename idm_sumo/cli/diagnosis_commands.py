@@ -37,7 +37,8 @@ verdicts (exit code 0 for each):
 reads   RECORDING
 leaves  DIR/report.html for people, diagnosis.json for programs, tables/,
         figures/, manifest.json, model.json, the extended model, and
-        drivers.parquet, each driver refitted with the causes
+        drivers.parquet, each driver refitted with the causes; replays/, three
+        held-out drivers by the base and the extended model, if a cause is named
 next    open DIR/report.html; idm-sumo replay RECORDING --vehicle ID --model
         DIR/model.json -o out, and `export` and `interactive` with --model"""
 
@@ -70,6 +71,7 @@ def diagnose(options: argparse.Namespace) -> None:
     """
     keep_freed_memory()
     module, words = study_module("diagnosis.report"), study_module("diagnosis.words")
+    first = study_module("diagnosis.answer")
     with progress_bar(module.STAGES) as report:
         found = module.diagnose_file(
             shared.recording_path(options),
@@ -80,13 +82,7 @@ def diagnose(options: argparse.Namespace) -> None:
             command=sys.argv,
             progress=report,
         )
-    sentences = (
-        words.headline(found),
-        words.without_gain_sentence(found),
-        words.gain_sentence(found.gain),
-        words.law_sentence(found),
-    )
-    say(*filter(None, sentences))
+    say(*filter(None, (*first.spoken(found), words.law_sentence(found))))
     if found.verdict == "none" and found.power:
         say(*words.power_sentences(found))
     if options.verbose:

@@ -121,11 +121,11 @@ def network_arguments(parser: argparse.ArgumentParser) -> None:
         "-n", "--net-file", type=Path, metavar="NET", help="SUMO network that it was recorded on (.net.xml)"
     )
     group.add_argument(
-        "--corridor", nargs="+", default=[], metavar="EDGE",
+        "--corridor", nargs="+", action="extend", default=[], metavar="EDGE",
         help="edges of the road in driving order, those between are found (default: the network, if it is one road)",
     )  # fmt: skip
     group.add_argument(
-        "--route-files", nargs="+", type=Path, default=[], metavar="FILE",
+        "--route-files", nargs="+", action="extend", type=Path, default=[], metavar="FILE",
         help="route files whose vTypes tell lengths, widths and classes of a SUMO recording's vehicles",
     )  # fmt: skip
 

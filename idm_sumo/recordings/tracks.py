@@ -165,7 +165,8 @@ def _complete(table: pd.DataFrame, road: Road, notes: list[str]) -> pd.DataFrame
     same = _follows(table)
     for name, origin in ((c.SPEED, c.X), (c.ACCELERATION, c.SPEED)):
         if name not in table:
-            rate = pd.Series(np.gradient(table[origin].to_numpy(), FRAME_STEP), table.index)
+            values = table[origin].to_numpy(np.float64)
+            rate = pd.Series(np.gradient(values, FRAME_STEP) if len(values) > 1 else 0.0, table.index)
             edge = ~same | ~np.append(same[1:], False)
             back = (table[origin].diff() / FRAME_STEP).where(same).bfill(limit=1).fillna(0.0)
             table = table.assign(**{name: rate.where(~edge, back)})

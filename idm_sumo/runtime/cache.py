@@ -2,12 +2,16 @@
 
 from __future__ import annotations
 
+import hashlib
+import json
 import os
+from collections.abc import Callable
 from pathlib import Path
 
 from platformdirs import user_cache_path
 
 from idm_sumo.runtime.environment import is_writable, temporary_cache
+from idm_sumo.runtime.files import new_file
 
 
 def cache_folder() -> Path:
@@ -23,3 +27,28 @@ def cache_folder() -> Path:
         return Path(folder)
     users = user_cache_path("idm-sumo")
     return users if is_writable(users) else temporary_cache()
+
+
+def kept(name: str, ending: str, made_of: object, write: Callable[[Path], None]) -> Path:
+    """Return a file of the cache, written if it is not there.
+
+    Parameters
+    ----------
+    name, ending : str
+        What stands before and after the digest of what it is made of; folders may be part of the name.
+    made_of : object
+        All that the content depends on, as JSON can hold it.
+    write : callable
+        Writes the file to the path that it is given.
+
+    Returns
+    -------
+    Path
+        Of the whole file.
+    """
+    digest = hashlib.sha256(json.dumps(made_of).encode()).hexdigest()[:16]
+    path = cache_folder() / f"{name}-{digest}{ending}"
+    if not path.is_file():
+        with new_file(path) as part:
+            write(part)
+    return path

@@ -74,7 +74,7 @@ class Traffic:
     def without(self, vehicles: npt.ArrayLike) -> Traffic:
         """Return the traffic without some of its vehicles.
 
-        Return the traffic as if some vehicles had not been recorded.
+        It is as if they had not been recorded.
 
         Parameters
         ----------

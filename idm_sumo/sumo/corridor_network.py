@@ -1,6 +1,6 @@
 """The SUMO network of a road.
 
-The SUMO network of a road that is a corridor of a user's own network.
+The road is a corridor of a user's own network.
 """
 
 from __future__ import annotations
@@ -171,7 +171,7 @@ class CorridorNetwork(RoadNetwork):
     def seen(self, sumo: Any, names: Sequence[str]) -> Floats:
         """Return where SUMO has vehicles on the straightened road.
 
-        Return where SUMO has vehicles, ``x, y`` (m) on the straightened road; shape ``(names, 2)``.
+        ``x, y`` (m), shape ``(names, 2)``.
 
         Parameters
         ----------

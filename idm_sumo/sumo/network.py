@@ -114,7 +114,7 @@ class RoadNetwork:
     def reach(self, sumo: Any) -> tuple[float, float]:
         """Return the first and last ``x`` (m) of the network.
 
-        Return the first and last ``x`` (m) of the network that a simulation has loaded.
+        It is the one that a simulation has loaded.
 
         Parameters
         ----------
@@ -143,7 +143,7 @@ class RoadNetwork:
     def seen(self, sumo: Any, names: Sequence[str]) -> npt.NDArray[np.float64]:
         """Return where SUMO has vehicles on the straightened road.
 
-        Return where SUMO has vehicles, ``x, y`` (m) on the straightened road; shape ``(names, 2)``.
+        ``x, y`` (m), shape ``(names, 2)``.
 
         Parameters
         ----------

@@ -1,20 +1,15 @@
-"""A SUMO network of a straight road.
-
-Written where it is needed; netconvert need not be there.
-"""
+"""A SUMO network of a straight road, written without netconvert."""
 
 from __future__ import annotations
 
-import hashlib
-import json
+from functools import partial
 from itertools import pairwise
 from pathlib import Path
 from xml.etree.ElementTree import Element, ElementTree, SubElement
 
 from idm_sumo.roads import Road
 from idm_sumo.roads.straight import BEFORE, BEHIND
-from idm_sumo.runtime.cache import cache_folder
-from idm_sumo.runtime.files import new_file
+from idm_sumo.runtime.cache import kept
 from idm_sumo.sumo.layouts import Layout
 
 EDGES = ("upstream", "section", "downstream")
@@ -22,25 +17,17 @@ LAYOUT = Layout(mainline=EDGES, weave="section", downstream="downstream", on_ram
 
 
 def network_of(road: Road) -> Path:
-    """Return the network of a straight road: its main lanes.
+    """Return the network of a straight road's main lanes.
 
-    In the recording's coordinates.
-
-    It is kept in the cache, one file a geometry.
+    It is in the recording's coordinates and kept in the cache, one file a geometry.
 
     Parameters
     ----------
     road : Road
         Its side lanes are not part of the network.
     """
-    geometry = json.dumps([road.widths, road.length, road.speed_limit])
-    name = hashlib.sha256(geometry.encode()).hexdigest()[:16]
-    path = cache_folder() / "networks" / f"straight-{name}.net.xml"
-    if not path.is_file():
-        path.parent.mkdir(parents=True, exist_ok=True)
-        with new_file(path) as part:
-            write_network(road, part)
-    return path
+    geometry = [road.widths, road.length, road.speed_limit]
+    return kept("networks/straight", ".net.xml", geometry, partial(write_network, road))
 
 
 def write_network(road: Road, path: Path) -> None:

@@ -169,6 +169,14 @@ def test_a_file_of_the_words_name_is_read_by_its_path(
     assert capsys.readouterr().out.splitlines()[0] == "surrogate"
 
 
+def test_options_of_several_values_may_be_repeated() -> None:
+    given = ["inspect", "r.csv", "--corridor", "a", "b", "--corridor", "c", "--route-files", "x", "--route-files", "y"]
+    options = build_parser().parse_args(given)
+    assert options.corridor == ["a", "b", "c"]
+    assert options.route_files == [Path("x"), Path("y")]
+    assert build_parser().parse_args(["inspect", "r.csv"]).corridor == []
+
+
 def test_nobody_is_refused_who_does_not_name_it(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.chdir(tmp_path)
     Path("surrogate").mkdir()

@@ -1,6 +1,8 @@
 """Roads of networks of one's own: numbers, places, and SUMO's traffic where the recording has it."""
 
+import re
 import shutil
+import subprocess
 from pathlib import Path
 
 import numpy as np
@@ -21,6 +23,7 @@ from idm_sumo.sumo.own_network import road_of
 from idm_sumo.sumo.replay.one_vehicle import replay
 from idm_sumo.sumo.replay.playback import play
 from idm_sumo.sumo.session import simulation
+from tests.fuzz.seeds import NETWORK
 from tests.roads import networks, proof
 
 SECONDS = 45.0
@@ -95,17 +98,17 @@ def test_a_network_of_several_roads_asks_for_the_corridor(tmp_path: Path) -> Non
     with pytest.raises(InputError, match=r"more than one road.*--corridor"):
         road_of(net)
     assert road_of(net, ["west", "east"]).has_signals
-    with pytest.raises(InputError, match="has no edge 'nowhere'; it has"):
+    with pytest.raises(InputError, match="has no edge 'nowhere' for cars; it has east, north"):
         road_of(net, ["nowhere"])
     with pytest.raises(InputError, match="no way from edge 'east' to 'west'"):
         road_of(net, ["east", "west"])
 
 
 def test_what_is_no_network_is_refused(tmp_path: Path) -> None:
-    (tmp_path / "bad.net.xml").write_text("<net><edge>")
-    with pytest.raises(InputError, match="not a SUMO network"):
+    (tmp_path / "bad.net.xml").write_text('<net><edge id="a">')
+    with pytest.raises(InputError, match="line 1: malformed XML"):
         road_of(tmp_path / "bad.net.xml")
-    with pytest.raises(InputError, match="no such network"):
+    with pytest.raises(InputError, match="no such file; name a network"):
         road_of(tmp_path / "none.net.xml")
 
 
@@ -126,3 +129,49 @@ def test_play_is_exact_on_a_straight_road(tmp_path: Path) -> None:
     truth = proof.make(networks.STRAIGHT, tmp_path, seconds=15.0)
     recording = proof.recorded(networks.STRAIGHT, truth, tmp_path, step=0.1, noise=0.0)
     assert play(clean(recording)).largest_deviation < 0.01
+
+
+def grid(folder: Path, size: int) -> Path:
+    """Return a town of streets in both directions."""
+    net = folder / "grid.net.xml"
+    generate = Path(networks.netconvert()).with_name("netgenerate")
+    options = ["--grid", "--grid.number", str(size), "--grid.attach-length", "100", "--no-turnarounds", "true"]
+    subprocess.run([str(generate), *options, "-o", str(net)], check=True, capture_output=True)
+    return net
+
+
+def test_a_town_asks_for_the_corridor_too(tmp_path: Path) -> None:
+    with pytest.raises(InputError, match=r"more than one road.*--corridor"):
+        road_of(grid(tmp_path, 7))
+
+
+def test_a_corridor_meets_no_edge_twice(tmp_path: Path) -> None:
+    net = grid(tmp_path, 2)
+    with pytest.raises(InputError, match="meets edge 'A0A1' twice"):
+        road_of(net, ["A0A1", "B1B0", "A0A1"])
+
+
+def test_a_road_of_a_thousand_edges_is_one_road(tmp_path: Path) -> None:
+    nodes = "".join(f'<node id="{n}" x="{20 * n}" y="0"/>' for n in range(1201))
+    edges = "".join(f'<edge id="e{n}" from="{n}" to="{n + 1}" numLanes="2" speed="30"/>' for n in range(1200))
+    road = road_of(networks.build(networks.Network("long", nodes, edges, {}, {}), tmp_path))
+    assert len(road.edges) == 1200
+    assert road.length == pytest.approx(24_000.0, rel=0.01)  # SUMO counts 0.1 m for each of the junctions, too
+
+
+@pytest.mark.parametrize(
+    ("old", "new", "complaint"),
+    [
+        ('length="182.50"', 'length="inf"', "line 17: lane 'in_0': length = 'inf' is impossible"),
+        ('width="3.20" shape="0.00,35.20 182.50,35.20"', 'shape="0.00,35.20"', "its shape is not two points"),
+        ('<edge id="out"', '<edge id="in"', "edge 'in' is there twice"),
+        ('via=":b_1_0"', 'via=":b_9_0"', "not a sound SUMO network"),
+        ("<net ", "<routes ", "root element is <routes>; a SUMO network has <net>"),
+    ],
+)
+def test_what_is_wrong_in_a_network_is_named(tmp_path: Path, old: str, new: str, complaint: str) -> None:
+    text = NETWORK.read_text()
+    assert old in text
+    (tmp_path / "bad.net.xml").write_text(text.replace(old, new))
+    with pytest.raises(InputError, match=re.escape(complaint)):
+        road_of(tmp_path / "bad.net.xml")

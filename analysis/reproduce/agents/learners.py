@@ -245,7 +245,7 @@ def _learn_reward(
 ) -> None:
     """Learn the reward and write it with its origin.
 
-    Learn the reward and write it together with what it was learned from.
+    Its file says what it was learned from.
     """
     path = folder / "reward.json"
     if path.is_file():

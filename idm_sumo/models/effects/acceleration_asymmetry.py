@@ -11,6 +11,7 @@ from numba import njit
 
 from idm_sumo.models.effects import slots
 from idm_sumo.models.effects.record import Effect, Parameter
+from idm_sumo.models.effects.telling import Median, Telling, Values
 
 
 @njit(cache=True, error_model="numpy")
@@ -32,6 +33,10 @@ def weakened(acceleration: float, share: float) -> float:
     return acceleration * (1.0 - share) if acceleration > 0.0 else acceleration
 
 
+def _size(values: Values, _one: Median) -> str:
+    return f"{1.0 - values['gamma']:.0%} of the model's acceleration"
+
+
 EFFECT = Effect(
     name="acceleration_asymmetry",
     summary="accelerates more weakly than it brakes",
@@ -39,4 +44,14 @@ EFFECT = Effect(
     required_stimuli=(),
     confusable_with=("lane_change_relaxation", "hysteresis", "perception_threshold"),
     source="Newell (1965); Yeo and Skabardonis (2009), Understanding stop-and-go traffic",
+    told=(
+        Telling(
+            "gamma",
+            more="accelerate more weakly than the model, and brake as it does",
+            less="accelerate more strongly than the model, and brake as it does",
+            when="whenever they accelerate",
+            size=_size,
+            advice="Calibrate on windows that hold both braking and accelerating.",
+        ),
+    ),
 )

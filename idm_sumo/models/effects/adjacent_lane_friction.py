@@ -12,6 +12,7 @@ from numba import njit
 
 from idm_sumo.models.effects import slots
 from idm_sumo.models.effects.record import Effect, Parameter
+from idm_sumo.models.effects.telling import Median, Telling, Values
 
 BESIDE = 30.0  # m, ahead and behind: vehicles within it are nearby
 AHEAD = 60.0  # m, largest distance of the next vehicle ahead
@@ -36,6 +37,10 @@ def friction(speed: float, adjacent_speed: float, strength: float) -> float:
     return -strength * (speed - adjacent_speed) if adjacent_speed < speed else 0.0
 
 
+def _size(values: Values, _one: Median) -> str:
+    return f"{abs(5.0 * values['k']):.2f} m/s² beside a lane that is 5 m/s slower"
+
+
 EFFECT = Effect(
     name="adjacent_lane_friction",
     summary="slows beside a slower lane",
@@ -46,4 +51,15 @@ EFFECT = Effect(
     required_stimuli=("adjacent_speed", "next_adjacent_speed"),
     confusable_with=("location", "desired_speed"),
     source="Liu, Schroeder, Thomson, Wang, Rouphail and Yin (2011), Cartage friction between freeway lanes",
+    told=(
+        Telling(
+            "k",
+            more="slow down beside a slower lane",
+            less="speed up beside a slower lane",
+            when="where the next lane is slower",
+            size=_size,
+            advice="Leave stretches beside a queue out of calibration, or keep the next lane's speed in the model.",
+            situation={"adjacent_speed": 5.0, "next_adjacent_speed": 5.0},
+        ),
+    ),
 )

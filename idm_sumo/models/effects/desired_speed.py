@@ -12,6 +12,7 @@ from numba import njit
 
 from idm_sumo.models.effects import slots
 from idm_sumo.models.effects.record import Effect, Parameter
+from idm_sumo.models.effects.telling import Telling, of_desired_speed
 
 
 @njit(cache=True, error_model="numpy")
@@ -70,4 +71,15 @@ EFFECT = Effect(
     confusable_with=("location", "speed_dependent_headway"),
     source="Treiber and Kesting (2013), Traffic Flow Dynamics, ch. 11",
     sumo="speedFactor of the vType, or the lane's speed",
+    told=(
+        Telling(
+            "delta",
+            more="want to drive faster than the model's desired speed",
+            less="want to drive slower than the model's desired speed",
+            when="most clearly on a free road",
+            size=of_desired_speed("delta"),
+            advice="Calibrate with `--desired-speed auto`, or give the desired speed that was measured on a free road.",
+            situation={"lane": 1.0},
+        ),
+    ),
 )

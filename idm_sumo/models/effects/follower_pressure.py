@@ -9,6 +9,7 @@ from numba import njit
 
 from idm_sumo.models.effects import slots
 from idm_sumo.models.effects.record import Effect, Parameter
+from idm_sumo.models.effects.telling import Median, Telling, Values
 
 REACH = 15.0  # m, rear gap from which on there is no pressure
 
@@ -32,6 +33,10 @@ def pressed(rear_gap: float, strength: float) -> float:
     return strength * min(1.0 - rear_gap / REACH, 1.0) if rear_gap < REACH else 0.0
 
 
+def _size(values: Values, _one: Median) -> str:
+    return f"{abs(pressed(5.0, values['c'])):.2f} m/s² with a follower 5 m behind"
+
+
 EFFECT = Effect(
     name="follower_pressure",
     summary="accelerates when pressed from behind",
@@ -39,4 +44,15 @@ EFFECT = Effect(
     required_stimuli=("rear_gap",),
     confusable_with=("location", "courtesy_yielding"),
     source="Herman, Montroll, Potts and Rothery (1959), backward-looking drivers",
+    told=(
+        Telling(
+            "c",
+            more="accelerate when a follower comes close",
+            less="slow down when a follower comes close",
+            when="with a follower closer than 15 m",
+            size=_size,
+            advice="Calibrate where nobody follows closely, or keep the follower in the model.",
+            situation={"rear_gap": 5.0},
+        ),
+    ),
 )

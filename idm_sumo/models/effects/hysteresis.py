@@ -14,6 +14,7 @@ from numba import njit
 
 from idm_sumo.models.effects import slots
 from idm_sumo.models.effects.record import Effect, Parameter
+from idm_sumo.models.effects.telling import Median, Telling, Values
 from idm_sumo.recordings.columns import FRAME_STEP
 
 SATURATION = 0.5  # m/s^2, acceleration of the leader at which the hyperbolic tangent bends
@@ -40,6 +41,11 @@ def in_phase(leader_acceleration: float, share: float) -> float:
     return 1.0 + share * tanh(leader_acceleration / SATURATION) if share != 0.0 else 1.0
 
 
+def _size(values: Values, one: Median) -> str:
+    braking, accelerating = (one.headway * (1.0 + sign * values["h"]) for sign in (-1.0, 1.0))
+    return f"time headway {braking:.2f} s as the leader brakes, {accelerating:.2f} s as it accelerates"
+
+
 EFFECT = Effect(
     name="hysteresis",
     summary="keeps larger gaps when accelerating than when braking",
@@ -50,4 +56,14 @@ EFFECT = Effect(
     required_stimuli=("leader_acceleration", "leader_acceleration_mean"),
     confusable_with=("reaction_delay", "multi_leader_anticipation", "perception_threshold"),
     source="Treiterer and Myers (1974); Chen, Laval, Zheng and Ahn (2012), Transportation Research B 46",
+    told=(
+        Telling(
+            "h",
+            more="keep longer headways while their leader accelerates than while it brakes",
+            less="keep shorter headways while their leader accelerates than while it brakes",
+            when="through every wave of braking and accelerating",
+            size=_size,
+            advice="Calibrate on windows that hold a whole wave, braking and accelerating.",
+        ),
+    ),
 )

@@ -14,6 +14,7 @@ from numba import njit
 
 from idm_sumo.models.effects import slots
 from idm_sumo.models.effects.record import Effect, Parameter
+from idm_sumo.models.effects.telling import Telling, of_acceleration, of_headway
 
 
 @njit(cache=True, error_model="numpy")
@@ -50,4 +51,22 @@ EFFECT = Effect(
     confusable_with=("lane_change_relaxation", "measurement_artefact", "adjacent_lane_friction"),
     source="Chen, Ahn, Laval and Zheng (2014), On the periodicity of traffic oscillations: rubbernecking and grade",
     sumo="an edge of its own with another speed limit, or a calibrator, for an interval that brakes",
+    told=(
+        Telling(
+            "alpha",
+            more="push on",
+            less="hold back",
+            when="",
+            size=of_acceleration("alpha"),
+            advice="Leave this stretch out of calibration: parameters fitted there are those of the place.",
+        ),
+        Telling(
+            "theta",
+            more="keep a longer time headway",
+            less="keep a shorter time headway",
+            when="",
+            size=of_headway("theta"),
+            advice="Leave this stretch out of calibration: parameters fitted there are those of the place.",
+        ),
+    ),
 )

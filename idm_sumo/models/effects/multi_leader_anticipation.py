@@ -16,6 +16,7 @@ from numba import njit
 
 from idm_sumo.models.effects import slots
 from idm_sumo.models.effects.record import Effect, Parameter
+from idm_sumo.models.effects.telling import Median, Telling, Values
 
 
 @njit(cache=True, error_model="numpy")
@@ -56,6 +57,10 @@ def shared_rate(first: float, second: float, weight: float) -> float:
     return first + weight * (second - first)
 
 
+def _size(values: Values, _one: Median) -> str:
+    return f"{values['w']:.0%} of the reaction is to the second leader"
+
+
 EFFECT = Effect(
     name="multi_leader_anticipation",
     summary="reacts to the second leader too",
@@ -68,4 +73,14 @@ EFFECT = Effect(
     source="Treiber, Kesting and Helbing (2006), Physica A 360; "
     "of speeds: Hoogendoorn and Ossen (2006), IFAC Proceedings 39",
     sumo="EIDM's maxvehpreview",
+    told=(
+        Telling(
+            "w",
+            more="look past their leader and react to the one before it, too",
+            less="",
+            when="",
+            size=_size,
+            advice="Keep the second leader in the model: with the first alone, parameters absorb the anticipation.",
+        ),
+    ),
 )

@@ -14,6 +14,7 @@ from numba import njit
 
 from idm_sumo.models.effects import slots
 from idm_sumo.models.effects.record import Effect, Parameter
+from idm_sumo.models.effects.telling import Median, Telling, Values
 
 
 @njit(cache=True, error_model="numpy")
@@ -37,6 +38,10 @@ def perceived(approach_rate: float, band: float, taken: float) -> float:
     return 0.0 if abs(approach_rate) < band else approach_rate - copysign(taken, approach_rate)
 
 
+def _size(values: Values, _one: Median) -> str:
+    return f"approach rates below {values['delta']:.2f} m/s have no effect"
+
+
 EFFECT = Effect(
     name="perception_threshold",
     summary="ignores small approach rates",
@@ -48,4 +53,14 @@ EFFECT = Effect(
     confusable_with=("hysteresis", "reaction_delay", "acceleration_asymmetry"),
     source="Wiedemann (1974), Simulation des Strassenverkehrsflusses",
     sumo="the W99 or Wiedemann models have it; the driver-state device in part",
+    told=(
+        Telling(
+            "delta",
+            more="do not notice that they approach, or fall back, slowly",
+            less="",
+            when="while the approach rate is small",
+            size=_size,
+            advice="Calibrate on windows with clear braking: small approach rates say little about these drivers.",
+        ),
+    ),
 )

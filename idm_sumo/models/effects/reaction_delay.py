@@ -24,6 +24,7 @@ from numba import njit
 
 from idm_sumo.models.effects import slots
 from idm_sumo.models.effects.record import Effect, Parameter
+from idm_sumo.models.effects.telling import Median, Telling, Values
 from idm_sumo.models.idm import SMALLEST_GAP
 from idm_sumo.recordings.columns import FRAME_STEP
 
@@ -238,6 +239,10 @@ def knows_new_leader(m):  # type: ignore[no-untyped-def]
     return m[slots.DELAY] > 0.0 and m[slots.NEW_LEADER_KNOWN] > 0.5
 
 
+def _size(values: Values, _one: Median) -> str:
+    return f"{values['tau']:.2f} s after what they react to"
+
+
 EFFECT = Effect(
     name="reaction_delay",
     summary="acts on past values of gap and speed",
@@ -251,4 +256,14 @@ EFFECT = Effect(
     confusable_with=("hysteresis", "multi_leader_anticipation", "measurement_artefact"),
     source="Treiber, Kesting and Helbing (2006), Delays, inaccuracies and anticipation in microscopic traffic models",
     sumo="EIDM's tau-reaction (treaction), or actionStepLength for the coarse form",
+    told=(
+        Telling(
+            "tau",
+            more="react late",
+            less="",
+            when="",
+            size=_size,
+            advice="Simulate with this delay: without it, a calibration absorbs it in the other parameters.",
+        ),
+    ),
 )

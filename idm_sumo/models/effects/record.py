@@ -9,6 +9,8 @@ from typing import NamedTuple
 import numpy as np
 import numpy.typing as npt
 
+from idm_sumo.models.effects.telling import Telling
+
 
 def format_quantity(value: float, unit: str, digits: int = 3) -> str:
     """Format a number with its unit.
@@ -86,6 +88,8 @@ class Effect:
         Whether it depends on what comes later in the recording. Then a replay can use it, a forecast cannot.
     alternative : Parameter or None
         A magnitude of another kind, which may act in place of the first.
+    told : tuple of Telling
+        How it is told to a person, one for each magnitude.
     """
 
     name: str
@@ -97,6 +101,7 @@ class Effect:
     sumo: str | None = None
     hindsight: bool = False
     alternative: Parameter | None = None
+    told: tuple[Telling, ...] = ()
 
     @property
     def all_parameters(self) -> tuple[Parameter, ...]:

@@ -13,6 +13,7 @@ from numba import njit
 
 from idm_sumo.models.effects import slots
 from idm_sumo.models.effects.record import Effect, Parameter
+from idm_sumo.models.effects.telling import Median, Telling, Values, of_headway
 
 
 @njit(cache=True, error_model="numpy")
@@ -60,6 +61,11 @@ def drifted(t: float, drift: float, begin: float, end: float) -> float:
     return 1.0 + drift * min(max(2.0 * along - 1.0, -1.0), 1.0)
 
 
+def _drift(values: Values, one: Median) -> str:
+    before, after = (one.headway * (1.0 + sign * values["delta"]) for sign in (-1.0, 1.0))
+    return f"time headway {before:.2f} s in the beginning, {after:.2f} s in the end"
+
+
 EFFECT = Effect(
     name="time_of_day",
     summary="drives differently at another time of the recording",
@@ -73,4 +79,22 @@ EFFECT = Effect(
     confusable_with=("memory", "speed_dependent_headway"),
     source="Treiber and Helbing (2003), Memory effects in microscopic traffic models",
     sumo="one vType a departure period",
+    told=(
+        Telling(
+            "theta",
+            more="keep a longer time headway for a part of the recording",
+            less="keep a shorter time headway for a part of the recording",
+            when="",
+            size=of_headway("theta"),
+            advice="Calibrate this part of the recording apart from the rest.",
+        ),
+        Telling(
+            "delta",
+            more="keep longer and longer time headways as the recording goes on",
+            less="keep shorter and shorter time headways as the recording goes on",
+            when="",
+            size=_drift,
+            advice="Calibrate the beginning and the end of the recording apart.",
+        ),
+    ),
 )

@@ -13,15 +13,17 @@ import numpy as np
 import pandas as pd
 
 from idm_sumo.calibration import driver_table as d
+from idm_sumo.calibration.place_speeds import PlaceSpeeds
 from idm_sumo.recordings import columns as c
 from idm_sumo.recordings.columns import FRAME_STEP
 from idm_sumo.recordings.recording import Recording
 from idm_sumo.runtime.progress import Progress, silent
 from idm_sumo.sumo import network
-from idm_sumo.sumo.closed_loop.demand import SAFE, write_boundary, write_routes
+from idm_sumo.sumo.closed_loop.demand import SAFE, write_routes
 from idm_sumo.sumo.closed_loop.ego import Ego
 from idm_sumo.sumo.closed_loop.entrance import Entrance
 from idm_sumo.sumo.closed_loop.extended_loop import ModelDrivers
+from idm_sumo.sumo.closed_loop.signs import SpeedSign, write_signs
 from idm_sumo.sumo.export import run_recipe
 from idm_sumo.sumo.export.translation import save
 from idm_sumo.sumo.gui import gui_simulation
@@ -45,7 +47,7 @@ class RunFiles:
     ----------
     net, routes, config : Path
     additional : Path or None
-        The speeds imposed behind the section.
+        The speeds that the road imposes.
     duration : float
         Recorded time (s).
     demand : pandas.DataFrame
@@ -119,7 +121,7 @@ class Outcome:
 
 def write_run(
     folder: Path, name: str, recording: Recording, demand: pd.DataFrame, types: Sequence[Element], *,
-    downstream: np.ndarray[Any, np.dtype[np.float64]] | None, options: Sequence[str] = (),
+    signs: Sequence[SpeedSign] = (), places: PlaceSpeeds | None = None, options: Sequence[str] = (),
 ) -> RunFiles:  # fmt: skip
     """Write what SUMO needs to run one population.
 
@@ -133,9 +135,10 @@ def write_run(
         One period; it says how long to run.
     demand, types
         Of :mod:`idm_sumo.sumo.closed_loop.demand` and :mod:`idm_sumo.sumo.closed_loop.populations`.
-    downstream : float64, shape (seconds, main lanes), or None
-        Speeds (m/s) to impose behind the section. Recorded traffic is held up by what lies downstream of it;
-        without these speeds a closed loop runs free.
+    signs : sequence of SpeedSign
+        Speeds that the road imposes.
+    places : PlaceSpeeds, optional
+        Those at which vehicles may depart.
     options : sequence of str
         Further options of ``sumo``, ``--name value`` in turn.
 
@@ -148,11 +151,11 @@ def write_run(
     net, routes, config = folder / own.file.name, folder / f"{name}.rou.xml", folder / f"{name}.sumocfg"
     if not net.is_file():
         shutil.copyfile(own.file, net)
-    write_routes(recording.road, demand, types, routes)
+    write_routes(recording.road, demand, types, routes, places)
     additional = None
-    if downstream is not None and own.layout.downstream:
-        additional = folder / "downstream.add.xml"
-        write_boundary(recording.road, downstream, additional)
+    if signs:
+        additional = folder / "speeds.add.xml"
+        write_signs(signs, additional)
     frames = recording.table[c.FRAME]
     duration = float((frames.max() - frames.min() + 1) * FRAME_STEP)
     root = run_recipe.configuration(net.name, routes.name, run_recipe.EULER)

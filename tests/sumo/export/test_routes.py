@@ -290,7 +290,7 @@ def test_bad_networks(tmp_path: Path) -> None:
     with pytest.raises(InputError, match="no such network"):
         export_routes(drivers(), out / "x.rou.xml", net_file=tmp_path / "no.net.xml")
     (tmp_path / "text.net.xml").write_text("no net")
-    with pytest.raises(InputError, match="not a SUMO network"):
+    with pytest.raises(InputError, match="malformed XML"):
         export_routes(drivers(), out / "x.rou.xml", net_file=tmp_path / "text.net.xml")
     other = StraightRoads(1, (0.0, 100.0), 30.0).write_net(tmp_path)
     with pytest.raises(InputError, match="has no edge"):
@@ -384,7 +384,7 @@ def test_the_distribution_fits_sumos_schema(exported: tuple[pd.DataFrame, Export
     ("old", "new", "complaint"),
     [
         ("<connection ", "<konnection ", "no way from edge"),
-        ('_4" index="4"', '_4" index="4" x="', "not a SUMO network"),
+        ('_4" index="4"', '_4" index="4" x="', "malformed XML"),
     ],
 )
 def test_a_network_that_is_no_build_of_ours_is_refused_before_anything_is_written(
