@@ -17,9 +17,10 @@ from idm_sumo.roads.us101 import US101
 from tests.helpers.ngsim_files import official
 from tests.helpers.platoons import platoon_recording
 
-METHODS = ["constant_velocity", "idm_average", "idm_prediction", "idm_rollout", "idm_first_gap", "idm_pooled",
-    "idm_typical",
-           "idm_hierarchical", "idm_oracle"]  # fmt: skip
+METHODS = [
+    "constant_velocity", "idm_average", "idm_prediction", "idm_rollout", "idm_residual", "idm_first_gap", "idm_pooled",
+    "idm_typical", "idm_hierarchical", "idm_oracle",
+]  # fmt: skip
 
 
 @pytest.fixture(scope="module")
