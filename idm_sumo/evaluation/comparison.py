@@ -265,9 +265,9 @@ def geh(one: npt.ArrayLike, other: npt.ArrayLike) -> npt.NDArray[np.float64]:
     Below 5 for 85 % of the counts is what FHWA's Traffic Analysis Toolbox III (2004) asks of a calibrated simulation.
     There a count is of an hour; of a minute, chance alone makes larger values.
     """
-    one, other = np.asarray(one, dtype=np.float64), np.asarray(other, dtype=np.float64)
-    both = one + other
-    return np.sqrt(2.0 * (one - other) ** 2 / np.where(both > 0.0, both, 1.0))
+    first, second = np.asarray(one, dtype=np.float64), np.asarray(other, dtype=np.float64)
+    both = first + second
+    return np.asarray(np.sqrt(2.0 * (first - second) ** 2 / np.where(both > 0.0, both, 1.0)))
 
 
 def _profile_difference(reference: TrafficMeasures, own: list[str], other: TrafficMeasures, theirs: list[str]) -> float:

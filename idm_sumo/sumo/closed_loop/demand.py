@@ -134,9 +134,9 @@ def write_routes(
 
 def _allowed(demand: pd.DataFrame, road: Road, places: PlaceSpeeds | None) -> npt.NDArray[np.float64]:
     """Return departure speeds (m/s) that SUMO accepts."""
-    speed = demand[d.SPEED].clip(upper=road.speed_limit).to_numpy(dtype=np.float64)
+    speed = np.asarray(demand[d.SPEED].clip(upper=road.speed_limit), dtype=np.float64)
     if places is None:
         return speed
     x, depart = demand[d.X].to_numpy(dtype=np.float64), demand[d.DEPART].to_numpy(dtype=np.float64)
     then = np.minimum(places.at(x, depart), places.at(x, depart + LATEST))
-    return np.minimum(speed, np.floor(1000.0 * then) / 1000.0)  # signs have three decimals
+    return np.asarray(np.minimum(speed, np.floor(1000.0 * then) / 1000.0))  # signs have three decimals
