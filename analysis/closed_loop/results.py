@@ -180,6 +180,11 @@ def _setup(settings: Settings, demand: pd.DataFrame, measured: list[tuple[Case, 
         else "Nothing is imposed downstream of the section, so the bottleneck that held the recorded traffic "
         "up is missing. "
     )
+    places = (
+        "On every edge the desired speed is at most that of drivers whom no leader held up there. "
+        if settings.place_speeds
+        else ""
+    )
     pooled = "; ".join(
         f"{case.name}: {case.pooled} of {len(demand)}"
         for case, _ in measured
@@ -187,10 +192,10 @@ def _setup(settings: Settings, demand: pd.DataFrame, measured: list[tuple[Case, 
     )
     ego = f"Vehicle {settings.ego} is driven by our own IDM, steering and bicycle. " if settings.ego is not None else ""
     return (
-        f"{len(demand)} recorded vehicles over {duration / 60:.1f} minutes enter at their recorded place, "
-        f"lane, speed and time, with their route, length and "
-        f"class, and then react. {boundary}Lane changes by SUMO's {settings.lane_change_model}, equal for all "
-        f"populations. {ego}"
+        f"{len(demand)} recorded vehicles over {duration / 60:.1f} minutes depart in their lane, at their speed, so "
+        "early on up to 200 m before the section that they could arrive when they were recorded, with their route, "
+        f"length and class, and then react. {boundary}{places}Lane changes by SUMO's {settings.lane_change_model}, "
+        f"equal for all populations. {ego}"
         + (
             f"Vehicles without a calibration of their own, which have the pooled parameters: {pooled}."
             if pooled
