@@ -52,7 +52,7 @@ def describe(results: Results) -> dict[str, str | tuple[str, ...]]:
 def missing_sentence(table: pd.DataFrame) -> str:
     """Say what missing vehicles do to the oracle.
 
-    Beside what the paper reports.
+    The paper's own error stands beside it.
 
     Parameters
     ----------

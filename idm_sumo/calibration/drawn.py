@@ -1,6 +1,4 @@
-"""Drivers drawn to their population.
-
-As columns of the driver table.
+"""Drivers drawn to their population, in the driver table.
 
 Ten seconds give back a trajectory, not the driver: many fits end at a bound of the search, and a vehicle
 type at a bound blocks a road. Drawn to the population (:mod:`idm_sumo.calibration.hierarchical`), a driver

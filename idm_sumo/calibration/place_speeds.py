@@ -87,8 +87,8 @@ def place_speeds(recording: Recording, parameters: IDMParameters, ends: Floats) 
     PlaceSpeeds
     """
     moments = _free_moments(recording, parameters, ends)
-    drivers = moments.groupby(["interval", "place", c.VEHICLE]).mean()[moments.groupby(
-        ["interval", "place", c.VEHICLE]).size() >= LEAST_MOMENTS]  # fmt: skip
+    by_driver = moments.groupby(["interval", "place", c.VEHICLE])
+    drivers = by_driver.mean()[by_driver.size() >= LEAST_MOMENTS]
     left = drivers["left"].clip(lower=0.0)
     with np.errstate(divide="ignore"):
         own = (drivers["speed4"] / left) ** 0.25  # infinite if a driver accelerates as if nothing held it up

@@ -229,10 +229,7 @@ def fingerprint(train: Drivers, settings: Settings) -> str:
 
 
 def _check_same(folder: Path, identity: dict[str, str]) -> None:
-    """Raise if a folder was learned from something else.
-
-    Raise if what a folder holds was learned from something else.
-    """
+    """Raise if what a folder holds was learned otherwise."""
     mark, reward = folder / MARK, folder / "reward.json"
     if not mark.is_file() and not reward.is_file():
         return
