@@ -1,4 +1,4 @@
-"""``irl learn``, ``irl train``, ``irl evaluate``: reward, agents, errors."""
+"""``irl``: learn a reward, train agents, evaluate and vary them."""
 
 from __future__ import annotations
 
@@ -38,6 +38,15 @@ reads   RECORDING ..., and the folder of `irl train`
 leaves  FILE, one row a method and seed, as CSV
 next    idm-sumo reproduce --agents DIR -o out sets them beside the other
         methods"""
+VARIANTS = """\
+learn the reward this project's way and the paper's, train an agent on each, and score them
+
+Shows which choice makes which difference: the number of demonstrations, the paper's five features alone,
+negative weights, the penalty of a collision. Needs the extra `rl` (torch and stable-baselines3).
+
+reads   RECORDING ...
+leaves  FILE, one row a variant, as CSV
+next    docs/results.md holds the table of the built-in recording"""
 
 
 def add(commands: Any) -> None:
@@ -72,6 +81,30 @@ def add(commands: Any) -> None:
 
     parser = shared.command(actions, "train", train, TRAIN, "idm-sumo irl train RECORDING --quick -o agents")
     _source_arguments(parser)
+    _training_arguments(parser)
+    shared.output_argument(
+        parser, "DIR", "reward, policies, learning curve; interrupted, the same command goes on from its checkpoints"
+    )
+    outputs.declare(parser, "recording", kept=True)
+
+    parser = shared.command(
+        actions, "evaluate", evaluate, EVALUATE, "idm-sumo irl evaluate RECORDING --quick --agents agents -o scores.csv"
+    )
+    _source_arguments(parser)
+    parser.add_argument("--agents", type=Path, required=True, metavar="DIR", help="folder of `irl train`")
+    shared.output_argument(parser, "FILE", "one row a method and seed, as CSV")
+    outputs.declare(parser, "recording", endings=(".csv",))
+
+    parser = shared.command(
+        actions, "variants", variants, VARIANTS, "idm-sumo irl variants RECORDING --quick -o variants.csv"
+    )
+    _source_arguments(parser)
+    _training_arguments(parser)
+    shared.output_argument(parser, "FILE", "one row a variant, as CSV")
+    outputs.declare(parser, "recording", endings=(".csv",))
+
+
+def _training_arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument(
         "--agent-steps",
         type=shared.whole(limits.COUNT),
@@ -86,18 +119,6 @@ def add(commands: Any) -> None:
         metavar="N",
         help=f"agents, with --seed and the next ones (default {SEEDS})",
     )
-    shared.output_argument(
-        parser, "DIR", "reward, policies, learning curve; interrupted, the same command goes on from its checkpoints"
-    )
-    outputs.declare(parser, "recording", kept=True)
-
-    parser = shared.command(
-        actions, "evaluate", evaluate, EVALUATE, "idm-sumo irl evaluate RECORDING --quick --agents agents -o scores.csv"
-    )
-    _source_arguments(parser)
-    parser.add_argument("--agents", type=Path, required=True, metavar="DIR", help="folder of `irl train`")
-    shared.output_argument(parser, "FILE", "one row a method and seed, as CSV")
-    outputs.declare(parser, "recording", endings=(".csv",))
 
 
 def _source_arguments(parser: argparse.ArgumentParser) -> None:
@@ -188,3 +209,20 @@ def evaluate(options: argparse.Namespace) -> None:
     if missing:
         note(missing)
     say(text_table(table), f"wrote {options.output}")
+
+
+def variants(options: argparse.Namespace) -> None:
+    """Train and score agents on rewards learned several ways.
+
+    Parameters
+    ----------
+    options : argparse.Namespace
+    """
+    from idm_sumo.irl.learning import require_rl
+
+    require_rl()
+    module = study_module("reproduce.agents.variants")
+    with progress_bar() as report:
+        table = module.variants(_settings(options), options.output, progress=report)
+    shown = table[["variant", "ade_m", "fde_m", "collisions", "contacts", "off_road", "weight_speed"]]
+    say(text_table(shown), f"wrote {options.output}")

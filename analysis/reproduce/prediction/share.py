@@ -17,6 +17,7 @@ from idm_sumo.simulation.rollout import Trajectories
 from ..drivers import Drivers
 from ..settings import Settings
 from ..source import Source
+from . import for_whom
 from .black_box import black_box_ade
 from .coverage import coverage_of
 from .intervals import share_closed
@@ -48,8 +49,8 @@ def test_windows(source: Source, settings: Settings) -> Drivers:
 
 def tables(
     test: Drivers, settings: Settings, learned: Learned, neighbours: Callable[[pd.DataFrame, int], Floats]
-) -> tuple[pd.DataFrame, pd.DataFrame]:
-    """Return the shares closed and the intervals' coverage.
+) -> dict[str, pd.DataFrame]:
+    """Return the tables on windows along the test drivers' way.
 
     Parameters
     ----------
@@ -64,8 +65,9 @@ def tables(
 
     Returns
     -------
-    shares, coverage : pandas.DataFrame
-        One row a method and kind of windows; one row a method and time.
+    dict of str to pandas.DataFrame
+        By name: shares closed by method and kind of windows, coverage of the intervals by method and time, distances
+        after some seconds, and gains by group of windows.
     """
     pooled = learned.predictor.pooled_
     theta = learned.predictor.predict(learned.first_seconds(test))
@@ -81,7 +83,12 @@ def tables(
     for name, with_leader in (("black_box_first_second", False), ("black_box_with_leaders_path", True)):
         errors[name] = black_box_ade(learned, test, with_leader=with_leader)
     at_fault = {name: test.score(found)["at_fault"].to_numpy() for name, found in driven.items()}
-    return _shares(test, errors, at_fault), coverage_of(learned, test, driven)
+    return {
+        "prediction_share": _shares(test, errors, at_fault),
+        "prediction_coverage": coverage_of(learned, test, driven),
+        "prediction_distances": for_whom.distances(test, driven),
+        "prediction_for_whom": for_whom.table(test, learned, driven),
+    }
 
 
 def drive_by(residual: ResidualPredictor, drivers: Drivers) -> list[Trajectories]:

@@ -33,6 +33,7 @@ def describe(tables: dict[str, pd.DataFrame]) -> dict[str, object]:
             _on_the_papers_gain(numbers, share),
         ),
         "prediction_limits": _on_limits(numbers, share, seconds),
+        "prediction_for_whom_caption": on_groups(tables["prediction_distances"], tables["prediction_for_whom"]),
         "prediction_seconds_caption": caption(seconds),
         "prediction_coverage_text": _oncoverage_of(tables["prediction_coverage"]),
     }
@@ -146,6 +147,38 @@ def _on_limits(n: pd.Series, share: pd.DataFrame, seconds: pd.DataFrame) -> str:
             f"{seen.iloc[-1]['share']:.0%}."
         )
     return " ".join(said)
+
+
+def on_groups(distances: pd.DataFrame, gains: pd.DataFrame) -> str:
+    """Say what prediction is worth, and for whom.
+
+    Parameters
+    ----------
+    distances, gains : pandas.DataFrame
+        As :mod:`analysis.reproduce.prediction.for_whom` returns them.
+
+    Returns
+    -------
+    str
+        A caption.
+    """
+    if distances.empty or gains.empty:
+        return ""
+    last = distances.iloc[-1]
+    said = (
+        f"After {last['seconds']:g} s the pooled driver is {last['idm_pooled']:.1f} m off, one with predicted "
+        f"parameters {last['idm_rollout']:.1f} m, one with a residual {last['idm_residual']:.1f} m, the oracle "
+        f"{last['idm_oracle']:.1f} m. "
+    )
+    rows = gains[gains["method"] == "idm_rollout"]
+    most, least = rows.loc[rows["gain_m"].idxmax()], rows.loc[rows["gain_m"].idxmin()]
+    unsure = rows[rows["gain_low_m"] <= 0.0]
+    names = ", ".join(f"{by} {group}" for by, group in unsure[["by", "group"]].to_numpy())
+    return (
+        f"{said}Predicted parameters gain most for {most['by']} {most['group']} ({most['gain_m']:.2f} m of ADE), "
+        f"least for {least['by']} {least['group']} ({least['gain_m']:.2f} m). "
+        + (f"No gain is shown (95 % interval over drivers) for {names}." if names else "Every group gains.")
+    )
 
 
 def caption(seconds: pd.DataFrame) -> str:
