@@ -51,7 +51,7 @@ def distances(test: Drivers, driven: dict[str, list[Trajectories]]) -> pd.DataFr
 
 
 def table(test: Drivers, learned: Learned, driven: dict[str, list[Trajectories]]) -> pd.DataFrame:
-    """Return the gain over the pooled driver by groups of windows.
+    """Return gains over the pooled driver, by group.
 
     Parameters
     ----------
