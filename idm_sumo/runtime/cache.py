@@ -11,7 +11,10 @@ from pathlib import Path
 from platformdirs import user_cache_path
 
 from idm_sumo.runtime.environment import is_writable, temporary_cache
+from idm_sumo.runtime.errors import InputError
 from idm_sumo.runtime.files import new_file
+
+VARIABLE = "IDM_SUMO_CACHE"
 
 
 def cache_folder() -> Path:
@@ -22,9 +25,18 @@ def cache_folder() -> Path:
     Path
         The one named by the environment variable ``IDM_SUMO_CACHE``, else the user's cache folder,
         else one among the temporary files.
+
+    Raises
+    ------
+    InputError
+        If the variable names a file.
     """
-    if folder := os.environ.get("IDM_SUMO_CACHE"):
-        return Path(folder)
+    if named := os.environ.get(VARIABLE):
+        folder = Path(named)
+        above = next(parent for parent in (folder, *folder.absolute().parents) if os.path.lexists(parent))
+        if not above.is_dir():
+            raise InputError(f"{VARIABLE}: {above} is not a folder; name a folder, or unset it")
+        return folder
     users = user_cache_path("idm-sumo")
     return users if is_writable(users) else temporary_cache()
 
