@@ -51,12 +51,6 @@ VARIANTS = (
     Variant("the paper's five features", use=PAPERS_FEATURES),
     Variant("no penalty", penalty=0.0),
     Variant("five features, any sign", use=PAPERS_FEATURES, any_sign=True),
-    Variant(
-        "five features, any sign, 1,992 demonstrations",
-        demonstrations=PAPERS_DEMONSTRATIONS,
-        use=PAPERS_FEATURES,
-        any_sign=True,
-    ),
     Variant("five features, any sign, no penalty", use=PAPERS_FEATURES, any_sign=True, penalty=0.0),
 )
 
