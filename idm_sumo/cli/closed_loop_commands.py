@@ -137,7 +137,10 @@ def _add_interactive(commands: Any) -> None:
     shared.minutes_argument(parser, 45.0)
     parser.add_argument("--period", metavar="PERIOD", help="recording period to run (default: the first)")
     parser.add_argument(
-        "--drivers", type=Path, metavar="FILE", help="parameters from `calibrate` (default: calibrated in the run)"
+        "--drivers",
+        type=shared.path,
+        metavar="FILE",
+        help="parameters from `calibrate` (default: calibrated in the run)",
     )
     parser.add_argument(
         "--types",
@@ -195,7 +198,7 @@ def _add_interactive(commands: Any) -> None:
     )
     parser.add_argument(
         "--model",
-        type=Path,
+        type=shared.path,
         metavar="FILE",
         help="extended model of `diagnose`: adds populations that our own loop drives, `own-loop` without "
         "its causes and `extended`"

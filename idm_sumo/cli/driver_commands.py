@@ -110,7 +110,7 @@ def _add_predict(commands: Any) -> None:
     )
     parser.add_argument(
         "--drivers",
-        type=Path,
+        type=shared.path,
         metavar="FILE",
         help="calibrated drivers to learn from (rollout, residual: all of RECORDING without)",
     )

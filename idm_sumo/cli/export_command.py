@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import argparse
 import shlex
-from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from idm_sumo.cli import options as shared
@@ -34,7 +33,7 @@ def add(commands: Any) -> None:
     commands : action of ``add_subparsers``
     """
     parser = shared.command(commands, "export", export, EXPORT, "idm-sumo export drivers.parquet -o drivers.rou.xml")
-    parser.add_argument("drivers", type=Path, metavar="DRIVERS", help="table of `calibrate` or `predict`")
+    parser.add_argument("drivers", type=shared.path, metavar="DRIVERS", help="table of `calibrate` or `predict`")
     shared.output_argument(parser, "FILE.rou.xml", "FILE.sumocfg and FILE.net.xml are written beside it")
     outputs.declare(parser, "drivers", "net_file", "model", endings=(".xml",))
     parser.add_argument(
@@ -55,7 +54,11 @@ def add(commands: Any) -> None:
         "--integration", choices=("euler", "ballistic"), default="euler", help="of the SUMO run (default euler)"
     )
     parser.add_argument(
-        "-n", "--net-file", type=Path, metavar="FILE", help="another build of our network, say with another speed limit"
+        "-n",
+        "--net-file",
+        type=shared.path,
+        metavar="FILE",
+        help="another build of our network, say with another speed limit",
     )
     parser.add_argument(
         "--distribution",
@@ -76,7 +79,7 @@ def add(commands: Any) -> None:
     )
     parser.add_argument(
         "--model",
-        type=Path,
+        type=shared.path,
         metavar="FILE",
         help="extended model of `diagnose`: what SUMO's types can hold of it goes into them, the rest is said",
     )

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import argparse
-from pathlib import Path
 from typing import Any
 
 from idm_sumo.cli import options as shared
@@ -91,7 +90,7 @@ def add(commands: Any) -> None:
         actions, "evaluate", evaluate, EVALUATE, "idm-sumo irl evaluate RECORDING --quick --agents agents -o scores.csv"
     )
     _source_arguments(parser)
-    parser.add_argument("--agents", type=Path, required=True, metavar="DIR", help="folder of `irl train`")
+    parser.add_argument("--agents", type=shared.path, required=True, metavar="DIR", help="folder of `irl train`")
     shared.output_argument(parser, "FILE", "one row a method and seed, as CSV")
     outputs.declare(parser, "recording", endings=(".csv",))
 

@@ -77,6 +77,23 @@ def recording_argument(parser: argparse.ArgumentParser) -> None:
     minutes_argument(parser)
 
 
+def path(text: str) -> Path:
+    """Return a path that somebody named.
+
+    Parameters
+    ----------
+    text : str
+
+    Raises
+    ------
+    argparse.ArgumentTypeError
+        If it is empty, as a variable of the shell that is not set: that would be the current folder.
+    """
+    if not text:
+        raise argparse.ArgumentTypeError("is empty, perhaps a variable that is not set; name a file or folder")
+    return Path(text)
+
+
 def recording_name(text: str) -> str:
     """Return RECORDING, a path or the word for the built-in one.
 
@@ -87,8 +104,9 @@ def recording_name(text: str) -> str:
     Raises
     ------
     argparse.ArgumentTypeError
-        If it is the word, and a file or folder of that name is there: both can be meant.
+        If it is the word, and a file or folder of that name is there: both can be meant. If it is empty.
     """
+    path(text)
     if text == SURROGATE and os.path.lexists(text):
         raise argparse.ArgumentTypeError(
             f"`{text}` is the built-in recording, and something of that name is here: give ./{text} to read that, "
@@ -118,14 +136,14 @@ def network_arguments(parser: argparse.ArgumentParser) -> None:
     """
     group = parser.add_argument_group("a road of your own", "where RECORDING was not recorded on a road that is known")
     group.add_argument(
-        "-n", "--net-file", type=Path, metavar="NET", help="SUMO network that it was recorded on (.net.xml)"
+        "-n", "--net-file", type=path, metavar="NET", help="SUMO network that it was recorded on (.net.xml)"
     )
     group.add_argument(
         "--corridor", nargs="+", action="extend", default=[], metavar="EDGE",
         help="edges of the road in driving order, those between are found (default: the network, if it is one road)",
     )  # fmt: skip
     group.add_argument(
-        "--route-files", nargs="+", action="extend", type=Path, default=[], metavar="FILE",
+        "--route-files", nargs="+", action="extend", type=path, default=[], metavar="FILE",
         help="route files whose vTypes tell lengths, widths and classes of a SUMO recording's vehicles",
     )  # fmt: skip
 
@@ -214,7 +232,7 @@ def output_argument(parser: argparse.ArgumentParser, metavar: str, help_text: st
     parser : argparse.ArgumentParser
     metavar, help_text : str
     """
-    parser.add_argument("-o", "--output", type=Path, required=True, metavar=metavar, help=help_text)
+    parser.add_argument("-o", "--output", type=path, required=True, metavar=metavar, help=help_text)
 
 
 def window_of(options: argparse.Namespace, every: int | None = None) -> Window:

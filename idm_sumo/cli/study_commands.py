@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import argparse
 import sys
-from pathlib import Path
 from typing import Any
 
 from idm_sumo.cli import options as shared
@@ -69,7 +68,7 @@ def _add_replay(commands: Any) -> None:
     )
     parser.add_argument(
         "--drivers",
-        type=Path,
+        type=shared.path,
         action="append",
         metavar="FILE",
         help="parameters from `calibrate` or `predict`; may be repeated, each is driven beside the others "
@@ -77,7 +76,7 @@ def _add_replay(commands: Any) -> None:
     )
     parser.add_argument(
         "--model",
-        type=Path,
+        type=shared.path,
         metavar="FILE",
         help="extended model of `diagnose` (model.json), driven beside the plain one",
     )
@@ -95,7 +94,7 @@ def _add_reproduce(commands: Any) -> None:
     parser.add_argument(
         "-c",
         "--configuration-file",
-        type=Path,
+        type=shared.path,
         metavar="RUN.toml",
         help="a named run (default, without RECORDING: the paper's)",
     )
@@ -134,7 +133,7 @@ def _add_reproduce(commands: Any) -> None:
     learner = parser.add_mutually_exclusive_group()
     learner.add_argument(
         "--agents",
-        type=Path,
+        type=shared.path,
         metavar="DIR",
         help="drive by the agents of `irl train` there (default: train them, kept in the user's cache)",
     )
