@@ -38,14 +38,15 @@ leaves  FILE, one row a method and seed, as CSV
 next    idm-sumo reproduce --agents DIR -o out sets them beside the other
         methods"""
 VARIANTS = """\
-learn the reward this project's way and the paper's, train an agent on each, and score them
+train and score an agent on rewards learned in several ways
 
-Shows which choice makes which difference: the number of demonstrations, the paper's five features alone,
-negative weights, the penalty of a collision. Needs the extra `rl` (torch and stable-baselines3).
+Shows which choice makes which difference: more demonstrations, the paper's five
+features alone, negative weights, no penalty. Needs the extra `rl` (torch and
+stable-baselines3).
 
 reads   RECORDING ...
 leaves  FILE, one row a variant, as CSV
-next    docs/results.md holds the table of the built-in recording"""
+next    idm-sumo irl train RECORDING -o agents, the first of them in full"""
 
 
 def add(commands: Any) -> None:
