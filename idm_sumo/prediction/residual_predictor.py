@@ -7,22 +7,20 @@ from collections.abc import Sequence
 import numpy as np
 import numpy.typing as npt
 import pandas as pd
-from sklearn.base import BaseEstimator
 from sklearn.utils.validation import check_is_fitted
 
-from idm_sumo.calibration import pooled
 from idm_sumo.calibration.problem import prepare
 from idm_sumo.models.idm import IDMParameters
 from idm_sumo.models.residual import LEAST_GAP, LONGEST, OWN, REGRESSORS, SLOWEST
 from idm_sumo.prediction import observation as o
+from idm_sumo.prediction.learned_by_driving import LearnedByDriving
 from idm_sumo.prediction.noise import ObservedScale, ResidualNoise
 from idm_sumo.prediction.observation import COLUMNS, first_second
-from idm_sumo.prediction.past_only import LEADER_MEAN_ACCELERATION, MEAN_ACCELERATION, PastOnly
+from idm_sumo.prediction.past_only import LEADER_MEAN_ACCELERATION, MEAN_ACCELERATION
 from idm_sumo.prediction.residual_drive import ResidualDrivers, ResidualModel
 from idm_sumo.prediction.residual_facts import expanded, facts
 from idm_sumo.prediction.residual_fit import Part, by_fold, fit_folds, fit_residual, own_numbers
 from idm_sumo.prediction.residual_rollout import Shared, errors_of
-from idm_sumo.prediction.rollout_predictor import driveable, numbered
 from idm_sumo.prediction.statuses import FEWEST_DRIVERS, OK, Familiar
 from idm_sumo.runtime.errors import InputError
 from idm_sumo.scenes.windows import Scenes
@@ -36,7 +34,7 @@ LEAST_SCALE = 1e-6
 HARDEST = 6.0  # m/s^2, of a leader's acceleration at the start
 
 
-class ResidualPredictor(BaseEstimator):  # type: ignore[misc]
+class ResidualPredictor(LearnedByDriving):
     r"""Predict what a driver does beyond the pooled IDM.
 
     Its acceleration is :math:`\dot v_\mathrm{IDM}(s) + w^\top\psi(s, t)` in closed loop: :math:`\psi` holds the present
@@ -76,12 +74,6 @@ class ResidualPredictor(BaseEstimator):  # type: ignore[misc]
         Of positions of drivers that were left out.
     observed_scale_ : ObservedScale
         How uncertain they are by the speed and the gap that were observed.
-    drivers_, windows_ : int
-        Learned from.
-    observed_ : int
-        Frames that were seen of them.
-    desired_speed_ : float
-        m/s.
     """
 
     def __init__(
@@ -119,18 +111,11 @@ class ResidualPredictor(BaseEstimator):  # type: ignore[misc]
         InputError
             If no window can be driven.
         """
-        every = driveable([scenes] if isinstance(scenes, Scenes) else list(scenes), self.desired_speed)
-        self.desired_speed_ = float(every[0].road.desired_speed(self.desired_speed))
-        self.observed_ = every[0].window.observed
-        driver, self.keys_ = numbered(every)
-        self.drivers_, self.windows_ = len(self.keys_), len(driver)
-        self.past_ = PastOnly.fit(every if self.past_only else [])
-        self.pooled_ = self.one_for_all or pooled(every, desired_speed=self.desired_speed)
-        self.fold_of_driver_ = np.random.default_rng(self.seed).permutation(self.drivers_) % self.folds
+        every, drivers = self._begin(scenes)
         codes = [self.observe(one) for one in every]
         self._standardise(every, codes)
-        fold = np.split(self.fold_of_driver_[driver], np.cumsum([len(one) for one in every])[:-1])
-        parts = [self._part(one, code, k) for one, code, k in zip(every, codes, fold, strict=True)]
+        folds = [self.fold_of_driver_[who] for who in drivers]
+        parts = [self._part(one, code, k) for one, code, k in zip(every, codes, folds, strict=True)]
         self._learn(parts)
         self._learn_noise(parts, np.concatenate([self._scaling(code) for code in codes]))
         return self
@@ -194,9 +179,7 @@ class ResidualPredictor(BaseEstimator):  # type: ignore[misc]
             If another number of frames is observed.
         """
         code, phi, start = self._seen(scenes)
-        number = self.keys_.get_indexer(pd.MultiIndex.from_arrays([scenes.period, scenes.vehicle]))
-        fold = np.where(number >= 0, self.fold_of_driver_[number], self.folds)
-        mine = np.concatenate([self.fold_weights_, self.weights_[None]])[fold]
+        mine = np.concatenate([self.fold_weights_, self.weights_[None]])[self._fold(scenes)]
         own = np.einsum("nq,nmq->nm", phi, mine[:, REGRESSORS:].reshape(len(mine), OWN, -1))
         return self._drivers(scenes, code, own, start, np.ascontiguousarray(mine[:, :REGRESSORS]))
 

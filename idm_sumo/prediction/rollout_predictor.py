@@ -7,24 +7,20 @@ from collections.abc import Sequence
 import numpy as np
 import numpy.typing as npt
 import pandas as pd
-from sklearn.base import BaseEstimator
 from sklearn.utils.validation import check_is_fitted
 
-from idm_sumo.calibration import pooled
 from idm_sumo.calibration.hierarchical import SHIFT
 from idm_sumo.calibration.kernel import from_search, sensitivities, slopes_at, to_search
-from idm_sumo.calibration.pooled import usable_windows
 from idm_sumo.calibration.problem import Problem, only, prepare
 from idm_sumo.models.idm import IDMParameters
 from idm_sumo.prediction import basis
+from idm_sumo.prediction.learned_by_driving import LearnedByDriving
 from idm_sumo.prediction.noise import ObservedScale, ResidualNoise
 from idm_sumo.prediction.observation import COLUMNS, first_second
-from idm_sumo.prediction.past_only import PastOnly
 from idm_sumo.prediction.result import Prediction
 from idm_sumo.prediction.spread import remaining_covariance
 from idm_sumo.prediction.statuses import FEWEST_DRIVERS, OK, Familiar
 from idm_sumo.prediction.through_rollout import at, fit_weights
-from idm_sumo.recordings import columns as c
 from idm_sumo.recordings.columns import FRAME_STEP
 from idm_sumo.runtime.errors import InputError
 from idm_sumo.scenes.windows import Scenes
@@ -37,17 +33,14 @@ SPREAD_WINDOWS = 600  # that the remaining covariance is learnt from
 NOISE = 0.2  # m, times the root of the seconds: what positions are uncertain by even if the parameters were known
 
 
-class RolloutPredictor(BaseEstimator):  # type: ignore[misc]
+class RolloutPredictor(LearnedByDriving):
     """Predict IDM parameters linearly from the first second.
 
     The weights are fitted so that the predicted drivers drive right, not so that their parameters look
     like fitted ones.
 
-    Of scikit-learn's protocol it follows what needs no arrays: parameters are set at construction and by
-    ``set_params``, ``clone`` copies them, ``fit`` returns the predictor and what is learned ends in an
-    underscore, ``predict`` takes rows of features. It is fitted to scenes, not to ``X, y``, because
-    drivers are learned by driving them; ``check_estimator``, pipelines and grid searches over arrays
-    therefore do not apply.
+    ``predict`` takes rows of features. For what it shares with scikit-learn's estimators, see
+    :class:`~idm_sumo.prediction.learned_by_driving.LearnedByDriving`.
 
     Parameters
     ----------
@@ -67,7 +60,6 @@ class RolloutPredictor(BaseEstimator):  # type: ignore[misc]
 
     Attributes
     ----------
-    pooled_ : IDMParameters
     weights_ : float64, shape (29, 5)
         From the constant and standardised features to search coordinates.
     covariance_, population_covariance_ : float64, shape (5, 5)
@@ -76,16 +68,8 @@ class RolloutPredictor(BaseEstimator):  # type: ignore[misc]
         Of positions of drivers that were left out.
     observed_scale_ : ObservedScale
         How uncertain they are by the speed and the gap that were observed.
-    drivers_, windows_ : int
-        Learned from.
-    observed_ : int
-        Frames that were seen of them.
-    past_ : PastOnly
-        How the observed frames are smoothed.
     familiar_ : Familiar
         What first seconds the training drivers had.
-    desired_speed_ : float
-        m/s, as given or the limit of the road that was learned from.
     """
 
     def __init__(
@@ -123,21 +107,14 @@ class RolloutPredictor(BaseEstimator):  # type: ignore[misc]
         InputError
             If no window can be driven.
         """
-        every = driveable([scenes] if isinstance(scenes, Scenes) else list(scenes), self.desired_speed)
-        self.desired_speed_ = float(every[0].road.desired_speed(self.desired_speed))
+        every, drivers = self._begin(scenes)
         problems = [prepare(one, desired_speed=self.desired_speed) for one in every]
-        self.past_ = PastOnly.fit(every if self.past_only else [])
         codes = [self.observe(one).to_numpy(np.float64) for one in every]
-        self.observed_ = every[0].window.observed
-        driver, self.keys_ = numbered(every)
-        self.drivers_, self.windows_ = int(driver.max()) + 1, len(driver)
-        self.pooled_: IDMParameters = self.one_for_all or pooled(every, desired_speed=self.desired_speed)
         self.center_ = to_search(np.asarray(self.pooled_))
         self._standardise(np.concatenate(codes))
         features = [self._features(code) for code in codes]
         self.weights_ = self._fit_weights(problems, features)
-        parts = np.split(driver, np.cumsum([len(one) for one in every])[:-1])
-        left_out = self._left_out(problems, features, parts)
+        left_out = self._left_out(problems, features, drivers)
         self._learn_spread(problems, left_out, np.concatenate(codes))
         return self
 
@@ -216,9 +193,7 @@ class RolloutPredictor(BaseEstimator):  # type: ignore[misc]
         """
         code = self.observe(scenes)
         prediction = self.predict_with_spread(code)
-        own = pd.MultiIndex.from_arrays([scenes.period, scenes.vehicle])
-        number = self.keys_.get_indexer(own)
-        fold = np.where(number >= 0, self.fold_of_driver_[number], -1)
+        fold = self._fold(scenes)
         features, theta = self._features(self._codes(code)), prediction.theta.copy()
         for k, weights in enumerate(self.fold_weights_):
             mine = (fold == k) & (prediction.status == OK)
@@ -315,8 +290,7 @@ class RolloutPredictor(BaseEstimator):  # type: ignore[misc]
 
         By models that have not seen its driver.
         """
-        fold = np.random.default_rng(self.seed).permutation(self.drivers_) % self.folds
-        self.fold_of_driver_: Integers = fold
+        fold = self.fold_of_driver_
         self.fold_weights_: list[Floats] = []
         found = [np.empty((len(phi), len(self.center_))) for phi in features]
         for k in range(self.folds):
@@ -345,49 +319,6 @@ class RolloutPredictor(BaseEstimator):  # type: ignore[misc]
         off, scale, seen = np.concatenate(residuals), np.concatenate(scales), self._scaling(codes)
         self.observed_scale_ = ObservedScale.fit(seen, off, scale)
         self.noise_ = ResidualNoise.fit(off, scale * self.observed_scale_.factor(seen))
-
-
-def driveable(every: list[Scenes], desired_speed: float | None) -> list[Scenes]:
-    """Return the windows that can be driven.
-
-    Parameters
-    ----------
-    every : list of Scenes
-    desired_speed : float or None
-        m/s.
-
-    Returns
-    -------
-    list of Scenes
-
-    Raises
-    ------
-    InputError
-        If there is none.
-    """
-    found = [one.subset(usable_windows(prepare(one, desired_speed=desired_speed), one)) for one in every]
-    if not sum(map(len, found)):
-        raise InputError("prediction: no training window can be driven; see `idm-sumo inspect` for why")
-    return [one for one in found if len(one)]
-
-
-def numbered(every: list[Scenes]) -> tuple[Integers, pd.MultiIndex]:
-    """Return every window's driver, and all drivers' keys.
-
-    Drivers are numbered from 0 over all periods; the keys are their periods and vehicles.
-
-    Parameters
-    ----------
-    every : list of Scenes
-
-    Returns
-    -------
-    number : int64, shape (windows,)
-    keys : pandas.MultiIndex
-    """
-    keys = pd.concat([one.keys() for one in every])[[c.PERIOD, c.VEHICLE]]
-    number, found = pd.factorize(pd.MultiIndex.from_frame(keys))
-    return np.asarray(number, dtype=np.int64), pd.MultiIndex.from_tuples(list(found))
 
 
 def _scale(problem: Problem, theta: Floats, covariance: Floats) -> Floats:
