@@ -53,7 +53,7 @@ class LearnedByDriving(BaseEstimator):  # type: ignore[misc]
     past_only: bool
 
     def _begin(self, scenes: Scenes | Sequence[Scenes]) -> tuple[list[Scenes], list[Integers]]:
-        """Learn what comes first; return windows that can be driven, and their drivers.
+        """Return the windows that can be driven, and their drivers.
 
         Drivers are numbered from 0 over all periods.
         """
