@@ -6,37 +6,38 @@ import argparse
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
+from idm_sumo.cli import many, outputs
 from idm_sumo.cli import options as shared
-from idm_sumo.cli import outputs
-from idm_sumo.cli.console import note, progress_bar, say
+from idm_sumo.cli.console import note, progress_bar, say, study_module
 from idm_sumo.runtime import limits
 
 if TYPE_CHECKING:
-    from collections.abc import Callable
-
     import pandas as pd
 
     from idm_sumo.roads import Road
-    from idm_sumo.runtime.progress import Progress
-    from idm_sumo.scenes.windows import Scenes
 
 
-CALIBRATE = """\
+CALIBRATE = f"""\
 fit five IDM parameters to every driver (the oracle)
 
 Each driver is simulated behind its recorded leader for 10 s, and a, b, T, d0
 and d1 are chosen so that it stays as near to its recording as it can.
 
-reads   RECORDING
+{many.ABOUT}
+
+reads   RECORDING ...
 leaves  FILE, one row a driver: period, vehicle, a, b, T, d0, d1 (SI),
         desired_speed_m_s, ade_m (mean distance from the recording, m), status,
         at_bound, what SUMO needs, the driver's first second
 next    idm-sumo predict RECORDING --drivers FILE -o predicted.parquet, or
         idm-sumo export FILE -o drivers.rou.xml"""
-PREDICT = """\
+PREDICT = f"""\
 predict IDM parameters from the first observed frames
 
-reads   RECORDING, and the table of `calibrate` to learn from
+{many.ABOUT}
+
+reads   RECORDING ..., and the table of `calibrate`, or its data set, to learn
+        from
 leaves  FILE with the key columns of that table, for drivers as if only their
         first second were known
 next    idm-sumo export FILE -o drivers.rou.xml, or idm-sumo replay RECORDING
@@ -58,7 +59,7 @@ def _add_calibrate(commands: Any) -> None:
     parser = shared.command(
         commands, "calibrate", calibrate, CALIBRATE, "idm-sumo calibrate RECORDING -o drivers.parquet"
     )
-    shared.recording_argument(parser)
+    many.add_arguments(parser)
     shared.window_arguments(parser)
     parser.add_argument(
         "--desired-speed", type=shared.desired_speed, metavar="V|auto",
@@ -86,8 +87,8 @@ def _add_calibrate(commands: Any) -> None:
         default="gauss-newton",
         help="gauss-newton: fast, exact derivatives (default); l-bfgs-b: the paper's",
     )
-    shared.output_argument(parser, "FILE", ".parquet or .csv, one row a driver")
-    outputs.declare(parser, "recording", endings=(".parquet", ".csv"))
+    shared.output_argument(parser, "FILE|DIR", ".parquet or .csv, one row a driver; a folder for many recordings")
+    outputs.declare(parser, "recording", endings=many.TABLES, many=True)
 
 
 def _add_predict(commands: Any) -> None:
@@ -98,7 +99,7 @@ def _add_predict(commands: Any) -> None:
         PREDICT,
         "idm-sumo predict RECORDING --drivers drivers.parquet -o predicted.parquet",
     )
-    shared.recording_argument(parser)
+    many.add_arguments(parser)
     parser.add_argument(
         "--method",
         choices=("knn", "rollout", "residual"),
@@ -132,8 +133,8 @@ def _add_predict(commands: Any) -> None:
         help="drivers to average (default 8)",
     )
     parser.set_defaults(horizon=1, rollout_start="observed")
-    shared.output_argument(parser, "FILE", ".parquet or .csv, one row a driver")
-    outputs.declare(parser, "recording", "drivers", endings=(".parquet", ".csv"))
+    shared.output_argument(parser, "FILE|DIR", ".parquet or .csv, one row a driver; a folder for many recordings")
+    outputs.declare(parser, "recording", "drivers", endings=many.TABLES, many=True)
 
 
 def calibrate(options: argparse.Namespace) -> None:
@@ -143,34 +144,28 @@ def calibrate(options: argparse.Namespace) -> None:
     ----------
     options : argparse.Namespace
     """
-    from idm_sumo.calibration import calibrate as fit
-    from idm_sumo.calibration.drawn import drawn_columns
     from idm_sumo.calibration.search import Search
-    from idm_sumo.calibration.whole import fit_whole_drivers
-    from idm_sumo.calibration.without_d1 import refit_table, without_d1_costs
-    from idm_sumo.prediction.driving_code import driving_code
 
-    every = options.every or (options.horizon if options.all_windows else None)
-    found = shared.scenes_of(options, shared.window_of(options, every))
-    scenes = found.scenes
-    with progress_bar() as report:
-        fits = fit(
-            scenes,
-            objective=options.objective,
-            search=Search(options.solver, seed=options.seed),
-            desired_speed=options.desired_speed,
-            jobs=options.jobs,
-            progress=_named("calibrating", report),
-        )
-        if options.all_windows:
-            first = ~fits.duplicated(["period", "vehicle"]).to_numpy()
-            fits = fit_whole_drivers(fits, scenes, _named("drivers", report))
-            scenes = scenes.subset(first)
-    table = _beside(fits, drawn_columns(scenes, fits["desired_speed_m_s"]))
-    if not options.all_windows:  # the refit without d1 is one of a single window
-        table = _beside(table, refit_table(table, scenes))
-        table = _beside(table, without_d1_costs(table, scenes))
-    write(_beside(table, driving_code(scenes)), options.output, scenes.road)
+    module = study_module("drivers.calibrated")
+    how = module.Calibration(
+        window=shared.window_of(options, options.every or (options.horizon if options.all_windows else None)),
+        periods=tuple(options.period or ()),
+        objective=options.objective,
+        search=Search(options.solver, seed=options.seed),
+        desired_speed=options.desired_speed,
+        all_windows=options.all_windows,
+    )
+    if many.are_meant(options):
+        many.run(options, study_module("many.work").Calibrate(how))
+        return
+    source = many.only_source(options)
+    if options.cluster:
+        found = many.computed(options, module.calibrated, source, how)
+    else:
+        with progress_bar() as report:
+            found = module.calibrated(source, how, jobs=options.jobs, progress=report)
+    table = found.table
+    write(table, options.output, found.road)
     _note_faster(table)
     for reason, count in found.left_out.items():
         note(f"{count} vehicle{'s' * (count != 1)} not calibrated: {reason}")
@@ -192,11 +187,6 @@ def _note_faster(table: pd.DataFrame) -> None:
         )
 
 
-def _named(stage: str, report: Progress) -> Progress:
-    """Return a progress that reports under another name."""
-    return lambda _, done, total: report(stage, done, total)
-
-
 def predict(options: argparse.Namespace) -> None:
     """Predict every driver from its first frames.
 
@@ -204,79 +194,28 @@ def predict(options: argparse.Namespace) -> None:
     ----------
     options : argparse.Namespace
     """
-    import pandas as pd
-
-    from idm_sumo.calibration.departures import departures
-    from idm_sumo.calibration.without_d1 import MEAN_SPEED
-
-    foresee = _neighbours(options) if options.method == "knn" else _through_rollout(options)
-    found = shared.scenes_of(options, shared.window_of(options))
-    scenes = found.scenes
-    observed = pd.DataFrame({MEAN_SPEED: scenes.speed[:, : options.observed].mean(axis=1)})
-    table = _beside(foresee(scenes), departures(scenes), observed)
-    write(table, options.output, scenes.road)
+    module, work = study_module("drivers.predicted"), study_module("many.work")
+    how = module.Prediction(
+        window=shared.window_of(options),
+        periods=tuple(options.period or ()),
+        method=options.method,
+        neighbours=options.neighbours,
+        seed=options.seed,
+    )
+    module.check_library(how, options.drivers is not None)
+    if many.are_meant(options):
+        many.run(options, work.Predict(how, options.drivers))
+        return
+    source = many.only_source(options)
+    call = (work.predict_one, source, how, options.drivers)
+    found = many.computed(options, *call) if options.cluster else call[0](*call[1:])
+    table = found.table
+    write(table, options.output, found.road)
     for reason, count in found.left_out.items():
         note(f"{count} vehicle{'s' * (count != 1)} not predicted: {reason}")
     shared.note_origin(found.notes)
     statuses = ", ".join(f"{count} {status}" for status, count in table["status"].value_counts().items())
     say(f"{len(table)} drivers; status: {statuses}", f"wrote {options.output}")
-
-
-def _neighbours(options: argparse.Namespace) -> Callable[[Scenes], pd.DataFrame]:
-    """Return the paper's prediction."""
-    from idm_sumo.calibration.driver_table import read_drivers
-    from idm_sumo.prediction import predict_drivers
-    from idm_sumo.runtime.errors import InputError
-
-    if options.drivers is None:
-        raise InputError(
-            "--drivers: the neighbours need calibrated drivers; `idm-sumo calibrate RECORDING -o FILE` writes them"
-        )
-    library = read_drivers(options.drivers)
-    return lambda scenes: predict_drivers(scenes, library, observed=options.observed, neighbours=options.neighbours)
-
-
-def _through_rollout(options: argparse.Namespace) -> Callable[[Scenes], pd.DataFrame]:
-    """Learn from the recording; return the prediction."""
-    from idm_sumo.calibration.driver_table import read_drivers
-    from idm_sumo.prediction import ResidualPredictor, RolloutPredictor, recent
-    from idm_sumo.prediction.driver_prediction import (
-        LEARNING_STEP,
-        SECOND,
-        drivers_of,
-        predict_through_rollout,
-        typical_desired_speed,
-    )
-    from idm_sumo.scenes.windows import Window
-
-    drivers = None if options.drivers is None else read_drivers(options.drivers)
-    speed = None if drivers is None else typical_desired_speed(drivers)
-
-    def training(window: Window) -> Scenes:
-        found = shared.scenes_of(options, window).scenes
-        return found if drivers is None else drivers_of(found, drivers)
-
-    second = min(options.observed, SECOND)
-    windows = training(Window(observed=options.observed, every=LEARNING_STEP))
-    predictor = RolloutPredictor(desired_speed=speed, seed=options.seed).fit(recent(windows, second))
-
-    def parameters(scenes: Scenes) -> pd.DataFrame:
-        return predict_through_rollout(recent(scenes, second), predictor).assign(first_frame=scenes.first_frame)
-
-    if options.method == "rollout":
-        return parameters
-    residual = ResidualPredictor(desired_speed=speed, seed=options.seed, one_for_all=predictor.pooled_).fit(windows)
-    return lambda scenes: _beside(parameters(scenes), residual.predict_left_out(scenes).to_pandas())
-
-
-def _beside(table: pd.DataFrame, *more: pd.DataFrame) -> pd.DataFrame:
-    """Join further columns of the same drivers to a table.
-
-    The rows are in the same order.
-    """
-    for other in more:
-        table = table.join(other[[name for name in other.columns if name not in table.columns]])
-    return table
 
 
 def write(table: pd.DataFrame, path: Path, road: Road) -> None:

@@ -6,7 +6,6 @@ import argparse
 import json
 import os
 from collections.abc import Callable, Iterable
-from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -16,7 +15,7 @@ from idm_sumo.sumo.surrogate import SURROGATE
 
 if TYPE_CHECKING:
     from idm_sumo.recordings.recording import Recording
-    from idm_sumo.scenes.windows import Scenes, Window
+    from idm_sumo.scenes.windows import Window
 
 MINUTES = 4.0  # of `surrogate`: enough for hundreds of drivers, made in seconds
 RECORDING_HELP = (
@@ -262,16 +261,27 @@ def recording_path(options: argparse.Namespace) -> Path:
 
     path = _path(options)
     if options.net_file is None:
-        _check_alone(options)
+        check_alone(options)
         return path
     return kept_on_network(path, **_network(options))
 
 
 def _path(options: argparse.Namespace) -> Path:
-    from idm_sumo.sumo.surrogate.builtin import recording_path as path_of
+    return path_of(options, options.recording)
+
+
+def path_of(options: argparse.Namespace, name: str) -> Path:
+    """Return the path of a recording by its name; the built-in one is made now if it is not in the cache.
+
+    Parameters
+    ----------
+    options : argparse.Namespace
+    name : str
+    """
+    from idm_sumo.sumo.surrogate.builtin import recording_path
 
     with progress_bar() as report:
-        return path_of(options.recording, minutes=options.minutes, seed=options.seed, progress=report)
+        return recording_path(name, minutes=options.minutes, seed=options.seed, progress=report)
 
 
 def _network(options: argparse.Namespace) -> dict[str, Any]:
@@ -280,8 +290,17 @@ def _network(options: argparse.Namespace) -> dict[str, Any]:
             "location": options.location}  # fmt: skip
 
 
-def _check_alone(options: argparse.Namespace) -> None:
-    """Raise for options that mean nothing without a network."""
+def check_alone(options: argparse.Namespace) -> None:
+    """Raise for options that mean nothing without a network.
+
+    Parameters
+    ----------
+    options : argparse.Namespace
+
+    Raises
+    ------
+    InputError
+    """
     from idm_sumo.runtime.errors import InputError
 
     for name in ("corridor", "route_files"):
@@ -315,54 +334,6 @@ def load(options: argparse.Namespace) -> Recording:
     from idm_sumo.recordings.smoothing import smooth
 
     return smooth(clean(read(options)))
-
-
-@dataclass(frozen=True)
-class Modelled:
-    """The windows of a recording's drivers.
-
-    Attributes
-    ----------
-    scenes : Scenes
-    left_out : dict of str to int
-        Vehicles that are not modelled, by reason.
-    notes : tuple of str
-        Of the recording.
-    """
-
-    scenes: Scenes
-    left_out: dict[str, int]
-    notes: tuple[str, ...]
-
-
-def scenes_of(options: argparse.Namespace, window: Window) -> Modelled:
-    """Return the windows of the wanted periods' drivers.
-
-    Parameters
-    ----------
-    options : argparse.Namespace
-    window : Window
-
-    Raises
-    ------
-    InputError
-        If no vehicle has a whole window.
-    """
-    from idm_sumo.runtime.errors import InputError
-    from idm_sumo.scenes.windows import build_scenes
-
-    recording = load(options)
-    scenes = build_scenes(recording.of_period(*(options.period or recording.periods)), window)
-    if not len(scenes):
-        against = recording.accounting.vehicles_dropped
-        told = ", ".join(f"{count} {reason}" for reason, count in against.items())
-        raise InputError(
-            f"{options.recording}: no vehicle that can be modelled is recorded for {window.frames} frames in a row"
-            + (f" (not modelled: {told})" if told else "")
-            + "; lower --observed or --horizon, or see `idm-sumo inspect RECORDING --vehicles`"
-        )
-    reasons = scenes.excluded["reason"].value_counts(sort=False)
-    return Modelled(scenes, {str(reason): int(count) for reason, count in reasons.items()}, recording.notes)
 
 
 def note_origin(notes: Iterable[str]) -> None:

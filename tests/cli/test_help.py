@@ -102,7 +102,7 @@ def test_a_mistyped_word_is_one_line_that_names_what_was_meant(
 
 def test_options_may_be_cut_short_and_files_may_begin_with_a_dash(capsys: pytest.CaptureFixture[str]) -> None:
     parsed = build_parser().parse_args(["calibrate", "--seed=3", "--out", "d.csv", "--", "--odd.txt"])
-    assert (parsed.seed, parsed.output, parsed.recording) == (3, Path("d.csv"), "--odd.txt")
+    assert (parsed.seed, parsed.output, parsed.recording) == (3, Path("d.csv"), ["--odd.txt"])
 
 
 @pytest.mark.parametrize("shell", ["bash", "zsh"])
