@@ -15,6 +15,7 @@ import pandas as pd
 from idm_sumo.calibration import calibrate, pooled
 from idm_sumo.calibration.drawn import as_drawn, drawn_columns
 from idm_sumo.calibration.driver_table import DESIRED_SPEED, FIRST_FRAME, HAS, read_drivers
+from idm_sumo.calibration.whole import WHOLE, as_whole
 from idm_sumo.calibration.without_d1 import MEAN_SPEED, REFIT, mean_speeds, refit_table
 from idm_sumo.models.effects import ExtendedModel
 from idm_sumo.models.idm import IDMParameters
@@ -114,7 +115,8 @@ def _calibrated(scenes: Scenes, refit: bool) -> pd.DataFrame:
 def _read(path: Path, scenes: Scenes) -> pd.DataFrame:
     """Return the drivers of one period from a table.
 
-    Of several windows of a driver the first counts.
+    Of several windows of a driver the first counts. Types fitted to all windows are taken where the table has them,
+    as `idm-sumo export` does.
     """
     table, _ = with_parameters(read_drivers(path), str(path))
     period = scenes.one_period
@@ -123,7 +125,7 @@ def _read(path: Path, scenes: Scenes) -> pd.DataFrame:
         there = ", ".join(sorted(table[c.PERIOD].astype(str).unique()))
         raise InputError(f"{path}: has no driver of period {period}; it has {there}")
     _check_recording(own, scenes, path)
-    return own
+    return as_whole(own) if set(WHOLE) <= set(own) else own
 
 
 def _check_recording(own: pd.DataFrame, scenes: Scenes, path: Path) -> None:

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import pandas as pd
 
@@ -10,7 +10,7 @@ from idm_sumo.calibration import calibrate
 from idm_sumo.calibration.drawn import drawn_columns
 from idm_sumo.calibration.search import Search
 from idm_sumo.calibration.table import GAUSS_NEWTON_SEARCH
-from idm_sumo.calibration.whole import fit_whole_drivers
+from idm_sumo.calibration.whole import fit_whole_drivers, whole_columns
 from idm_sumo.calibration.without_d1 import refit_table, without_d1_costs
 from idm_sumo.prediction.driving_code import driving_code
 from idm_sumo.runtime.progress import Progress, silent
@@ -26,6 +26,8 @@ class Calibration:
     Attributes
     ----------
     window : Window
+        Without ``every`` a driver has one row, of its first window; its vehicle type is fitted to all of its windows,
+        which follow each other.
     periods : tuple of str
         Recording periods; all without any.
     objective : str
@@ -61,21 +63,25 @@ def calibrated(source: Source, how: Calibration, *, jobs: int = 1, progress: Pro
     InputError
         If the recording cannot be read, or holds nobody to fit.
     """
-    found = modelled(source, how.window, how.periods)
+    windows = replace(how.window, every=how.window.every or how.window.horizon)
+    found = modelled(source, windows, how.periods)
     return found.with_table(driver_table(found.scenes, how, jobs=jobs, progress=progress))
 
 
-def driver_table(scenes: Scenes, how: Calibration, *, jobs: int = 1, progress: Progress = silent) -> pd.DataFrame:
+def driver_table(windows: Scenes, how: Calibration, *, jobs: int = 1, progress: Progress = silent) -> pd.DataFrame:
     """Return the fits with what export and prediction need beside them.
 
     Parameters
     ----------
-    scenes : Scenes
+    windows : Scenes
+        All windows of the drivers.
     how : Calibration
     jobs : int
         Processes.
     progress : Progress
     """
+    one_each = how.window.every is None
+    scenes = _first_windows(windows) if one_each and not how.all_windows else windows
     fits = calibrate(
         scenes,
         objective=how.objective,
@@ -85,14 +91,20 @@ def driver_table(scenes: Scenes, how: Calibration, *, jobs: int = 1, progress: P
         progress=_named("calibrating", progress),
     )
     if how.all_windows:
-        first = ~fits.duplicated(["period", "vehicle"]).to_numpy()
         fits = fit_whole_drivers(fits, scenes, _named("drivers", progress))
-        scenes = scenes.subset(first)
+        scenes = _first_windows(scenes)
     table = beside(fits, drawn_columns(scenes, fits["desired_speed_m_s"]))
     if not how.all_windows:  # the refit without d1 is one of a single window
         table = beside(table, refit_table(table, scenes))
         table = beside(table, without_d1_costs(table, scenes))
+    if one_each or how.all_windows:
+        table = beside(table, whole_columns(fits, windows, _named("vehicle types", progress)))
     return beside(table, driving_code(scenes))
+
+
+def _first_windows(scenes: Scenes) -> Scenes:
+    """Return each driver's first window."""
+    return scenes.subset(~scenes.keys().duplicated(["period", "vehicle"]).to_numpy())
 
 
 def _named(stage: str, report: Progress) -> Progress:

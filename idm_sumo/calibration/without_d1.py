@@ -19,10 +19,10 @@ import numpy as np
 import numpy.typing as npt
 import pandas as pd
 from numba import njit
-from scipy.stats import qmc
 
 from idm_sumo.calibration import integrators
 from idm_sumo.calibration.problem import Problem, prepare
+from idm_sumo.calibration.type_search import compass_search, design_of_types, from_search, mean_ade, to_search
 from idm_sumo.models import idm
 from idm_sumo.runtime.threads import in_threads
 from idm_sumo.scenes.windows import Scenes
@@ -34,12 +34,7 @@ REFIT = ("a_refit", "b_refit", "T_refit", "d0_refit")
 REFIT_ADE, REFIT_INTEGRATION = "ade_refit_m", "refit_integration"
 MEAN_SPEED = "mean_speed_m_s"
 SLOWEST = 1.0  # m/s: the tangent at standstill would be vertical
-DESIGN, STARTS = 128, 6  # starts screened, and refined
-# Search coordinates: accelerations act by proportion, so their logarithms; the gap is linear
-# in T and d0, so these themselves, in units that make a step weigh about the same.
-T_UNIT, D_UNIT = 1.0, 2.5  # s, m
-FIRST_STEP, LAST_STEP = 0.4, 2e-3  # of the search, in those coordinates
-SMALLEST_DROP = 1e-3  # relative: a sweep that gains less halves the step
+STARTS = 6  # of the design that are refined
 
 
 def linearise(parameters: npt.ArrayLike, mean_speed: npt.ArrayLike, desired_speed: npt.ArrayLike) -> Floats:
@@ -119,63 +114,11 @@ def refit(
     """
     theta = integrators.as_parameters(problem, parameters)
     linear = linearise(theta, mean_speed, problem.desired_speed)
-    own = np.stack([_to_search(theta), _to_search(np.clip(linear, idm.LOWER, idm.UPPER))], axis=1)
-    design = LOWER + qmc.Sobol(4, scramble=True, rng=20050615).random(DESIGN) * (UPPER - LOWER)
+    own = np.stack([to_search(theta), to_search(np.clip(linear, idm.LOWER, idm.UPPER))], axis=1)
     found = np.empty((len(own), len(idm.LOWER)))
-    in_threads(_refit_all, len(own), found, problem, own, design, integrators.code(integration))
+    in_threads(_refit_all, len(own), found, problem, own, design_of_types(), integrators.code(integration))
     found = np.clip(found, idm.LOWER, idm.UPPER)
     return found, integrators.ades(problem, found, integration)
-
-
-def _to_search(parameters: npt.ArrayLike) -> Floats:
-    """Return the search coordinates, without ``d1``, of parameters.
-
-    Shapes ``(..., 5)`` and ``(..., 4)``.
-    """
-    values = np.asarray(parameters, dtype=np.float64)
-    return np.concatenate([np.log(values[..., :2]), values[..., 2:3] / T_UNIT, values[..., 3:4] / D_UNIT], axis=-1)
-
-
-LOWER, UPPER = _to_search(idm.LOWER), _to_search(idm.UPPER)
-
-
-@njit(cache=True)
-def _from_search(z):  # type: ignore[no-untyped-def]
-    """Return ``a, b, T, d0, 0``."""
-    return np.array([np.exp(z[0]), np.exp(z[1]), z[2] * T_UNIT, z[3] * D_UNIT, 0.0])
-
-
-@njit(cache=True)
-def _ade(p, i, z, scheme):  # type: ignore[no-untyped-def]
-    """Return one driver's ADE (m) at search coordinates ``z``."""
-    return integrators.ade_one(p, i, _from_search(z), scheme)
-
-
-@njit(cache=True)
-def _compass_search(p, i, z, scheme):  # type: ignore[no-untyped-def]
-    """Lower the ADE along the axes, in place.
-
-    In steps that halve when none leads down. After a sweep that moved, the whole move is made once more
-    (Hooke and Jeeves, 1961), which follows narrow valleys that lie across the axes.
-    """
-    value, step = _ade(p, i, z, scheme), FIRST_STEP
-    while step > LAST_STEP:
-        before, was, trial = z.copy(), value, z.copy()
-        for axis in range(4):
-            for sign in (1.0, -1.0):
-                trial[axis] = min(max(z[axis] + sign * step, LOWER[axis]), UPPER[axis])
-                new = _ade(p, i, trial, scheme)
-                if new < value:
-                    value, z[axis] = new, trial[axis]
-                    break
-            trial[axis] = z[axis]
-        trial[:] = np.minimum(np.maximum(2.0 * z - before, LOWER), UPPER)
-        new = _ade(p, i, trial, scheme)
-        if new < value:
-            value, z[:] = new, trial
-        if not value < (1.0 - SMALLEST_DROP) * was:
-            step *= 0.5
-    return value
 
 
 @njit(cache=True, nogil=True)
@@ -188,15 +131,15 @@ def _refit_all(first, last, found, p, own, design, scheme):  # type: ignore[no-u
     for i in range(first, last):
         screened = np.empty(design.shape[0])
         for k in range(design.shape[0]):
-            screened[k] = _ade(p, i, design[k], scheme)
+            screened[k] = mean_ade(p, i, i + 1, design[k], scheme)
         order = np.argsort(screened)
         best, own_starts = np.inf, own.shape[1]
-        found[i] = _from_search(own[i, 0])
+        found[i] = from_search(own[i, 0])
         for k in range(own_starts + STARTS):
             z = own[i, k].copy() if k < own_starts else design[order[k - own_starts]].copy()
-            value = _compass_search(p, i, z, scheme)
+            value = compass_search(p, i, i + 1, z, scheme)
             if value < best:
-                best, found[i] = value, _from_search(z)
+                best, found[i] = value, from_search(z)
 
 
 def refit_table(drivers: pd.DataFrame, scenes: Scenes | Sequence[Scenes], *, integration: str = "euler",

@@ -21,14 +21,15 @@ CALIBRATE = f"""\
 fit five IDM parameters to every driver (the oracle)
 
 Each driver is simulated behind its recorded leader for 10 s, and a, b, T, d0
-and d1 are chosen so that it stays as near to its recording as it can.
+and d1 are chosen so that it stays as near to its recording as it can. Vehicle
+types for SUMO are fitted to all of its windows, without d1.
 
 {many.ABOUT}
 
 reads   RECORDING ...
 leaves  FILE, one row a driver: period, vehicle, a, b, T, d0, d1 (SI),
         desired_speed_m_s, ade_m (mean distance from the recording, m), status,
-        at_bound, what SUMO needs, the driver's first second
+        at_bound, what SUMO needs (a_whole, ...), the driver's first second
 next    idm-sumo predict RECORDING --drivers FILE -o predicted.parquet, or
         idm-sumo export FILE -o drivers.rou.xml"""
 PREDICT = f"""\
@@ -71,12 +72,12 @@ def _add_calibrate(commands: Any) -> None:
         "--every",
         type=shared.whole(limits.FRAMES),
         metavar="FRAMES",
-        help="a further window every so many frames (default: one, at entry)",
+        help="a row for a further window every so many frames (default: one row, of the window at entry)",
     )
     parser.add_argument(
         "--all-windows", action="store_true",
-        help="one set for each driver from all of its windows, for types that drive like the driver: ten seconds give "
-        "back those seconds (windows follow each other unless --every says otherwise)",
+        help="a, b, T, d0 and d1, too, from all of a driver's windows, as its vehicle type is anyway: ten seconds give "
+        "back those seconds, not the driver (windows follow each other unless --every says otherwise)",
     )  # fmt: skip
     parser.add_argument(
         "--objective", choices=("ade", "gap", "speed", "log-gap"), default="ade", help="what is minimised (default ade)"
@@ -148,7 +149,7 @@ def calibrate(options: argparse.Namespace) -> None:
 
     module = study_module("drivers.calibrated")
     how = module.Calibration(
-        window=shared.window_of(options, options.every or (options.horizon if options.all_windows else None)),
+        window=shared.window_of(options, options.every),
         periods=tuple(options.period or ()),
         objective=options.objective,
         search=Search(options.solver, seed=options.seed),

@@ -16,6 +16,8 @@ if TYPE_CHECKING:
 
     from idm_sumo.sumo.export.routes import Exported
 
+LISTED = 20  # late departures that are shown
+
 EXPORT = """\
 write drivers as SUMO vehicle types that drive as calibrated
 
@@ -38,10 +40,10 @@ def add(commands: Any) -> None:
     outputs.declare(parser, "drivers", "net_file", "model", endings=(".xml",))
     parser.add_argument(
         "--parameters",
-        choices=("fitted", "drawn"),
-        default="fitted",
-        help="the driver's own fit, which gives back its ten seconds (default), or drawn to the population: no "
-        "parameter at a bound, for traffic that reacts",
+        choices=("whole", "fitted", "drawn"),
+        help="fitted to all windows of the driver (default where the table has it and --without-d1 asks for nothing "
+        "else); fitted to its first ten seconds, which it gives back best; or drawn to the population: no parameter at "
+        "a bound, for traffic that reacts",
     )
     parser.add_argument(
         "--without-d1",
@@ -102,9 +104,12 @@ def export(options: argparse.Namespace) -> None:
     from idm_sumo.sumo.export.distribution import export_distribution
     from idm_sumo.sumo.export.routes import export_routes
 
+    said: tuple[str, ...] = ()
     drivers = read_drivers(options.drivers)
     if options.parameters == "drawn":
         drivers = as_drawn(drivers, str(options.drivers))
+    elif options.parameters == "whole" or (options.parameters is None and options.without_d1 is None):
+        drivers, said = _of_all_windows(drivers, options)
     model = None if options.model is None else ExtendedModel.read(options.model)
     if options.distribution:
         if model is not None:
@@ -118,7 +123,7 @@ def export(options: argparse.Namespace) -> None:
             without_d1=options.without_d1,
             source=str(options.drivers),
         )
-        for line in written.notes:
+        for line in (*said, *written.notes):
             note(line)
         say(f"wrote {written.file}: {written.types} types that stand for {written.drivers} drivers")
         return
@@ -132,7 +137,7 @@ def export(options: argparse.Namespace) -> None:
         integration=options.integration,
         source=str(options.drivers),
     )
-    for line in exported.notes:
+    for line in (*said, *exported.notes):
         note(line)
     say(f"wrote {exported.route_file}: {len(exported.vehicles)} drivers; run them with `{_run_line(exported)}`")
     if {"ade_m", "ade_exact_m"} <= set(drivers.columns):
@@ -142,10 +147,26 @@ def export(options: argparse.Namespace) -> None:
         )
     if not options.no_check:
         delays = departure_delays(exported.config_file)
-        late = delays[delays["delay_s"] > 0]
+        late = delays[delays["delay_s"] > 0].sort_values("delay_s", ascending=False, kind="stable")
         say(f"{len(late)} of {len(delays)} departures are late, for want of room behind the vehicle ahead")
         if len(late):
-            say(text_table(late))
+            more = [f"... and {len(late) - LISTED} that are less late"] if len(late) > LISTED else []
+            say(text_table(late.head(LISTED)), *more)
+
+
+def _of_all_windows(drivers: pd.DataFrame, options: argparse.Namespace) -> tuple[pd.DataFrame, tuple[str, ...]]:
+    """Return the drivers with the types of all their windows, where the table has them, and a note that says so."""
+    from idm_sumo.calibration.whole import WHOLE, WINDOWS, as_whole
+    from idm_sumo.runtime.errors import InputError
+
+    if options.without_d1 is not None:
+        raise InputError("--parameters whole: these have no d1; leave out --without-d1")
+    if set(WHOLE) <= set(drivers):
+        told = f"types are fitted to all windows of a driver ({drivers[WINDOWS].median():g} in the median)"
+        return as_whole(drivers), (f"{told}; --parameters fitted takes its first ten seconds",)
+    if options.parameters is None:
+        return drivers, ()
+    raise InputError(f"{options.drivers}: column {WHOLE[0]!r} is missing; `idm-sumo calibrate` writes it")
 
 
 def _run_line(exported: Exported) -> str:

@@ -123,8 +123,19 @@ def read_recording(
     InputError
         If the file is absent, empty, damaged, of no known layout, in the wrong units, or of another road.
     """
-    types = fcd_on_network.read_types([Path(file) for file in route_files])
-    source = _Source(Path(path), Ledger(0), location, road, any_length, types)
+    files = [Path(file) for file in route_files]
+    source = _Source(Path(path), Ledger(0), location, road, any_length, fcd_on_network.read_types(files))
+    recording = _read(source)
+    if files and source.ledger.layout != fcd.FCD:
+        raise InputError(
+            f"{source.path}: is no SUMO floating car data, so that {files[0]} says nothing about its vehicles; leave "
+            "out --route-files"
+        )
+    return recording
+
+
+def _read(source: _Source) -> Recording:
+    """Read a file of any layout, or a folder of Parquet parts."""
     if os.path.isdir(source.path):  # of a name too long, too
         return _from_parquet(source)
     start = _start_of(source.path)

@@ -121,6 +121,8 @@ def _numbered(table: pd.DataFrame, notes: list[str], source: str) -> pd.DataFram
     out = table.assign(**{c.VEHICLE: table[c.VEHICLE].map(number).astype(np.int64)})
     if c.LEADER in table:
         out[c.LEADER] = table[c.LEADER].map(number).fillna(0).astype(np.int64)
+    if isinstance(table[c.PERIOD].dtype, pd.CategoricalDtype):
+        return out
     return out.assign(**{c.PERIOD: pd.Categorical(table[c.PERIOD].astype(str))})
 
 

@@ -9,7 +9,7 @@ from pathlib import Path
 
 MODULES = [
     "idm_sumo.cli.parser", "analysis.replay.run", "idm_sumo.recordings.reading", "matplotlib.backends.backend_agg",
-    "pandera.backends.pandas.builtin_checks", "PIL.GifImagePlugin", "libsumo", "sumolib.net",
+    "PIL.GifImagePlugin", "libsumo", "sumolib.net",
 ]  # fmt: skip
 CONTEXT = multiprocessing.get_context("forkserver")
 

@@ -9,7 +9,10 @@ import numpy as np
 import pandas as pd
 import pytest
 
-from idm_sumo.calibration import calibrate
+from idm_sumo.calibration import calibrate, integrators
+from idm_sumo.calibration.problem import prepare
+from idm_sumo.calibration.status import leader_changes
+from idm_sumo.calibration.without_d1 import REFIT, refit_table
 from idm_sumo.recordings import columns as c
 from idm_sumo.recordings.cleaning import clean
 from idm_sumo.recordings.reading import read_recording, write_parquet
@@ -19,6 +22,7 @@ from idm_sumo.runtime.errors import InputError
 from idm_sumo.scenes.windows import Window, build_scenes
 from idm_sumo.simulation.rollout import drive_idm
 from idm_sumo.sumo import network
+from idm_sumo.sumo.export.routes import export_routes
 from idm_sumo.sumo.own_network import road_of
 from idm_sumo.sumo.replay.one_vehicle import replay
 from idm_sumo.sumo.replay.playback import play
@@ -27,6 +31,7 @@ from tests.fuzz.seeds import NETWORK
 from tests.roads import networks, proof
 
 SECONDS = 45.0
+LIGHT = 720.0  # m, behind the street's light
 BY_NAME = {"curve": networks.EVERY[1], "ramp": networks.RAMP, "city": networks.CITY}
 pytestmark = pytest.mark.skipif(
     not shutil.which(networks.netconvert()), reason="netconvert is not there (package eclipse-sumo)"
@@ -123,6 +128,50 @@ def test_a_straight_road_has_a_network_without_netconvert(tmp_path: Path, monkey
             sumo.simulationStep()
         assert sumo.vehicle.getLaneID("one") == "downstream_1"
         assert sumo.vehicle.getPosition("one")[1] == pytest.approx(float(road.lane_center(1)))
+
+
+def test_a_straight_road_has_an_edge_every_hundred_metres(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setenv("IDM_SUMO_CACHE", str(tmp_path))
+    net = network.of(straight_road("test", (3.5, 3.0), length=514.0, speed_limit=30.0, beside=True))
+    ends = np.array(net.mainline_ends())
+    assert np.diff(ends)[:-1] == pytest.approx(514.0 / 5, abs=0.02)
+    assert (net.mainline_start(), ends[0], ends[-2], ends[-1]) == (-300.0, 0.0, 514.0, 1014.0)
+    x, lane = np.array([-100.0, 5.0, 250.0, 513.0, 700.0]), np.array([1, 2, 1, 3, 3])
+    where = net.place(x, lane)
+    found_x, _, found_lane = net.coordinates(where)
+    np.testing.assert_allclose(found_x, x)
+    assert found_lane.tolist() == [1, 2, 1, 2, 2]  # who is beside the main lanes is put on the rightmost
+
+
+def test_a_road_begins_where_its_first_edge_does_wherever_that_lies(made: tuple[str, proof.Truth]) -> None:
+    name, truth = made
+    assert network.of(road_of(truth.net, BY_NAME[name].corridor)).mainline_start() == 0.0
+
+
+def test_exported_types_drive_as_calibrated_on_the_own_edges(made: tuple[str, proof.Truth], tmp_path: Path) -> None:
+    name, truth = made
+    recording = proof.recorded(BY_NAME[name], truth, tmp_path, step=0.1, noise=0.0)
+    scenes = build_scenes(recording, Window(observed=10, horizon=50))
+    drivers = calibrate(scenes)
+    drivers = drivers.join(refit_table(drivers, scenes)[list(REFIT)])
+    exported = export_routes(drivers, tmp_path / "own.rou.xml", road=recording.road)
+    fcd = tmp_path / "own.parquet"
+    options = ["--configuration-file", str(exported.config_file), "--fcd-output", str(fcd), "--precision", "6"]
+    with simulation([*options, "--fcd-output.acceleration", "true"], net=exported.net_file) as sumo:
+        for _ in range(round(10 * SECONDS)):
+            sumo.simulationStep()
+    driven = clean(read_recording(fcd, road=recording.road, route_files=[exported.route_file]))
+    windows = build_scenes(driven, Window(observed=10, horizon=50, every=50))
+    names = list(dict.fromkeys(pd.read_parquet(fcd)["vehicle_id"].astype(str)))
+    who = pd.Index(exported.vehicles["id"]).get_indexer(pd.Index([names[n - 1] for n in windows.vehicle]))
+    theta = drivers.set_index("vehicle").loc[exported.vehicles["vehicle"].to_numpy()[who]]
+    problem = prepare(windows, desired_speed=theta["desired_speed_m_s"].to_numpy())
+    ours, _ = integrators.drive(problem, theta[list(REFIT)].assign(d1=0.0), "euler")
+    apart = np.abs(ours - windows.x[:, windows.start :]).max(axis=1)
+    follows = (np.abs(np.diff(windows.y, axis=1)).max(axis=1) < 1.0) & (leader_changes(problem) == 0)
+    follows &= (name != "city") | (windows.x[:, 0] > LIGHT)  # before a light they slow down for it
+    assert follows.sum() > 10
+    assert apart[follows].max() < 0.001
 
 
 def test_play_is_exact_on_a_straight_road(tmp_path: Path) -> None:

@@ -30,7 +30,7 @@ NO_TYPES = VehicleTypes()
 STEP_TOLERANCE = 1e-3  # s
 ROOTS = {"fcd-export": "a SUMO FCD file"}
 REQUIRED = ("x", "y", "angle", "speed")  # beside id and time
-PERIOD = "fcd"
+PERIOD = FCD = "fcd"
 
 
 def from_table(
@@ -114,6 +114,7 @@ class _Collector:
 def _to_recording(
     raw: pd.DataFrame, ledger: Ledger, road: Road, types: VehicleTypes, source: str
 ) -> tuple[Recording, Accounting]:
+    ledger.layout = FCD
     if raw.empty:
         raise InputError(f"{source}: no vehicles in this FCD file; run the simulation longer")
     if road.pieces:

@@ -9,6 +9,7 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
+import numpy.typing as npt
 import pandas as pd
 
 from idm_sumo.recordings import columns as c
@@ -118,7 +119,8 @@ def to_corridor(
         If nearly nobody is on the road, or the file tells neither lanes nor positions.
     """
     notes = [f"on {Path(road.network).name}: edges {', '.join(road.edges)[:120]}"]
-    raw = ledger.drop(raw, raw["id"].isna() | (raw["id"].astype(str) == ""), "a person, not a vehicle")
+    raw = raw.assign(id=_texts(raw["id"]))
+    raw = ledger.drop(raw, raw["id"] == "", "a person, not a vehicle")
     plane = {"x", "y"} <= set(raw)
     needed = [name for name in ("time", "speed", "pos", "angle", *(("x", "y") if plane else ())) if name in raw]
     raw = ledger.drop(raw, ~np.isfinite(raw[needed].to_numpy(np.float64)).all(axis=1), "non-finite value")
@@ -143,8 +145,9 @@ def to_corridor(
 
 
 def _texts(names: pd.Series) -> pd.Series:
-    """Return names as texts, the empty one where there is none."""
-    return names.astype(object).where(names.notna(), "").astype(str).astype(object)
+    """Return names as texts, the empty one where there is none; equal ones are one object, which keeps them small."""
+    codes, words = pd.factorize(names.to_numpy(dtype=object))
+    return pd.Series(np.array([*map(str, words), ""], dtype=object)[codes], names.index)
 
 
 def _located(raw: pd.DataFrame, road: Road, notes: list[str], source: str) -> Any:
@@ -169,7 +172,8 @@ def _located(raw: pd.DataFrame, road: Road, notes: list[str], source: str) -> An
 
 def _table(raw: pd.DataFrame, where: Any, types: VehicleTypes, notes: list[str]) -> pd.DataFrame:
     table = pd.DataFrame({
-        c.PERIOD: PERIOD, c.VEHICLE: raw["id"].astype(str).to_numpy(), c.TIME: raw["time"].to_numpy(), c.X: where.x,
+        c.PERIOD: pd.Categorical.from_codes(np.zeros(len(raw), dtype=np.int8), [PERIOD]),
+        c.VEHICLE: raw["id"].to_numpy(), c.TIME: raw["time"].to_numpy(), c.X: where.x,
         c.LANE: where.number, OFFSET: where.offset, c.SPEED: raw["speed"].to_numpy(),
     })  # fmt: skip
     if "acceleration" in raw:
@@ -179,10 +183,10 @@ def _table(raw: pd.DataFrame, where: Any, types: VehicleTypes, notes: list[str])
         turned = np.deg2rad(90.0 - raw["angle"].to_numpy(np.float64)) - where.heading  # SUMO's is clockwise from north
         turned = np.arctan2(np.sin(turned), np.cos(turned))
         table[c.HEADING] = np.where(np.abs(turned) < 1e-3, 0.0, turned)  # its digits end at 0.01 degrees
-    kind = _texts(raw["type"]).str.partition("@")[0] if "type" in raw else pd.Series("", raw.index)
+    codes, kinds = _kinds(raw)
     for name, known, assumed in ((c.LENGTH, types.lengths, LENGTH), (c.WIDTH, types.widths, WIDTH)):
         recorded = raw[name].to_numpy(np.float64) if name in raw else np.full(len(raw), np.nan)
-        told = kind.map(known).to_numpy(np.float64)
+        told = np.array([known.get(kind, np.nan) for kind in kinds], dtype=np.float64)[codes]
         table[name] = np.where(np.isfinite(recorded), recorded, told)
         if (unknown := np.isnan(table[name])).any():
             notes.append(
@@ -190,5 +194,13 @@ def _table(raw: pd.DataFrame, where: Any, types: VehicleTypes, notes: list[str])
                 f"default of {assumed:g} m is taken"
             )
             table[name] = table[name].fillna(assumed)
-    table[c.CLASS] = kind.map(types.classes).fillna(0).to_numpy().astype("int8")
+    table[c.CLASS] = np.array([types.classes.get(kind, 0) for kind in kinds], dtype=np.int8)[codes]
     return table
+
+
+def _kinds(raw: pd.DataFrame) -> tuple[npt.NDArray[np.int64], list[str]]:
+    """Return each row's place in a list of types, and that list, without what SUMO adds to names of its own copies."""
+    if "type" not in raw:
+        return np.zeros(len(raw), dtype=np.int64), [""]
+    codes, names = pd.factorize(_texts(raw["type"]))
+    return np.asarray(codes, dtype=np.int64), [name.partition("@")[0] for name in names.tolist()]

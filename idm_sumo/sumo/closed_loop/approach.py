@@ -38,7 +38,7 @@ def moved_upstream(demand: pd.DataFrame, net: RoadNetwork) -> pd.DataFrame:
     -------
     pandas.DataFrame
     """
-    start = float(net.load().getEdge(net.mainline[0]).getShape()[0][0]) + MARGIN
+    start = net.mainline_start() + MARGIN
     entering = (demand[d.DEPART] > 0.0) & (demand[d.X] < MOUTH) & (demand[d.LANE] <= net.road.main_lanes)
     moved = demand.copy()
     for _, lane in demand[entering].groupby(d.LANE):
