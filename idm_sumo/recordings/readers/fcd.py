@@ -23,6 +23,7 @@ from idm_sumo.recordings.recording import Recording
 from idm_sumo.recordings.resampling import resample
 from idm_sumo.roads import Road
 from idm_sumo.runtime.errors import InputError, shown
+from idm_sumo.runtime.memory import Handed
 from idm_sumo.runtime.xml import scan
 
 NUMBERS = FCD_NUMBERS[1:]
@@ -34,13 +35,15 @@ PERIOD = FCD = "fcd"
 
 
 def from_table(
-    raw: pd.DataFrame, ledger: Ledger, *, road: Road, source: str, types: VehicleTypes = NO_TYPES
+    held: Handed[pd.DataFrame], ledger: Ledger, *, road: Road, source: str, types: VehicleTypes = NO_TYPES
 ) -> tuple[Recording, Accounting]:
     """Turn a table that SUMO wrote, as CSV or Parquet, into a recording."""
+    raw = held.take()
     raw = raw.set_axis(check_names([bare(name) for name in raw.columns], source), axis=1)
     ledger.total += len(raw)
-    known = {name: numbers(raw[name], name, source) for name in FCD_NUMBERS if name in raw}
-    return _to_recording(raw.assign(**known), ledger, road, types, source)
+    held = Handed(raw.assign(**{name: numbers(raw[name], name, source) for name in FCD_NUMBERS if name in raw}))
+    del raw
+    return _to_recording(held, ledger, road, types, source)
 
 
 def read_xml(
@@ -57,7 +60,9 @@ def read_xml(
     scan(path, source, collector.start, roots=ROOTS, advice="was the run cut short?")
     ledger.total += len(collector.time)
     ledger.notes += [f"{collector.persons} rows of persons are skipped"] if collector.persons else []
-    return _to_recording(collector.table(), ledger, road, types, source)
+    held = Handed(collector.table())
+    del collector
+    return _to_recording(held, ledger, road, types, source)
 
 
 class _Collector:
@@ -112,13 +117,15 @@ class _Collector:
 
 
 def _to_recording(
-    raw: pd.DataFrame, ledger: Ledger, road: Road, types: VehicleTypes, source: str
+    held: Handed[pd.DataFrame], ledger: Ledger, road: Road, types: VehicleTypes, source: str
 ) -> tuple[Recording, Accounting]:
-    ledger.layout = FCD
+    ledger.layout, raw = FCD, held.take()
     if raw.empty:
         raise InputError(f"{source}: no vehicles in this FCD file; run the simulation longer")
     if road.pieces:
-        return to_corridor(raw, ledger, road, types, source)
+        held = Handed(raw)
+        del raw
+        return to_corridor(held, ledger, road, types, source)
     missing = [name for name in REQUIRED if name not in raw]
     if missing:
         raise InputError(f"{source}: FCD attribute {missing[0]!r} is missing; needed are id, {', '.join(REQUIRED)}")

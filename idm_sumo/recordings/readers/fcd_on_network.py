@@ -22,6 +22,7 @@ from idm_sumo.roads import Road
 from idm_sumo.roads.pieces import locate, nearest
 from idm_sumo.runtime.errors import InputError, shown
 from idm_sumo.runtime.inputs import existing_file
+from idm_sumo.runtime.memory import Handed
 from idm_sumo.runtime.xml import scan
 
 PERIOD = "fcd"
@@ -96,13 +97,13 @@ def _size(name: str, attributes: Mapping[str, str], key: str, default: float) ->
 
 
 def to_corridor(
-    raw: pd.DataFrame, ledger: Ledger, road: Road, types: VehicleTypes, source: str
+    held: Handed[pd.DataFrame], ledger: Ledger, road: Road, types: VehicleTypes, source: str
 ) -> tuple[Recording, Accounting]:
     """Turn rows of floating car data into a recording of a road with pieces.
 
     Parameters
     ----------
-    raw : pandas.DataFrame
+    held : Handed of pandas.DataFrame
         SUMO's attributes: ``time, id, speed`` and ``lane, pos`` or ``x, y``, better both; ``angle, acceleration, type,
         length, width`` where they are there.
     ledger : Ledger
@@ -119,6 +120,7 @@ def to_corridor(
         If nearly nobody is on the road, or the file tells neither lanes nor positions.
     """
     notes = [f"on {Path(road.network).name}: edges {', '.join(road.edges)[:120]}"]
+    raw = held.take()
     raw = raw.assign(id=_texts(raw["id"]))
     raw = ledger.drop(raw, raw["id"] == "", "a person, not a vehicle")
     plane = {"x", "y"} <= set(raw)
@@ -137,8 +139,8 @@ def to_corridor(
             f"{source}: {off.mean():.0%} of the rows are not on {here}"
             + (f"; most driven are {', '.join(edges)}: name them with --corridor EDGE..." if len(edges) else "")
         )
-    table = _table(raw, where, types, notes)
-    table = ledger.drop(table, off, "off the corridor")
+    table = ledger.drop(_table(raw, where, types, notes), off, "off the corridor")
+    del raw, where
     tracks = Tracks(table, road.widths, road.name, road.speed_limit, tuple(notes), road.has_signals)
     recording, account = to_recording(tracks, ledger, source=source, road=road)
     return smoothness(recording), account
