@@ -34,6 +34,7 @@ FIRST = [
     "gap_m",
     "time_headway_s",
     "lane_changes_per_km",
+    "lane_changes_sumo_per_km",
     "wave_speed_m_s",
     "late",
     "largest_delay_s",
@@ -72,7 +73,8 @@ def closed_loop_table(comparison: Comparison, measured: list[tuple[Case, Measure
     pandas.DataFrame
         Columns of :func:`idm_sumo.evaluation.comparison.compare`'s summary, and ``population, seed, late``
         (vehicles inserted later than recorded, or never), ``largest_delay_s, mean_delay_s`` (over all
-        vehicles), ``never_inserted, collisions, emergency_brakings, teleports``, ``flow_error_share`` (of the
+        vehicles), ``never_inserted, collisions, emergency_brakings, teleports``, ``lane_changes_sumo_per_km`` (by
+        SUMO's own count, changes that are taken back at once included), ``flow_error_share`` (of the
         recorded flow), ``speed_profile_rmse_m_s`` (of mean speeds by position), and the population's ``rank``.
     """
     rows: list[dict[str, Any]] = [{POPULATION: RECORDED, RECORDING: RECORDED}]
@@ -88,6 +90,7 @@ def closed_loop_table(comparison: Comparison, measured: list[tuple[Case, Measure
                 "mean_delay_s": float(delays.mean()),
                 "never_inserted": int(m.outcome.departures["departed_s"].isna().sum()),
                 **asdict(m.outcome.incidents),
+                "lane_changes_sumo_per_km": m.outcome.lane_changes / float(m.measured.lane_changes["km"].sum()),
             }
         )
     table = pd.DataFrame(rows).merge(comparison.summary, on=RECORDING, validate="1:1")

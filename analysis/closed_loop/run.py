@@ -6,22 +6,17 @@ The simulated traffic is compared with the recording.
 from __future__ import annotations
 
 import time
-from copy import deepcopy
-from dataclasses import asdict, replace
+from dataclasses import asdict
 from pathlib import Path
 from typing import Any
 
 import numpy as np
-import numpy.typing as npt
 import pandas as pd
 from joblib import cpu_count
 
 from idm_sumo.calibration import driver_table as d
-from idm_sumo.calibration.place_speeds import PlaceSpeeds, place_speeds
 from idm_sumo.evaluation.comparison import compare_measures
 from idm_sumo.evaluation.traffic_measures import measure_traffic
-from idm_sumo.models.effects import ExtendedModel
-from idm_sumo.models.idm import TEXTBOOK
 from idm_sumo.recordings import columns as c
 from idm_sumo.recordings.recording import Recording
 from idm_sumo.recordings.smoothing import smooth
@@ -33,28 +28,19 @@ from idm_sumo.runtime.workers import in_processes
 from idm_sumo.sumo import network
 from idm_sumo.sumo.closed_loop.demand import demand_of
 from idm_sumo.sumo.closed_loop.ego import Ego
-from idm_sumo.sumo.closed_loop.extended_loop import ModelDrivers
 from idm_sumo.sumo.closed_loop.measurement import Measured, run_and_measure
-from idm_sumo.sumo.closed_loop.populations import (
-    DEFAULTS,
-    SUBLANE,
-    calibrated_types,
-    default_types,
-    lane_change_attributes,
-)
-from idm_sumo.sumo.closed_loop.run import write_run
-from idm_sumo.sumo.closed_loop.signs import boundary_signs, place_signs
+from idm_sumo.sumo.closed_loop.populations import lane_change_attributes
 from idm_sumo.sumo.gui import gui_binary
 
 from ..comparison.run import read_all
 from ..page.manifest import manifest, write_manifest
 from ..reproduce.replay_bias import replay_bias
-from .populations import CALIBRATED, PARAMETERS, Drivers, drivers_of, mean_speed_of, parameters_for, refitted_for
+from .cases import cases_of, traffic_of
+from .lane_changes import FILE, fitted, write_file
+from .populations import CALIBRATED, PARAMETERS, Drivers, drivers_of
 from .results import closed_loop_table, write_results
-from .settings import EXTENDED, LOOPS, Case, Settings
+from .settings import LOOPS, Case, Settings
 from .words import RECORDED
-
-Floats = npt.NDArray[np.float64]
 
 
 def stages(settings: Settings) -> tuple[str, ...]:
@@ -65,8 +51,9 @@ def stages(settings: Settings) -> tuple[str, ...]:
     settings : Settings
     """
     calibrating = ("calibrating",) if _needs_drivers(settings) else ()
+    lanes = ("lane changes",) if settings.fit_lane_change else ()
     bias = ("replay bias",) if settings.bias_sample else ()
-    return ("reading", *calibrating, "simulating", *bias, "writing")
+    return ("reading", *calibrating, *lanes, "simulating", *bias, "writing")
 
 
 def _needs_drivers(settings: Settings) -> bool:
@@ -107,14 +94,19 @@ def interactive(settings: Settings, out: Path, *, command: list[str], progress: 
             raise InputError("--gui shows one population; choose it with --types")
     with new_folder(out) as part:
         recorded, path = _recorded(settings, progress)
-        demand = demand_of(recorded, approach=True)
-        _check_ego(settings, demand, recorded)
+        _check_ego(settings, demand_of(recorded), recorded)
         drivers = (
             drivers_of(recorded, settings.drivers, refit=settings.refit, progress=progress)
             if _needs_drivers(settings)
             else None
         )
-        cases = _cases(settings, recorded, demand, drivers, lane_change, part)
+        if settings.fit_lane_change:
+            given, trials = fitted(settings, recorded, drivers, progress)
+            lane_change = lane_change_attributes(settings.lane_change_model, given)
+            write_file(part / FILE, settings.lane_change_model, given)
+        traffic = traffic_of(settings, recorded, drivers)
+        demand = traffic.demand
+        cases = cases_of(settings, traffic, lane_change, part)
         measured = _run_all(settings, cases, recorded, demand, drivers, part, progress)
         bias = (
             replay_bias(drivers, settings.bias_sample, settings.seed, progress)
@@ -127,6 +119,8 @@ def interactive(settings: Settings, out: Path, *, command: list[str], progress: 
         )
         table = closed_loop_table(comparison, measured)
         write_results(part, table, comparison, measured, bias, recorded, demand, settings)
+        if settings.fit_lane_change:
+            trials.to_csv(part / "tables" / "lane_change_fit.csv", index=False, float_format="%.6g")
         plain = {key: value for key, value in asdict(settings).items() if key not in ("gui",)}
         record = manifest(
             command,
@@ -174,63 +168,6 @@ def _check_ego(settings: Settings, demand: pd.DataFrame, recorded: Recording) ->
         )
     if len(settings.types) > 1:
         raise InputError("--ego drives among one population; choose it with --types")
-
-
-def _cases(
-    settings: Settings,
-    recorded: Recording,
-    demand: pd.DataFrame,
-    drivers: Drivers | None,
-    lane_change: dict[str, str],
-    part: Path,
-) -> list[Case]:
-    """Write the inputs of every population."""
-    speeds = mean_speed_of(recorded)
-    signs = boundary_signs(recorded) if settings.downstream_speed else []
-    places = _place_speeds(recorded, drivers) if settings.place_speeds else None
-    signs += [] if places is None else place_signs(places, recorded.road)
-    cases = []
-    for population in settings.types:
-        pooled = 0
-        if population in DEFAULTS:
-            types = default_types(demand, population, lane_change)
-        elif drivers is not None:
-            own = "drivers" if population in LOOPS else population
-            theta, limits, pooled = parameters_for(own, drivers, demand, speeds)
-            types = calibrated_types(demand, theta, lane_change, limits, speed_limit=recorded.road.speed_limit)
-        ours = None
-        if population in LOOPS and settings.model is not None:
-            ours = _ours(settings.model, population, demand, recorded, theta, places)
-        options = SUBLANE.get(settings.lane_change_model, ())
-        files = write_run(
-            part / "simulation", population, recorded, demand, types, signs=signs, places=places, options=options
-        )
-        seeds = [0] if settings.seeds == 1 else range(settings.seed, settings.seed + settings.seeds)
-        cases += [Case(population, seed, files, pooled, deepcopy(ours)) for seed in seeds]
-    return cases
-
-
-def _place_speeds(recorded: Recording, drivers: Drivers | None) -> PlaceSpeeds:
-    """Return desired speeds by place, seen with the pooled driver, or the textbook's where none was calibrated."""
-    typical = TEXTBOOK if drivers is None else drivers.pooled
-    return place_speeds(recorded, typical, np.array(network.of(recorded.road).mainline_ends()))
-
-
-def _ours(
-    file: Path, population: str, demand: pd.DataFrame, recorded: Recording, calibrated: Floats,
-    places: PlaceSpeeds | None,
-) -> ModelDrivers:  # fmt: skip
-    """Return the drivers of a population of our own loop.
-
-    They drive with a model's causes, or by its law without them.
-    """
-    model = ExtendedModel.read(file)
-    if population != EXTENDED:
-        model = replace(model, causes=())
-        if model.is_idm:
-            return ModelDrivers(model, demand, calibrated, recorded.road, places=places)
-    theta, limits, has = refitted_for(model, file, demand, recorded.periods[0], calibrated)
-    return ModelDrivers(model, demand, theta, recorded.road, limits, has, places)
 
 
 def _run_all(

@@ -38,6 +38,8 @@ class Settings:
     lane_change_model : str
     lane_change : dict of str to str
         Parameters of it.
+    fit_lane_change : bool
+        Whether the others are fitted to the recorded lane changes.
     ego : int or None
         A vehicle we drive.
     gui : bool
@@ -64,6 +66,7 @@ class Settings:
     refit: bool = False
     lane_change_model: str = "LC2013"
     lane_change: Mapping[str, str] | None = None
+    fit_lane_change: bool = False
     ego: int | None = None
     gui: bool = False
     downstream_speed: bool = True

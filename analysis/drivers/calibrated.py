@@ -4,10 +4,13 @@ from __future__ import annotations
 
 from dataclasses import dataclass, replace
 
+import numpy as np
+import numpy.typing as npt
 import pandas as pd
 
 from idm_sumo.calibration import calibrate
-from idm_sumo.calibration.drawn import drawn_columns
+from idm_sumo.calibration.drawn import drawn_columns, one_a_driver
+from idm_sumo.calibration.parameter_sets import pooled_columns
 from idm_sumo.calibration.search import Search
 from idm_sumo.calibration.table import GAUSS_NEWTON_SEARCH
 from idm_sumo.calibration.whole import fit_whole_drivers, whole_columns
@@ -93,13 +96,23 @@ def driver_table(windows: Scenes, how: Calibration, *, jobs: int = 1, progress: 
     if how.all_windows:
         fits = fit_whole_drivers(fits, scenes, _named("drivers", progress))
         scenes = _first_windows(scenes)
-    table = beside(fits, drawn_columns(scenes, fits["desired_speed_m_s"]))
+    drawn = drawn_columns(windows, _desired(fits, windows))
+    if len(drawn) != len(fits):
+        drawn = one_a_driver(drawn)
+    table = beside(fits, drawn, pooled_columns(scenes, float(fits["desired_speed_m_s"].max())))
     if not how.all_windows:  # the refit without d1 is one of a single window
         table = beside(table, refit_table(table, scenes))
         table = beside(table, without_d1_costs(table, scenes))
     if one_each or how.all_windows:
         table = beside(table, whole_columns(fits, windows, _named("vehicle types", progress)))
     return beside(table, driving_code(scenes))
+
+
+def _desired(fits: pd.DataFrame, windows: Scenes) -> npt.NDArray[np.float64]:
+    """Return every window's desired speed (m/s): that of its driver."""
+    keys = ["period", "vehicle"]
+    own = fits.groupby(keys, observed=True)["desired_speed_m_s"].max().rename("v0").reset_index()
+    return np.asarray(windows.keys()[keys].merge(own, on=keys, how="left")["v0"], dtype=np.float64)
 
 
 def _first_windows(scenes: Scenes) -> Scenes:

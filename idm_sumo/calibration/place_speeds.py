@@ -7,6 +7,9 @@ known, the desired speed is what remains:
 
 A driver with a leader near says little about it, so only moments count in which the leader takes less than half of the
 acceleration. The result is lower than the speed limit where a place holds drivers up: a narrow lane, a curve, a merge.
+
+Drivers differ. The logarithm of a driver's desired speed over the place's median has a part that is the driver's own
+and one of the moment; the analysis of variance of drivers seen at several places tells them apart.
 """
 
 from __future__ import annotations
@@ -26,6 +29,7 @@ from idm_sumo.recordings.recording import Recording
 Floats = npt.NDArray[np.float64]
 
 INTERVAL = 300.0  # s
+SETTING = 10.0  # s between two settings of a sign that goes from one interval's speed to the next's
 HELD_UP = 0.5  # share of the acceleration that a leader takes, from which on its follower is not free
 SLOWEST = 1.0  # m/s; who is slower stands in a queue
 LEAST_MOMENTS = 10  # of a driver at a place, a second
@@ -42,13 +46,19 @@ class PlaceSpeeds:
         ``x`` (m) at which each stretch of road ends.
     speeds : float64, shape (intervals, places)
         m/s in each interval of five minutes; infinite where nobody is seen to be held up by the place.
+    spread : float
+        Standard deviation over drivers of the logarithm of their desired speed relative to the place's.
     """
 
     ends: Floats
     speeds: Floats
+    spread: float = 0.0
 
     def at(self, x: Floats, seconds: float | Floats) -> Floats:
         """Return the speeds at places and moments.
+
+        Between the middles of two intervals they change gradually, in steps of ``SETTING``: before a sign that falls at
+        once everybody would brake hard.
 
         Parameters
         ----------
@@ -62,16 +72,40 @@ class PlaceSpeeds:
         float64, shape (n,)
             m/s.
         """
-        interval = np.minimum(np.asarray(seconds) // INTERVAL, len(self.speeds) - 1).astype(np.int64)
+        setting = np.asarray(seconds) // SETTING * SETTING
+        middle = np.clip(setting / INTERVAL - 0.5, 0.0, len(self.speeds) - 1)
+        before = np.floor(middle).astype(np.int64)
+        after = np.minimum(before + 1, len(self.speeds) - 1)
         place = np.minimum(np.searchsorted(self.ends, x, side="right"), len(self.ends) - 1)
-        return np.asarray(self.speeds[interval, place])
+        one, other = self.speeds[before, place], self.speeds[after, place]
+        with np.errstate(invalid="ignore"):
+            between = one + (middle - before) * (other - one)
+        nearest = np.where(middle - before < 0.5, one, other)
+        return np.asarray(np.where(np.isfinite(one) & np.isfinite(other), between, nearest))
+
+    def factors(self, drivers: int, rng: np.random.Generator) -> Floats:
+        """Draw what drivers want relative to the place's speed.
+
+        A driver's own moments tell little of it (of its variance a fifth), so that it is drawn.
+
+        Parameters
+        ----------
+        drivers : int
+        rng : numpy.random.Generator
+
+        Returns
+        -------
+        float64, shape (drivers,)
+        """
+        return np.asarray(np.exp(rng.normal(0.0, self.spread, drivers)))
 
 
 def place_speeds(recording: Recording, parameters: IDMParameters, ends: Floats) -> PlaceSpeeds:
     """Estimate the desired speed of every stretch of road.
 
     It is the median over drivers, each with the mean over its free moments there. Between intervals with fewer than
-    ``FEWEST`` free drivers it is interpolated.
+    ``FEWEST`` free drivers it is interpolated. What remains of the recording after the last whole interval belongs to
+    that one if it is shorter than half of one.
 
     Parameters
     ----------
@@ -86,7 +120,9 @@ def place_speeds(recording: Recording, parameters: IDMParameters, ends: Floats) 
     -------
     PlaceSpeeds
     """
-    moments = _free_moments(recording, parameters, ends)
+    seconds = (recording.table[c.FRAME].max() - recording.table[c.FRAME].min()) * FRAME_STEP
+    intervals = max(1, round(seconds / INTERVAL))
+    moments = _free_moments(recording, parameters, ends, intervals)
     by_driver = moments.groupby(["interval", "place", c.VEHICLE])
     drivers = by_driver.mean()[by_driver.size() >= LEAST_MOMENTS]
     left = drivers["left"].clip(lower=0.0)
@@ -94,13 +130,30 @@ def place_speeds(recording: Recording, parameters: IDMParameters, ends: Floats) 
         own = (drivers["speed4"] / left) ** 0.25  # infinite if a driver accelerates as if nothing held it up
     cells = own.groupby(level=["interval", "place"])
     median = cells.median().where(cells.size() >= FEWEST).unstack()
-    seconds = (recording.table[c.FRAME].max() - recording.table[c.FRAME].min()) * FRAME_STEP
-    wanted = median.reindex(index=range(int(seconds // INTERVAL) + 1), columns=range(len(ends)))
+    wanted = median.reindex(index=range(intervals), columns=range(len(ends)))
     speeds = wanted.interpolate(limit_direction="both").to_numpy()
-    return PlaceSpeeds(ends, np.where(speeds < recording.road.speed_limit, speeds, np.inf))
+    limit = recording.road.speed_limit
+    relative = np.log(own.clip(upper=limit) / cells.transform("median").clip(upper=limit))
+    return PlaceSpeeds(ends, np.where(speeds < limit, speeds, np.inf), _between_drivers(relative))
 
 
-def _free_moments(recording: Recording, parameters: IDMParameters, ends: Floats) -> pd.DataFrame:
+def _between_drivers(values: pd.Series) -> float:
+    """Return the standard deviation between drivers.
+
+    By the analysis of variance.
+    """
+    by_driver = values.groupby(level=c.VEHICLE)
+    mean, count = by_driver.mean(), by_driver.size()
+    freedom = len(values) - len(mean)
+    if len(mean) < FEWEST or not freedom:
+        return 0.0
+    within = float(((values - by_driver.transform("mean")) ** 2).sum() / freedom)
+    return float(np.sqrt(max(float(mean.var()) - within * float((1.0 / count).mean()), 0.0)))
+
+
+def _free_moments(
+    recording: Recording, parameters: IDMParameters, ends: Floats, intervals: int
+) -> pd.DataFrame:  # fmt: skip
     """Return the moments of drivers whom no leader holds up."""
     table, road = recording.table, recording.road
     ahead = row_ahead(table)
@@ -117,7 +170,7 @@ def _free_moments(recording: Recording, parameters: IDMParameters, ends: Floats)
     free = np.flatnonzero(inside & (taken < HELD_UP) & (speed > SLOWEST))
     frame = table[c.FRAME].to_numpy()
     return pd.DataFrame({
-        "interval": ((frame[free] - frame.min()) * FRAME_STEP // INTERVAL).astype(np.int64),
+        "interval": np.minimum((frame[free] - frame.min()) * FRAME_STEP // INTERVAL, intervals - 1).astype(np.int64),
         "place": np.minimum(np.searchsorted(ends, x[free], side="right"), len(ends) - 1),
         c.VEHICLE: table[c.VEHICLE].to_numpy()[free], "speed4": speed[free] ** 4,
         "left": (1.0 - taken - table[c.ACCELERATION].to_numpy() / a)[free],

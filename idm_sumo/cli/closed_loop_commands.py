@@ -41,7 +41,8 @@ SHOWN_LOOP = [
     "emergency_brakings",
     "rank",
 ]
-TYPES = ("drivers", "drawn", "predicted", "pooled", "default-idm", "krauss")
+FIT, LANE_CHANGE_FILE = "fit", "file"
+TYPES = ("drawn", "drivers", "predicted", "pooled", "default-idm", "krauss")
 
 
 COMPARE = """\
@@ -162,8 +163,9 @@ def _add_interactive(commands: Any) -> None:
         action="append",
         default=[],
         type=_setting,
-        metavar="KEY=VALUE",
-        help="a parameter of it, such as lcSpeedGain=2; may be repeated",
+        metavar="KEY=VALUE|fit|FILE",
+        help="a parameter of it, such as lcSpeedGain=2; `fit`: those not given are fitted to the recorded lane changes "
+        "on the first half, judged on the second, and left as lane_change.json; such a FILE; may be repeated",
     )
     parser.add_argument(
         "--ego",
@@ -209,10 +211,22 @@ def _add_interactive(commands: Any) -> None:
 
 
 def _setting(text: str) -> tuple[str, str]:
+    if text == FIT or text.endswith(".json"):
+        return (FIT, "") if text == FIT else (LANE_CHANGE_FILE, text)
     key, equals, value = text.partition("=")
     if not (key and equals and value):
-        raise argparse.ArgumentTypeError(f"{text!r} is not KEY=VALUE, such as lcSpeedGain=2")
+        raise argparse.ArgumentTypeError(f"{text!r} is not KEY=VALUE, such as lcSpeedGain=2, `fit` or a .json file")
     return key, value
+
+
+def _lane_change(given: list[tuple[str, str]], model: str) -> dict[str, str]:
+    """Return given lane change parameters; single ones take precedence over a file's."""
+    read_file = study_module("closed_loop.lane_changes").read_file
+    of_files: dict[str, str] = {}
+    for key, value in given:
+        if key == LANE_CHANGE_FILE:
+            of_files |= read_file(Path(value), model)
+    return of_files | {key: value for key, value in given if key not in (FIT, LANE_CHANGE_FILE)}
 
 
 def interactive(options: argparse.Namespace) -> None:
@@ -238,7 +252,8 @@ def interactive(options: argparse.Namespace) -> None:
         types=types,
         refit=options.without_d1 == "refit",
         lane_change_model=options.lane_change_model,
-        lane_change=dict(options.lane_change),
+        lane_change=_lane_change(options.lane_change, options.lane_change_model),
+        fit_lane_change=(FIT, "") in options.lane_change,
         ego=options.ego,
         gui=options.gui,
         downstream_speed=not options.no_downstream_speed,
@@ -262,11 +277,16 @@ def interactive(options: argparse.Namespace) -> None:
 
 
 def _types_for(drivers: Path | None) -> tuple[str, ...]:
-    """Return the populations that can be had of a driver table; all of drivers that are calibrated in the run."""
+    """Return the populations that can be had of a driver table; all of drivers that are calibrated in the run.
+
+    A table of predicted drivers has none drawn to the population, and often no driving codes to predict from.
+    """
     if drivers is None:
         return TYPES
     from idm_sumo.calibration.drawn import DRAWN
     from idm_sumo.calibration.driver_table import read_drivers
+    from idm_sumo.prediction.driving_code import FEATURES
 
-    has_drawn = set(DRAWN) <= set(read_drivers(drivers))
-    return TYPES if has_drawn else tuple(name for name in TYPES if name != "drawn")
+    columns = set(read_drivers(drivers))
+    needed = {"drawn": set(DRAWN), "predicted": set(FEATURES.values())}
+    return tuple(name for name in TYPES if needed.get(name, set()) <= columns)

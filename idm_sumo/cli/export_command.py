@@ -40,10 +40,10 @@ def add(commands: Any) -> None:
     outputs.declare(parser, "drivers", "net_file", "model", endings=(".xml",))
     parser.add_argument(
         "--parameters",
-        choices=("whole", "fitted", "drawn"),
-        help="fitted to all windows of the driver (default where the table has it and --without-d1 asks for nothing "
-        "else); fitted to its first ten seconds, which it gives back best; or drawn to the population: no parameter at "
-        "a bound, for traffic that reacts",
+        choices=("drawn", "whole", "fitted", "pooled"),
+        help="drawn to the population by all windows of the driver: no parameter at a bound, for traffic that reacts "
+        "(default where the table has it); fitted to all its windows; to its first ten seconds, which it gives back "
+        "best (default for predicted drivers); one set for all",
     )
     parser.add_argument(
         "--without-d1",
@@ -95,8 +95,8 @@ def export(options: argparse.Namespace) -> None:
     ----------
     options : argparse.Namespace
     """
-    from idm_sumo.calibration.drawn import as_drawn
     from idm_sumo.calibration.driver_table import read_drivers, road_of_drivers
+    from idm_sumo.calibration.parameter_sets import usual_set, with_set
     from idm_sumo.calibration.without_d1 import cost_summary
     from idm_sumo.models.effects import ExtendedModel
     from idm_sumo.runtime.errors import InputError
@@ -104,12 +104,10 @@ def export(options: argparse.Namespace) -> None:
     from idm_sumo.sumo.export.distribution import export_distribution
     from idm_sumo.sumo.export.routes import export_routes
 
-    said: tuple[str, ...] = ()
     drivers = read_drivers(options.drivers)
-    if options.parameters == "drawn":
-        drivers = as_drawn(drivers, str(options.drivers))
-    elif options.parameters == "whole" or (options.parameters is None and options.without_d1 is None):
-        drivers, said = _of_all_windows(drivers, options)
+    which = options.parameters or usual_set(drivers)
+    said = _said_of(which, drivers, options)
+    drivers = with_set(drivers, which, str(options.drivers))
     model = None if options.model is None else ExtendedModel.read(options.model)
     if options.distribution:
         if model is not None:
@@ -121,11 +119,12 @@ def export(options: argparse.Namespace) -> None:
             representatives=options.representatives,
             seed=options.seed,
             without_d1=options.without_d1,
+            road=road_of_drivers(options.drivers),
             source=str(options.drivers),
         )
         for line in (*said, *written.notes):
             note(line)
-        say(f"wrote {written.file}: {written.types} types that stand for {written.drivers} drivers")
+        say(f"wrote {written.file}: {written.types} types that stand for {written.drivers} drivers ({which})")
         return
     exported = export_routes(
         drivers,
@@ -139,8 +138,9 @@ def export(options: argparse.Namespace) -> None:
     )
     for line in (*said, *exported.notes):
         note(line)
-    say(f"wrote {exported.route_file}: {len(exported.vehicles)} drivers; run them with `{_run_line(exported)}`")
-    if {"ade_m", "ade_exact_m"} <= set(drivers.columns):
+    count = f"{len(exported.vehicles)} drivers ({which})"
+    say(f"wrote {exported.route_file}: {count}; run them with `{_run_line(exported)}`")
+    if which == "fitted" and {"ade_m", "ade_exact_m"} <= set(drivers.columns):
         say(
             "what each way to do without d1 costs (m of ADE over the calibration window):",
             text_table(cost_summary(_costs(drivers))),
@@ -154,19 +154,17 @@ def export(options: argparse.Namespace) -> None:
             say(text_table(late.head(LISTED)), *more)
 
 
-def _of_all_windows(drivers: pd.DataFrame, options: argparse.Namespace) -> tuple[pd.DataFrame, tuple[str, ...]]:
-    """Return the drivers with the types of all their windows, where the table has them, and a note that says so."""
-    from idm_sumo.calibration.whole import WHOLE, WINDOWS, as_whole
+def _said_of(which: str, drivers: pd.DataFrame, options: argparse.Namespace) -> tuple[str, ...]:
+    """Return what is to be said of types that are fitted to all windows."""
+    from idm_sumo.calibration.whole import WINDOWS
     from idm_sumo.runtime.errors import InputError
 
+    if which != "whole":
+        return ()
     if options.without_d1 is not None:
         raise InputError("--parameters whole: these have no d1; leave out --without-d1")
-    if set(WHOLE) <= set(drivers):
-        told = f"types are fitted to all windows of a driver ({drivers[WINDOWS].median():g} in the median)"
-        return as_whole(drivers), (f"{told}; --parameters fitted takes its first ten seconds",)
-    if options.parameters is None:
-        return drivers, ()
-    raise InputError(f"{options.drivers}: column {WHOLE[0]!r} is missing; `idm-sumo calibrate` writes it")
+    windows = f" ({drivers[WINDOWS].median():g} in the median)" if WINDOWS in drivers else ""
+    return (f"types are fitted to all windows of a driver{windows}; --parameters fitted takes its first ten seconds",)
 
 
 def _run_line(exported: Exported) -> str:

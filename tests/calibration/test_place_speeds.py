@@ -50,10 +50,36 @@ def test_who_is_held_up_by_its_leader_tells_nothing() -> None:
 
 
 def test_intervals_without_free_drivers_are_interpolated_and_the_limit_is_no_finding() -> None:
-    later = round(2 * INTERVAL / 0.1)
+    later = round(2.6 * INTERVAL / 0.1)
     cars = [alone(n, SLOW, 20.0) for n in range(1, 26)]
     cars += [alone(200 + n, SLOW + 4.0, 20.0, first_frame=later) for n in range(1, 26)]
     cars += [alone(500 + n, 30.0, 300.0) for n in range(1, 26)]
     found = place_speeds(recording(*cars), TEXTBOOK, ENDS)
-    assert found.speeds[:3, 0] == pytest.approx([SLOW, SLOW + 2.0, SLOW + 4.0])
+    assert found.speeds[:, 0] == pytest.approx([SLOW, SLOW + 2.0, SLOW + 4.0])
     assert np.isinf(found.speeds[:, 1]).all()
+    assert found.at(np.full(4, 50.0), INTERVAL * np.array([0.0, 0.5, 1.0, 9.0])) == pytest.approx(
+        [SLOW, SLOW, SLOW + 1.0, SLOW + 4.0]
+    )
+    assert np.isinf(found.at(np.array([500.0]), 10.0)).all()
+
+
+def test_a_short_remainder_belongs_to_the_last_interval() -> None:
+    later = round(1.1 * INTERVAL / 0.1)
+    cars = [alone(n, SLOW, 20.0) for n in range(1, 26)]
+    cars += [alone(25 + n, 2.0, 20.0, first_frame=later) for n in range(1, 6)]
+    assert place_speeds(recording(*cars), TEXTBOOK, ENDS).speeds[:, 0] == pytest.approx([SLOW])
+
+
+@pytest.mark.parametrize("spread", [0.0, 0.15])
+def test_the_spread_is_that_of_drivers_and_not_of_moments(spread: float) -> None:
+    rng, cars = np.random.default_rng(2), []
+    for n in range(1, 400):
+        own = float(np.exp(rng.normal(0.0, spread)))
+        cars += [
+            Car(n, x, 1 + n % 5, SLOW * own * float(np.exp(rng.normal(0.0, 0.1))),
+                first_frame=1 + 80 * n + 40 * k, frames=30)
+            for k, x in enumerate((20.0, 320.0))
+        ]  # fmt: skip
+    found = place_speeds(recording(*cars), TEXTBOOK, ENDS)
+    assert found.spread == pytest.approx(spread, abs=0.03)
+    assert np.log(found.factors(20_000, rng)).std() == pytest.approx(found.spread, abs=0.005)

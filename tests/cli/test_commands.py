@@ -178,7 +178,7 @@ def test_several_driver_tables_are_driven_in_one_replay(
 def test_export_writes_types_and_a_run_that_sumo_takes(
     drivers: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
-    main(["export", str(drivers), "-o", str(tmp_path / "fleet.rou.xml")])
+    main(["export", str(drivers), "--parameters", "fitted", "-o", str(tmp_path / "fleet.rou.xml")])
     said = capsys.readouterr().out
     assert "linearised" in said  # what each choice costs
     assert "departures are late" in said
@@ -401,10 +401,13 @@ def test_drivers_of_an_idm_are_refused_where_the_model_follows_another_law(
     assert not (tmp_path / "no").exists()
 
 
-def test_export_takes_the_types_of_all_windows_unless_told_otherwise(drivers: Path, tmp_path: Path) -> None:
+def test_export_takes_the_types_that_are_asked_for(drivers: Path, tmp_path: Path) -> None:
     table = pd.read_parquet(drivers)
     table["T_whole"] = table["T_whole"].fillna(table["T_refit"])  # of those whom no window tells anything
-    for name, more, column in (("whole", [], "T_whole"), ("fitted", ["--parameters", "fitted"], "T_refit")):
+    for name, more, column in (
+        ("whole", ["--parameters", "whole"], "T_whole"),
+        ("fitted", ["--parameters", "fitted"], "T_refit"),
+    ):
         target = tmp_path / f"{name}.rou.xml"
         main(["export", str(drivers), "--no-check", *more, "-o", str(target)])
         tau = {one.get("id"): float(one.get("tau", "nan")) for one in ElementTree.parse(target).getroot().iter("vType")}

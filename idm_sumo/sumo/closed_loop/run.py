@@ -23,10 +23,12 @@ from idm_sumo.sumo.closed_loop.demand import SAFE, write_routes
 from idm_sumo.sumo.closed_loop.ego import Ego
 from idm_sumo.sumo.closed_loop.entrance import Entrance
 from idm_sumo.sumo.closed_loop.extended_loop import ModelDrivers
+from idm_sumo.sumo.closed_loop.lane_change_output import changes_between_main_lanes
 from idm_sumo.sumo.closed_loop.signs import SpeedSign, write_signs
 from idm_sumo.sumo.export import run_recipe
 from idm_sumo.sumo.export.translation import save
 from idm_sumo.sumo.gui import gui_simulation
+from idm_sumo.sumo.network import RoadNetwork
 from idm_sumo.sumo.session import ALWAYS, simulation
 
 ON_TIME = 0.05  # s, half a step
@@ -54,8 +56,8 @@ class RunFiles:
         As of :func:`idm_sumo.sumo.closed_loop.demand.demand_of`.
     options : tuple of str
         Further options of ``sumo``.
-    fcd_attributes : str
-        Attributes of SUMO's output that a recording is made from.
+    network : RoadNetwork
+        What ``net`` is of.
     """
 
     net: Path
@@ -65,7 +67,7 @@ class RunFiles:
     duration: float
     demand: pd.DataFrame
     options: tuple[str, ...]
-    fcd_attributes: str
+    network: RoadNetwork
 
 
 @dataclass(frozen=True)
@@ -103,6 +105,8 @@ class Outcome:
     incidents : Incidents
     arrived : int
         Vehicles that left the network.
+    lane_changes : int
+        Between main lanes within the section, by SUMO's own count.
     ego : pandas.DataFrame or None
         The Python-driven vehicle frame by frame.
     """
@@ -111,6 +115,7 @@ class Outcome:
     departures: pd.DataFrame
     incidents: Incidents
     arrived: int
+    lane_changes: int
     ego: pd.DataFrame | None
 
     @property
@@ -161,7 +166,7 @@ def write_run(
     root = run_recipe.configuration(net.name, routes.name, run_recipe.EULER)
     _complete(root, additional, duration, (*INSERTION, *options))
     save(root, config)
-    return RunFiles(net, routes, config, additional, duration, demand, tuple(options), own.fcd_attributes)
+    return RunFiles(net, routes, config, additional, duration, demand, tuple(options), own)
 
 
 def _complete(root: Element, additional: Path | None, duration: float, options: Sequence[str]) -> None:
@@ -220,14 +225,16 @@ def run(
         *INSERTION,
         *FCD,
     ]
-    options += ["--fcd-output", str(fcd), "--fcd-output.attributes", files.fcd_attributes]
+    changes = fcd.with_suffix(".lane_changes.xml")
+    options += ["--fcd-output", str(fcd), "--fcd-output.attributes", files.network.fcd_attributes]
+    options += ["--lanechange-output", str(changes)]
     if files.additional is not None:
         options += ["--additional-files", str(files.additional)]
     start = gui_simulation if gui else simulation
     with start(options, net=files.net) as sumo:
         departed, incidents, arrived = _loop(sumo, files, ego, ours, progress)
-    table = _departures(files, departed)
-    return Outcome(fcd, table, incidents, arrived, None if ego is None else ego.table())
+    table, changed = _departures(files, departed), changes_between_main_lanes(changes, files.network)
+    return Outcome(fcd, table, incidents, arrived, changed, None if ego is None else ego.table())
 
 
 def _loop(

@@ -15,7 +15,7 @@ import numpy as np
 import numpy.typing as npt
 from scipy.ndimage import uniform_filter1d
 
-from idm_sumo.calibration.place_speeds import INTERVAL, PlaceSpeeds
+from idm_sumo.calibration.place_speeds import INTERVAL, SETTING, PlaceSpeeds
 from idm_sumo.recordings import columns as c
 from idm_sumo.recordings.columns import FRAME_STEP
 from idm_sumo.recordings.recording import Recording
@@ -123,11 +123,13 @@ def place_signs(places: PlaceSpeeds, road: Road) -> list[SpeedSign]:
     """
     net = network.of(road)
     lanes = {name: tuple(str(lane.getID()) for lane in net.load().getEdge(name).getLanes()) for name in net.mainline}
-    return [
-        SpeedSign(f"{edge}.desired", lanes[edge], INTERVAL, np.minimum(speeds, road.speed_limit))
-        for edge, speeds in zip(net.mainline, places.speeds.T, strict=True)
-        if np.isfinite(speeds).any()
-    ]
+    times = np.arange(0.0, len(places.speeds) * INTERVAL, SETTING)
+    signs = []
+    for edge, speeds, end in zip(net.mainline, places.speeds.T, places.ends, strict=True):
+        if np.isfinite(speeds).any():
+            here = places.at(np.full(len(times), end - 1.0), times)
+            signs.append(SpeedSign(f"{edge}.desired", lanes[edge], SETTING, np.minimum(here, road.speed_limit)))
+    return signs
 
 
 def write_signs(signs: Sequence[SpeedSign], path: Path) -> None:
