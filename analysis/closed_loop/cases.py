@@ -43,8 +43,6 @@ class Traffic:
         Speeds that the road imposes.
     places : PlaceSpeeds or None
         Desired speeds by place.
-    factors : float64, shape (vehicles,)
-        What each driver wants relative to the place's speed.
     """
 
     recorded: Recording
@@ -52,7 +50,6 @@ class Traffic:
     drivers: Drivers | None
     signs: list[SpeedSign]
     places: PlaceSpeeds | None
-    factors: Floats
 
 
 def traffic_of(settings: Settings, recorded: Recording, drivers: Drivers | None) -> Traffic:
@@ -68,13 +65,12 @@ def traffic_of(settings: Settings, recorded: Recording, drivers: Drivers | None)
     """
     demand = demand_of(recorded, approach=True)
     signs = boundary_signs(recorded) if settings.downstream_speed else []
-    places, factors = None, np.ones(len(demand))
+    places = None
     if settings.place_speeds:
         typical = TEXTBOOK if drivers is None else drivers.pooled
         places = place_speeds(recorded, typical, np.array(network.of(recorded.road).mainline_ends()))
-        factors = places.factors(len(demand), np.random.default_rng(settings.seed))
         signs += place_signs(places, recorded.road)
-    return Traffic(recorded, demand, drivers, signs, places, factors)
+    return Traffic(recorded, demand, drivers, signs, places)
 
 
 def types_of(traffic: Traffic, population: str, lane_change: dict[str, str]) -> tuple[list[Element], Floats, int]:
@@ -100,7 +96,7 @@ def types_of(traffic: Traffic, population: str, lane_change: dict[str, str]) -> 
     own = "drivers" if population in LOOPS else population
     theta, limits, pooled = parameters_for(own, traffic.drivers, traffic.demand, mean_speed_of(traffic.recorded))
     limit = traffic.recorded.road.speed_limit
-    types = calibrated_types(traffic.demand, theta, lane_change, limits, speed_limit=limit, factors=traffic.factors)
+    types = calibrated_types(traffic.demand, theta, lane_change, limits, speed_limit=limit)
     return types, theta, pooled
 
 
@@ -153,10 +149,9 @@ def _ours(file: Path, population: str, traffic: Traffic, calibrated: Floats) -> 
     They drive with a model's causes, or by its law without them.
     """
     model, demand, recorded = ExtendedModel.read(file), traffic.demand, traffic.recorded
-    place = (traffic.places, traffic.factors)
     if population != EXTENDED:
         model = replace(model, causes=())
         if model.is_idm:
-            return ModelDrivers(model, demand, calibrated, recorded.road, None, None, *place)
+            return ModelDrivers(model, demand, calibrated, recorded.road, places=traffic.places)
     theta, limits, has = refitted_for(model, file, demand, recorded.periods[0], calibrated)
-    return ModelDrivers(model, demand, theta, recorded.road, limits, has, *place)
+    return ModelDrivers(model, demand, theta, recorded.road, limits, has, traffic.places)

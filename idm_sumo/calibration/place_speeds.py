@@ -7,9 +7,6 @@ known, the desired speed is what remains:
 
 A driver with a leader near says little about it, so only moments count in which the leader takes less than half of the
 acceleration. The result is lower than the speed limit where a place holds drivers up: a narrow lane, a curve, a merge.
-
-Drivers differ. The logarithm of a driver's desired speed over the place's median has a part that is the driver's own
-and one of the moment; the analysis of variance of drivers seen at several places tells them apart.
 """
 
 from __future__ import annotations
@@ -46,13 +43,10 @@ class PlaceSpeeds:
         ``x`` (m) at which each stretch of road ends.
     speeds : float64, shape (intervals, places)
         m/s in each interval of five minutes; infinite where nobody is seen to be held up by the place.
-    spread : float
-        Standard deviation over drivers of the logarithm of their desired speed relative to the place's.
     """
 
     ends: Floats
     speeds: Floats
-    spread: float = 0.0
 
     def at(self, x: Floats, seconds: float | Floats) -> Floats:
         """Return the speeds at places and moments.
@@ -82,22 +76,6 @@ class PlaceSpeeds:
             between = one + (middle - before) * (other - one)
         nearest = np.where(middle - before < 0.5, one, other)
         return np.asarray(np.where(np.isfinite(one) & np.isfinite(other), between, nearest))
-
-    def factors(self, drivers: int, rng: np.random.Generator) -> Floats:
-        """Draw what drivers want relative to the place's speed.
-
-        A driver's own moments tell little of it (of its variance a fifth), so that it is drawn.
-
-        Parameters
-        ----------
-        drivers : int
-        rng : numpy.random.Generator
-
-        Returns
-        -------
-        float64, shape (drivers,)
-        """
-        return np.asarray(np.exp(rng.normal(0.0, self.spread, drivers)))
 
 
 def place_speeds(recording: Recording, parameters: IDMParameters, ends: Floats) -> PlaceSpeeds:
@@ -132,23 +110,7 @@ def place_speeds(recording: Recording, parameters: IDMParameters, ends: Floats) 
     median = cells.median().where(cells.size() >= FEWEST).unstack()
     wanted = median.reindex(index=range(intervals), columns=range(len(ends)))
     speeds = wanted.interpolate(limit_direction="both").to_numpy()
-    limit = recording.road.speed_limit
-    relative = np.log(own.clip(upper=limit) / cells.transform("median").clip(upper=limit))
-    return PlaceSpeeds(ends, np.where(speeds < limit, speeds, np.inf), _between_drivers(relative))
-
-
-def _between_drivers(values: pd.Series) -> float:
-    """Return the standard deviation between drivers.
-
-    By the analysis of variance.
-    """
-    by_driver = values.groupby(level=c.VEHICLE)
-    mean, count = by_driver.mean(), by_driver.size()
-    freedom = len(values) - len(mean)
-    if len(mean) < FEWEST or not freedom:
-        return 0.0
-    within = float(((values - by_driver.transform("mean")) ** 2).sum() / freedom)
-    return float(np.sqrt(max(float(mean.var()) - within * float((1.0 / count).mean()), 0.0)))
+    return PlaceSpeeds(ends, np.where(speeds < recording.road.speed_limit, speeds, np.inf))
 
 
 def _free_moments(

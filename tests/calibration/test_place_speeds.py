@@ -68,18 +68,3 @@ def test_a_short_remainder_belongs_to_the_last_interval() -> None:
     cars = [alone(n, SLOW, 20.0) for n in range(1, 26)]
     cars += [alone(25 + n, 2.0, 20.0, first_frame=later) for n in range(1, 6)]
     assert place_speeds(recording(*cars), TEXTBOOK, ENDS).speeds[:, 0] == pytest.approx([SLOW])
-
-
-@pytest.mark.parametrize("spread", [0.0, 0.15])
-def test_the_spread_is_that_of_drivers_and_not_of_moments(spread: float) -> None:
-    rng, cars = np.random.default_rng(2), []
-    for n in range(1, 400):
-        own = float(np.exp(rng.normal(0.0, spread)))
-        cars += [
-            Car(n, x, 1 + n % 5, SLOW * own * float(np.exp(rng.normal(0.0, 0.1))),
-                first_frame=1 + 80 * n + 40 * k, frames=30)
-            for k, x in enumerate((20.0, 320.0))
-        ]  # fmt: skip
-    found = place_speeds(recording(*cars), TEXTBOOK, ENDS)
-    assert found.spread == pytest.approx(spread, abs=0.03)
-    assert np.log(found.factors(20_000, rng)).std() == pytest.approx(found.spread, abs=0.005)

@@ -118,8 +118,7 @@ def write_routes(
     ways = list(zip(demand[EDGE], demand[DESTINATION], strict=True))
     for origin, destination in dict.fromkeys(ways):
         SubElement(root, "route", id=f"{origin}.to.{destination}", edges=" ".join(net.route(origin, destination)))
-    factors = np.array([float(kind.get("speedFactor", 1.0)) for kind in types])
-    demand = demand.assign(**{d.SPEED: _allowed(demand, factors, road, places)})
+    demand = demand.assign(**{d.SPEED: _allowed(demand, road, places)})
     names = (c.VEHICLE, d.DEPART, LANE_INDEX, POSITION, d.SPEED)
     rows = zip(*(demand[name].tolist() for name in names), strict=True)
     for (vehicle, depart, lane, position, speed), kind, (origin, destination) in zip(rows, types, ways, strict=True):
@@ -133,13 +132,11 @@ def write_routes(
     save(root, path)
 
 
-def _allowed(
-    demand: pd.DataFrame, factors: npt.NDArray[np.float64], road: Road, places: PlaceSpeeds | None
-) -> npt.NDArray[np.float64]:
+def _allowed(demand: pd.DataFrame, road: Road, places: PlaceSpeeds | None) -> npt.NDArray[np.float64]:
     """Return departure speeds (m/s) that SUMO accepts."""
-    speed, limit = demand[d.SPEED].to_numpy(dtype=np.float64), np.full(len(demand), road.speed_limit)
-    if places is not None:
-        x, depart = demand[d.X].to_numpy(dtype=np.float64), demand[d.DEPART].to_numpy(dtype=np.float64)
-        then = np.minimum(places.at(x, depart), places.at(x, depart + LATEST))
-        limit = np.minimum(limit, np.floor(1000.0 * then) / 1000.0)  # signs have three decimals
-    return np.asarray(np.minimum(speed, limit * np.minimum(factors, 1.0)))
+    speed = np.asarray(demand[d.SPEED].clip(upper=road.speed_limit), dtype=np.float64)
+    if places is None:
+        return speed
+    x, depart = demand[d.X].to_numpy(dtype=np.float64), demand[d.DEPART].to_numpy(dtype=np.float64)
+    then = np.minimum(places.at(x, depart), places.at(x, depart + LATEST))
+    return np.asarray(np.minimum(speed, np.floor(1000.0 * then) / 1000.0))  # signs have three decimals

@@ -128,8 +128,6 @@ class ModelDrivers:
         Which drivers have the effects that only a share has; by default the model's share of them, by their numbers.
     places : PlaceSpeeds, optional
         Speeds that no vehicle wants to exceed at a place.
-    factors : float64, shape (vehicles,), optional
-        What each driver wants relative to the place's speed.
 
     Attributes
     ----------
@@ -154,10 +152,8 @@ class ModelDrivers:
         desired_speed: float | Floats | None = None,
         has: npt.NDArray[np.bool_] | None = None,
         places: PlaceSpeeds | None = None,
-        factors: Floats | None = None,
     ) -> None:
         n, self._road, self._places = len(demand), road, places
-        self._factors = np.ones(n) if factors is None else factors
         self._place = {str(vehicle): i for i, vehicle in enumerate(demand[c.VEHICLE])}
         has = model.has_partial_causes(demand[c.VEHICLE]) if has is None else has
         self._models = Models(
@@ -215,7 +211,7 @@ class ModelDrivers:
         models = self._models
         if self._places is not None:
             limited = models.desired_speed.copy()
-            limited[place] = np.minimum(limited[place], self._factors[place] * self._places.at(x, step * FRAME_STEP))
+            limited[place] = np.minimum(limited[place], self._places.at(x, step * FRAME_STEP))
             models = models._replace(desired_speed=limited)
         return np.asarray(_decide_all(present, models, self._memory, step * FRAME_STEP))
 

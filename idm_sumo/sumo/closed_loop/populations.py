@@ -78,7 +78,6 @@ def calibrated_types(
     desired_speed: npt.ArrayLike,
     *,
     speed_limit: float = np.inf,
-    factors: npt.ArrayLike = 1.0,
 ) -> list[Element]:
     """Return the exported type of every vehicle.
 
@@ -94,8 +93,6 @@ def calibrated_types(
         m/s.
     speed_limit : float
         The road's (m/s). SUMO lets no vehicle drive above it, unless its type has a speed factor.
-    factors : array_like, shape (vehicles,) or ()
-        What a driver wants relative to the speed of the place.
 
     Raises
     ------
@@ -109,13 +106,13 @@ def calibrated_types(
         )
     if (theta[:, 4] != 0.0).any():
         raise InputError("SUMO's IDM has no d1: refit or linearise the drivers first")
-    limits, own = (np.broadcast_to(np.asarray(x, dtype=np.float64), (len(demand),)) for x in (desired_speed, factors))
-    factor = (own * np.maximum(limits / speed_limit, 1.0)).tolist()
+    limits = np.broadcast_to(np.asarray(desired_speed, dtype=np.float64), (len(demand),)).tolist()
     sizes = zip(*(demand[name].tolist() for name in (d.KEYS[1], d.LENGTH, d.WIDTH, d.CLASS)), strict=True)
     types = []
-    for row, ((vehicle, length, width, kind), (a, b, T, d0, _)) in enumerate(zip(sizes, theta.tolist(), strict=True)):
-        driver = DriverType(f"type.{vehicle}", a, b, T, d0, float(limits[row]), length, width, int(kind))
-        types.append(type_element(driver, None, speedFactor=number(factor[row]), **lane_change))
+    for (vehicle, length, width, kind), (a, b, T, d0, _), v0 in zip(sizes, theta.tolist(), limits, strict=True):
+        driver = DriverType(f"type.{vehicle}", a, b, T, d0, v0, length, width, int(kind))
+        faster = {"speedFactor": number(v0 / speed_limit)} if v0 > speed_limit else {}
+        types.append(type_element(driver, None, **faster, **lane_change))
     return types
 
 
