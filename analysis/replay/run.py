@@ -285,7 +285,8 @@ def _with_residual(request: Request, path: Path, scenes: Scenes) -> dict[str, Tr
     drivers = read_drivers(path)
     if MODEL not in drivers:
         return {}
-    residual = ResidualDrivers.of_table(scenes, drivers, str(path))
+    residual = ResidualDrivers.of_table(drivers, scenes.keys(), str(path))
+    residual.check_observed(scenes.window.observed, str(path))
     if request.backend == "kernel":
         return {RESIDUAL: drive_residual(scenes, residual)}
     from idm_sumo.sumo.replay.one_vehicle import replay

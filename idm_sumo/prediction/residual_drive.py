@@ -150,14 +150,15 @@ class ResidualDrivers(NamedTuple):
         return ResidualDrivers(self.model, own, start, status, self.keys.iloc[which], weights)
 
     @classmethod
-    def of_table(cls, scenes: Scenes, table: pd.DataFrame, source: str) -> ResidualDrivers:
-        """Return the drivers of windows as a table has them.
+    def of_table(cls, table: pd.DataFrame, keys: pd.DataFrame, source: str) -> ResidualDrivers:
+        """Return the drivers of some windows as a table has them.
 
         Parameters
         ----------
-        scenes : Scenes
         table : pandas.DataFrame
-            As ``idm-sumo predict --method residual`` writes it, a row for every window.
+            As ``idm-sumo predict --method residual`` writes it.
+        keys : pandas.DataFrame
+            ``period, vehicle`` of each driver that is wanted, and ``first_frame`` if the window matters.
         source : str
             Of the table, for messages.
 
@@ -168,27 +169,44 @@ class ResidualDrivers(NamedTuple):
         Raises
         ------
         InputError
-            If a window has no row, or another number of frames is observed.
+            If a window has no row, or the rows are of several models.
         """
-        keys = scenes.keys()
-        named = table.assign(**{c.PERIOD: table[c.PERIOD].astype(str)})
+        if absent := [name for name in ("status", *COLUMNS) if name not in table]:
+            raise InputError(
+                f"{source}: column {absent[0]!r} is missing; write the table with `idm-sumo predict --method residual`"
+            )
+        named = table.assign(**{c.PERIOD: table[c.PERIOD].astype(str)}).drop_duplicates(list(keys))
         own = keys.merge(named[[*keys, "status", *COLUMNS]], on=list(keys), how="left")
-        if len(own) != len(keys) or own[MODEL].isna().any():
+        if own[MODEL].isna().any():
             raise InputError(f"{source}: not a residual for each window that is driven; predict this recording")
         models = own.loc[own[MODEL] != POPULATION, MODEL].unique()
         if len(models) != 1:
             raise InputError(
                 f"{source}: column {MODEL!r} holds {len(models)} models, needed is one; predict them together"
             )
-        model = ResidualModel.from_json(models[0])
-        if model.observed != scenes.window.observed:
-            raise InputError(
-                f"{source}: predicted from {model.observed} frames, {scenes.window.observed} are observed here; "
-                f"give --observed {model.observed}"
-            )
         status = np.where(own[MODEL] == POPULATION, POPULATION, "ok")
         numbers = own[[*OWN, LEADER_ACCELERATION]].to_numpy(np.float64)
-        return cls(model, numbers[:, :3].copy(), numbers[:, 3].copy(), status, keys)
+        return cls(ResidualModel.from_json(models[0]), numbers[:, :3].copy(), numbers[:, 3].copy(), status, keys)
+
+    def check_observed(self, frames: int, source: str) -> None:
+        """Raise unless the drivers were predicted from so many frames.
+
+        Parameters
+        ----------
+        frames : int
+        source : str
+            Of the drivers, for the message.
+
+        Raises
+        ------
+        InputError
+            If another number of frames was observed.
+        """
+        if self.model.observed != frames:
+            raise InputError(
+                f"{source}: predicted from {self.model.observed} frames, {frames} are observed here; "
+                f"give --observed {self.model.observed}"
+            )
 
     def to_pandas(self) -> pd.DataFrame:
         """Return one row a driver.

@@ -26,6 +26,7 @@ from idm_sumo.scenes.traffic import NOBODY
 from idm_sumo.simulation.extended_rollout import meet
 from idm_sumo.simulation.rollout import perceive
 from idm_sumo.simulation.surroundings import NOBODY_YET, TrafficDetails, look
+from idm_sumo.sumo.closed_loop.residual_loop import Residuals
 
 Floats = npt.NDArray[np.float64]
 Integers = npt.NDArray[np.int64]
@@ -128,6 +129,8 @@ class ModelDrivers:
         Which drivers have the effects that only a share has; by default the model's share of them, by their numbers.
     places : PlaceSpeeds, optional
         Speeds that no vehicle wants to exceed at a place.
+    residuals : Residuals, optional
+        What predicted drivers do beyond the model.
 
     Attributes
     ----------
@@ -152,8 +155,9 @@ class ModelDrivers:
         desired_speed: float | Floats | None = None,
         has: npt.NDArray[np.bool_] | None = None,
         places: PlaceSpeeds | None = None,
+        residuals: Residuals | None = None,
     ) -> None:
-        n, self._road, self._places = len(demand), road, places
+        n, self._road, self._places, self._residuals = len(demand), road, places, residuals
         self._place = {str(vehicle): i for i, vehicle in enumerate(demand[c.VEHICLE])}
         has = model.has_partial_causes(demand[c.VEHICLE]) if has is None else has
         self._models = Models(
@@ -213,7 +217,9 @@ class ModelDrivers:
             limited = models.desired_speed.copy()
             limited[place] = np.minimum(limited[place], self._places.at(x, step * FRAME_STEP))
             models = models._replace(desired_speed=limited)
-        return np.asarray(_decide_all(present, models, self._memory, step * FRAME_STEP))
+        now = step * FRAME_STEP
+        acceleration = np.asarray(_decide_all(present, models, self._memory, now))
+        return acceleration if self._residuals is None else self._residuals.add(present, acceleration, now)
 
     def _accelerations(self, place: Integers, speed: Floats) -> tuple[Floats, Floats]:
         """Return accelerations (m/s²) of the last step and seconds.
