@@ -151,7 +151,7 @@ class ResidualDrivers(NamedTuple):
 
     @classmethod
     def of_table(cls, table: pd.DataFrame, keys: pd.DataFrame, source: str) -> ResidualDrivers:
-        """Return the drivers of some windows as a table has them.
+        """Return the drivers of windows from a table.
 
         Parameters
         ----------
@@ -189,7 +189,7 @@ class ResidualDrivers(NamedTuple):
         return cls(ResidualModel.from_json(models[0]), numbers[:, :3].copy(), numbers[:, 3].copy(), status, keys)
 
     def check_observed(self, frames: int, source: str) -> None:
-        """Raise unless the drivers were predicted from so many frames.
+        """Raise unless so many frames were observed.
 
         Parameters
         ----------

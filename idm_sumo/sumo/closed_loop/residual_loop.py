@@ -1,4 +1,4 @@
-"""What predicted drivers do beyond the IDM, in a closed loop."""
+"""What predicted drivers do beyond the IDM in closed loop."""
 
 from __future__ import annotations
 
