@@ -11,19 +11,24 @@ import numpy as np
 import numpy.typing as npt
 import pandas as pd
 
+from idm_sumo.calibration import driver_table as d
+from idm_sumo.calibration.driver_table import read_drivers
 from idm_sumo.calibration.place_speeds import PlaceSpeeds, place_speeds
 from idm_sumo.models.effects import ExtendedModel
 from idm_sumo.models.idm import TEXTBOOK
+from idm_sumo.prediction.residual_drive import ResidualDrivers
+from idm_sumo.recordings import columns as c
 from idm_sumo.recordings.recording import Recording
 from idm_sumo.sumo import network
 from idm_sumo.sumo.closed_loop.demand import demand_of
 from idm_sumo.sumo.closed_loop.extended_loop import ModelDrivers
 from idm_sumo.sumo.closed_loop.populations import DEFAULTS, SUBLANE, calibrated_types, default_types
+from idm_sumo.sumo.closed_loop.residual_loop import Residuals
 from idm_sumo.sumo.closed_loop.run import RunFiles, write_run
 from idm_sumo.sumo.closed_loop.signs import SpeedSign, boundary_signs, place_signs
 
 from .populations import Drivers, mean_speed_of, parameters_for, refitted_for
-from .settings import EXTENDED, LOOPS, Case, Settings
+from .settings import EXTENDED, LOOPS, RESIDUAL, Case, Settings
 
 Floats = npt.NDArray[np.float64]
 
@@ -93,7 +98,7 @@ def types_of(traffic: Traffic, population: str, lane_change: dict[str, str]) -> 
     """
     if population in DEFAULTS or traffic.drivers is None:
         return default_types(traffic.demand, population, lane_change), np.empty((0, 5)), 0
-    own = "drivers" if population in LOOPS else population
+    own = "drivers" if population in (*LOOPS, RESIDUAL) else population
     theta, limits, pooled = parameters_for(own, traffic.drivers, traffic.demand, mean_speed_of(traffic.recorded))
     limit = traffic.recorded.road.speed_limit
     types = calibrated_types(traffic.demand, theta, lane_change, limits, speed_limit=limit)
@@ -137,6 +142,8 @@ def cases_of(settings: Settings, traffic: Traffic, lane_change: dict[str, str], 
         ours = None
         if population in LOOPS and settings.model is not None:
             ours = _ours(settings.model, population, traffic, theta)
+        if population == RESIDUAL and settings.drivers is not None:
+            ours = _with_residuals(settings.drivers, traffic)
         files = files_of(settings, traffic, population, types, part / "simulation")
         seeds = [0] if settings.seeds == 1 else range(settings.seed, settings.seed + settings.seeds)
         cases += [Case(population, seed, files, pooled, deepcopy(ours)) for seed in seeds]
@@ -155,3 +162,17 @@ def _ours(file: Path, population: str, traffic: Traffic, calibrated: Floats) -> 
             return ModelDrivers(model, demand, calibrated, recorded.road, places=traffic.places)
     theta, limits, has = refitted_for(model, file, demand, recorded.periods[0], calibrated)
     return ModelDrivers(model, demand, theta, recorded.road, limits, has, traffic.places)
+
+
+def _with_residuals(file: Path, traffic: Traffic) -> ModelDrivers:
+    """Return drivers with predicted residuals; those of whom there is none drive by the pooled IDM alone."""
+    demand, road, period = traffic.demand, traffic.recorded.road, traffic.recorded.periods[0]
+    table = read_drivers(file)
+    known = demand[[c.VEHICLE]].assign(**{c.PERIOD: period})[list(d.KEYS)]
+    known = known[known[c.VEHICLE].isin(table.loc[table[c.PERIOD].astype(str) == period, c.VEHICLE])]
+    drivers = ResidualDrivers.of_table(table, known.reset_index(drop=True), str(file))
+    row = pd.Index(known[c.VEHICLE]).get_indexer(pd.Index(demand[c.VEHICLE])).astype(np.int64)
+    model = drivers.model
+    theta = np.tile(np.asarray(model.pooled, dtype=np.float64), (len(demand), 1))
+    plain = ExtendedModel(model.pooled, model.desired_speed)
+    return ModelDrivers(plain, demand, theta, road, places=traffic.places, residuals=Residuals(drivers, row))

@@ -39,7 +39,7 @@ from .cases import cases_of, traffic_of
 from .lane_changes import FILE, fitted, write_file
 from .populations import CALIBRATED, PARAMETERS, Drivers, drivers_of
 from .results import closed_loop_table, write_results
-from .settings import LOOPS, Case, Settings
+from .settings import LOOPS, RESIDUAL, Case, Settings
 from .words import RECORDED
 
 
@@ -58,7 +58,7 @@ def stages(settings: Settings) -> tuple[str, ...]:
 
 def _needs_drivers(settings: Settings) -> bool:
     """Whether anything drives by the recording's own drivers."""
-    calibrated = bool(set(settings.types) & {*CALIBRATED, *LOOPS})
+    calibrated = bool(set(settings.types) & {*CALIBRATED, *LOOPS, RESIDUAL})
     return calibrated or settings.ego is not None or settings.bias_sample > 0
 
 
@@ -88,6 +88,8 @@ def interactive(settings: Settings, out: Path, *, command: list[str], progress: 
     """
     begin = time.perf_counter()
     lane_change = lane_change_attributes(settings.lane_change_model, settings.lane_change or {})
+    if RESIDUAL in settings.types and settings.drivers is None:
+        raise InputError(f"--types {RESIDUAL}: needs --drivers FILE, a table of `idm-sumo predict --method residual`")
     if settings.gui:
         gui_binary()
         if len(settings.types) > 1:

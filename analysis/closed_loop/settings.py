@@ -17,6 +17,7 @@ POPULATIONS = (*CALIBRATED, *DEFAULTS)
 EXTENDED = "extended"  # the drivers with the causes of a model, driven by our own loop
 # The same loop without the causes: it lacks what SUMO's lane changing does to speeds, so only this is comparable.
 LOOPS = ("own-loop", EXTENDED)
+RESIDUAL = "residual"  # the pooled driver and a predicted residual, driven by our own loop
 
 
 @dataclass(frozen=True)
@@ -32,7 +33,7 @@ class Settings:
     drivers : Path or None
         A driver table; calibrated in the run by default.
     types : tuple of str
-        Populations to run.
+        Populations to run; ``residual`` needs a driver table of ``predict --method residual``.
     refit : bool
         Whether drivers calibrated in the run are fitted again without ``d1``; else it is linearised.
     lane_change_model : str

@@ -43,6 +43,7 @@ SHOWN_LOOP = [
 ]
 FIT, LANE_CHANGE_FILE = "fit", "file"
 TYPES = ("drawn", "drivers", "predicted", "pooled", "default-idm", "krauss")
+RESIDUAL = "residual"
 
 
 COMPARE = """\
@@ -146,9 +147,10 @@ def _add_interactive(commands: Any) -> None:
     parser.add_argument(
         "--types",
         action="append",
-        choices=TYPES,
+        choices=(*TYPES, RESIDUAL),
         metavar="POPULATION",
-        help=f"who drives: {', '.join(TYPES)}; may be repeated (default: all of them, compared)",
+        help=f"who drives: {', '.join(TYPES)}; may be repeated (default: all of them, compared). "
+        f"`{RESIDUAL}`: those of a table of `predict --method residual`, driven by our own loop",
     )
     parser.add_argument(
         "--without-d1",
@@ -286,7 +288,8 @@ def _types_for(drivers: Path | None) -> tuple[str, ...]:
     from idm_sumo.calibration.drawn import DRAWN
     from idm_sumo.calibration.driver_table import read_drivers
     from idm_sumo.prediction.driving_code import FEATURES
+    from idm_sumo.prediction.residual_drive import MODEL
 
     columns = set(read_drivers(drivers))
-    needed = {"drawn": set(DRAWN), "predicted": set(FEATURES.values())}
-    return tuple(name for name in TYPES if needed.get(name, set()) <= columns)
+    needed = {"drawn": set(DRAWN), "predicted": set(FEATURES.values()), RESIDUAL: {MODEL}}
+    return tuple(name for name in (*TYPES, RESIDUAL) if needed.get(name, set()) <= columns)
