@@ -288,8 +288,9 @@ def _types_for(drivers: Path | None) -> tuple[str, ...]:
     from idm_sumo.calibration.drawn import DRAWN
     from idm_sumo.calibration.driver_table import read_drivers
     from idm_sumo.prediction.driving_code import FEATURES
-    from idm_sumo.prediction.residual_drive import MODEL
+    from idm_sumo.prediction.residual_drive import MODEL, POPULATION
 
-    columns = set(read_drivers(drivers))
+    table = read_drivers(drivers)
+    columns = {name for name in table if name != MODEL or (table[name] != POPULATION).any()}
     needed = {"drawn": set(DRAWN), "predicted": set(FEATURES.values()), RESIDUAL: {MODEL}}
     return tuple(name for name in (*TYPES, RESIDUAL) if needed.get(name, set()) <= columns)

@@ -47,6 +47,8 @@ def test_predicted_drivers_go_into_export_and_a_closed_loop(
     main(["interactive", str(platoons), "--drivers", str(predicted), "-o", str(tmp_path / "loop")])
     loop = pd.read_csv(tmp_path / "loop" / "tables" / "closed_loop.csv")
     assert {"recorded", "drivers", "pooled"} <= set(loop["population"])
+    has_residuals = "residual_model" in table and (table["residual_model"] != "population").any()
+    assert ("residual" in set(loop["population"])) == has_residuals == (method == "residual")
     kinds = parse(tmp_path / "loop" / "simulation" / "drivers.rou.xml").getroot().findall("vType")
     assert {float(kind.attrib["maxSpeed"]) for kind in kinds} == {V0}
 
