@@ -18,13 +18,11 @@ from collections.abc import Sequence
 import numpy as np
 import numpy.typing as npt
 import pandas as pd
-from numba import njit
 
-from idm_sumo.calibration import integrators
+from idm_sumo.calibration import integrators, solver
+from idm_sumo.calibration.coordinates import LOWER, from_search
 from idm_sumo.calibration.problem import Problem, prepare
-from idm_sumo.calibration.type_search import compass_search, design_of_types, from_search, mean_ade, to_search
 from idm_sumo.models import idm
-from idm_sumo.runtime.threads import in_threads
 from idm_sumo.scenes.windows import Scenes
 from idm_sumo.simulation.driver_parameters import desired_speeds_of, parameters_of
 
@@ -34,7 +32,7 @@ REFIT = ("a_refit", "b_refit", "T_refit", "d0_refit")
 REFIT_ADE, REFIT_INTEGRATION = "ade_refit_m", "refit_integration"
 MEAN_SPEED = "mean_speed_m_s"
 SLOWEST = 1.0  # m/s: the tangent at standstill would be vertical
-STARTS = 6  # of the design that are refined
+D1 = 4  # place of d1 among the parameters
 
 
 def linearise(parameters: npt.ArrayLike, mean_speed: npt.ArrayLike, desired_speed: npt.ArrayLike) -> Floats:
@@ -87,8 +85,8 @@ def refit(
 ) -> tuple[Floats, Floats]:
     """Calibrate four parameters with ``d1 = 0``.
 
-    Starts are the given drivers without their ``d1``, linearised, and the best of a fixed
-    design; each is refined by a compass search on the ADE itself.
+    By the solver of all five (:mod:`idm_sumo.calibration.solver`), which holds ``d1`` and drives by the
+    integration. No driver is left worse than without its ``d1``, or linearised.
 
     Parameters
     ----------
@@ -113,33 +111,16 @@ def refit(
         If there is no such integration.
     """
     theta = integrators.as_parameters(problem, parameters)
-    linear = linearise(theta, mean_speed, problem.desired_speed)
-    own = np.stack([to_search(theta), to_search(np.clip(linear, idm.LOWER, idm.UPPER))], axis=1)
-    found = np.empty((len(own), len(idm.LOWER)))
-    in_threads(_refit_all, len(own), found, problem, own, design_of_types(), integrators.code(integration))
-    found = np.clip(found, idm.LOWER, idm.UPPER)
-    return found, integrators.ades(problem, found, integration)
-
-
-@njit(cache=True, nogil=True)
-def _refit_all(first, last, found, p, own, design, scheme):  # type: ignore[no-untyped-def]
-    """Write the best parameters of some drivers into ``found``.
-
-    Of the drivers ``first`` up to ``last``; ``found`` has shape ``(n, 5)``. Starts are the drivers' own,
-    shape ``(n, s, 4)``, and the best ``STARTS`` of the design, shape ``(points, 4)``.
-    """
-    for i in range(first, last):
-        screened = np.empty(design.shape[0])
-        for k in range(design.shape[0]):
-            screened[k] = mean_ade(p, i, i + 1, design[k], scheme)
-        order = np.argsort(screened)
-        best, own_starts = np.inf, own.shape[1]
-        found[i] = from_search(own[i, 0])
-        for k in range(own_starts + STARTS):
-            z = own[i, k].copy() if k < own_starts else design[order[k - own_starts]].copy()
-            value = compass_search(p, i, i + 1, z, scheme)
-            if value < best:
-                best, found[i] = value, from_search(z)
+    held = integrators.integrated(problem, integration)._replace(moves_d1=0.0)
+    designs = solver.design_of_starts(solver.STARTS)
+    designs[:, D1] = LOWER[D1]
+    z, _, _ = solver.fit_all(held, np.arange(len(theta)), designs)
+    linear = np.clip(linearise(theta, mean_speed, problem.desired_speed), idm.LOWER, idm.UPPER)
+    ways = np.stack([from_search(z), linear, theta * [1.0, 1.0, 1.0, 1.0, 0.0]])
+    ade = np.stack([integrators.ades(problem, way, integration) for way in ways])
+    best = np.argmin(np.where(np.isnan(ade), np.inf, ade), axis=0)
+    each = np.arange(len(theta))
+    return ways[best, each], ade[best, each]
 
 
 def refit_table(drivers: pd.DataFrame, scenes: Scenes | Sequence[Scenes], *, integration: str = "euler",

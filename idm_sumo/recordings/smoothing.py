@@ -8,7 +8,6 @@ from dataclasses import replace
 import numpy as np
 import numpy.typing as npt
 import pandas as pd
-from scipy.signal import savgol_filter
 
 from idm_sumo.recordings import columns as c
 from idm_sumo.recordings.columns import FRAME_STEP
@@ -169,6 +168,8 @@ def _savgol(values: Floats, length: int, deriv: int) -> Floats:
     window = min(WINDOW, length - 1 + length % 2, values.shape[-1] - 1 + values.shape[-1] % 2)
     if window < SHORTEST:
         return np.zeros_like(values)  # redone by differences
+    from scipy.signal import savgol_filter  # here: it takes longer to load than all else that reads a recording
+
     filtered: Floats = savgol_filter(values, window, ORDER, deriv=deriv, delta=FRAME_STEP, mode="interp")
     return filtered
 

@@ -4,11 +4,13 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 from functools import cached_property
-from typing import NamedTuple
+from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 import numpy.typing as npt
-from scipy.spatial import cKDTree
+
+if TYPE_CHECKING:
+    from scipy.spatial import cKDTree
 
 Floats = npt.NDArray[np.float64]
 
@@ -89,6 +91,8 @@ class Line:
 
     @cached_property
     def _tree(self) -> tuple[cKDTree, Floats]:
+        from scipy.spatial import cKDTree  # here: slow to load, and roads of their own are seldom
+
         s = np.unique(np.concatenate([self.s, np.arange(0.0, self.length, SPACING)]))
         return cKDTree(self.at(s)), s
 
