@@ -85,7 +85,7 @@ def start_lanes(p, i, z, first, s):  # type: ignore[no-untyped-def]
 
 @njit(cache=True, error_model="numpy")
 def bounds_of_speed(p, i):  # type: ignore[no-untyped-def]
-    """Return how much a step lowers a speed at most, and the highest speed.
+    """Return a step's largest braking and the highest speed.
 
     Parameters
     ----------
