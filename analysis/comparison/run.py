@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import time
+from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
@@ -60,6 +61,7 @@ def compare_files(
     seed: int,
     location: str,
     command: list[str],
+    read: Callable[[Path], Recording] | None = None,
     progress: Progress = silent,
 ) -> pd.DataFrame:
     """Compare recordings and leave the results in a folder.
@@ -75,6 +77,8 @@ def compare_files(
         Which part of a file that mixes several.
     command : list of str
         As typed, for the manifest.
+    read : callable, optional
+        Reads a file, say on a network of the user's own; by default on the road that the file tells.
     progress : Progress
         Called with a stage's name, what is done of it and its total.
 
@@ -90,7 +94,7 @@ def compare_files(
     """
     begin = time.perf_counter()
     with new_folder(out) as part:
-        recordings, paths = read_all(files, minutes, seed, location, progress)
+        recordings, paths = read_all(files, minutes, seed, location, progress, read=read)
         comparison = compare(recordings, seed=seed, progress=progress)
         write_comparison(comparison, recordings, part, progress)
         _write_page(comparison, recordings, part)
@@ -107,7 +111,13 @@ def compare_files(
 
 
 def read_all(
-    files: list[str], minutes: float, seed: int, location: str, progress: Progress
+    files: list[str],
+    minutes: float,
+    seed: int,
+    location: str,
+    progress: Progress,
+    *,
+    read: Callable[[Path], Recording] | None = None,
 ) -> tuple[dict[str, Recording], list[Path]]:
     """Read recordings, named after their files.
 
@@ -120,6 +130,8 @@ def read_all(
     location : str
     progress : Progress
         Called with a stage's name, what is done of it and its total.
+    read : callable, optional
+        As of :func:`compare_files`.
 
     Returns
     -------
@@ -139,7 +151,7 @@ def read_all(
         name = SURROGATE if file == SURROGATE else path.name
         if name in recordings:
             raise InputError(f"{file}: a recording of this name is there already; rename one of the files")
-        recordings[name] = read_recording(path, location=location)
+        recordings[name] = read_recording(path, location=location) if read is None else read(path)
         paths.append(path)
     progress("reading", len(files), len(files))
     return recordings, paths

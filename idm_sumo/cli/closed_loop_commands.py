@@ -7,8 +7,8 @@ import sys
 from pathlib import Path
 from typing import Any
 
+from idm_sumo.cli import many, outputs
 from idm_sumo.cli import options as shared
-from idm_sumo.cli import outputs
 from idm_sumo.cli.console import progress_bar, say, study_module, text_table
 from idm_sumo.runtime import limits
 from idm_sumo.sumo.surrogate import SURROGATE
@@ -91,6 +91,7 @@ def _add_compare(commands: Any) -> None:
         "others", type=shared.recording_name, metavar="OTHER", nargs="+", help="further recordings of any such layout"
     )
     shared.location_argument(parser)
+    shared.network_arguments(parser)
     shared.minutes_argument(parser, 45.0)
     shared.output_argument(parser, "DIR", "tables/, figures/, report.html, manifest.json go there")
     outputs.declare(parser, "recording", "others")
@@ -112,6 +113,7 @@ def compare(options: argparse.Namespace) -> None:
             seed=options.seed,
             location=options.location,
             command=sys.argv,
+            read=lambda path: many.source_of(options, path).read(),
             progress=report,
         )
     say(text_table(table[SHOWN]), f"open {options.output / 'report.html'}")

@@ -140,8 +140,11 @@ class Recording:
         InputError
             If there is no such period.
         """
-        if absent := [period for period in wanted if period not in self.periods]:
-            raise InputError(f"{self.source or 'recording'}: no period {absent[0]!r}; it has {', '.join(self.periods)}")
+        periods = self.periods
+        if absent := [period for period in wanted if period not in periods]:
+            raise InputError(f"{self.source or 'recording'}: no period {absent[0]!r}; it has {', '.join(periods)}")
+        if set(wanted) == set(periods):
+            return self  # and no copy of it
         part = self.with_table(self.table[self.table[c.PERIOD].isin(wanted)].reset_index(drop=True))
         if self.vehicles is None:
             return part
