@@ -29,8 +29,8 @@ BOUNDS = {
 RUNS, FIRST = 16, 7  # in all; that are spread over the box before the process says where to go
 CANDIDATES = 2048
 # How far off counts as one: a fifth in numbers, 40 m where vehicles merge, 1.5 m/s in the mean speed by position, an
-# emergency braking for every twentieth vehicle.
-A_FIFTH, MERGE, SPEED, BRAKINGS = float(np.log(1.2)), 40.0, 1.5, 0.05
+# emergency braking for every hundredth vehicle.
+A_FIFTH, MERGE, SPEED, BRAKINGS = float(np.log(1.2)), 40.0, 1.5, 0.01
 MISFIT = "misfit"
 
 

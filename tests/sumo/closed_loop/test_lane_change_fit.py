@@ -32,7 +32,7 @@ def test_a_fifth_more_changes_counts_as_one() -> None:
 def test_speeds_and_emergency_brakings_are_seen() -> None:
     found = lane_change_misfit(traffic(5), traffic(5, speed=13.5), 0)
     assert found["speeds"] == pytest.approx(1.0, abs=0.05)
-    assert lane_change_misfit(traffic(5), traffic(5), 24)["brakings"] == pytest.approx(20.0)
+    assert lane_change_misfit(traffic(5), traffic(5), 24)["brakings"] == pytest.approx(100.0)
 
 
 def test_the_search_ends_nearer_than_it_began_and_is_repeatable() -> None:
