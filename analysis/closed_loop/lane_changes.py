@@ -89,7 +89,11 @@ def _trial(
         with TemporaryDirectory() as folder:
             files = files_of(settings, traffic, "trial", types, Path(folder))
             one = run_and_measure(files, Path(folder) / "trial.parquet", recorded, name="trial", seed=settings.seed)
-        return lane_change_misfit(reference, one.measured, one.outcome.incidents.emergency_brakings)
+        return lane_change_misfit(
+            reference, one.measured,
+            brakings=one.outcome.incidents.emergency_brakings,
+            left_out=int(one.outcome.departures["departed_s"].isna().sum()),
+        )  # fmt: skip
 
     return run
 

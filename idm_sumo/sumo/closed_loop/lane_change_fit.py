@@ -29,27 +29,29 @@ BOUNDS = {
 RUNS, FIRST = 16, 7  # in all; that are spread over the box before the process says where to go
 CANDIDATES = 2048
 # How far off counts as one: a fifth in numbers, 40 m where vehicles merge, 1.5 m/s in the mean speed by position, an
-# emergency braking for every hundredth vehicle.
-A_FIFTH, MERGE, SPEED, BRAKINGS = float(np.log(1.2)), 40.0, 1.5, 0.01
+# emergency braking for every hundredth vehicle, as many that never enter.
+A_FIFTH, MERGE, SPEED, SHARE = float(np.log(1.2)), 40.0, 1.5, 0.01
 MISFIT = "misfit"
 
 
-def lane_change_misfit(recorded: TrafficMeasures, simulated: TrafficMeasures, brakings: int) -> dict[str, float]:
+def lane_change_misfit(
+    recorded: TrafficMeasures, simulated: TrafficMeasures, *, brakings: int, left_out: int
+) -> dict[str, float]:
     """Return how far simulated lane changes are from recorded ones.
 
     Parameters
     ----------
     recorded, simulated : TrafficMeasures
         Of the same time and road.
-    brakings : int
-        Emergency brakings in the simulation.
+    brakings, left_out : int
+        Emergency brakings in the simulation, and vehicles that never entered it, say from an on-ramp.
 
     Returns
     -------
     dict of str to float
         ``changes, pairs, places`` (numbers in all, by lanes before and after, by place), ``merges`` (their places),
-        ``speeds`` (mean by position), ``brakings``, each in units of what is tolerable, and ``misfit``, the root of
-        their mean square.
+        ``speeds`` (mean by position), ``brakings``, ``left_out``, each in units of what is tolerable, and ``misfit``,
+        the root of their mean square.
     """
     places = [_between_main_lanes(one) for one in (recorded, simulated)]
     edges = np.linspace(0.0, recorded.road.length, m.SEGMENTS + 1)
@@ -63,7 +65,8 @@ def lane_change_misfit(recorded: TrafficMeasures, simulated: TrafficMeasures, br
         "places": _off(*by_place),
         "merges": _merges_apart(recorded, simulated) / MERGE,
         "speeds": float(summary["speed_profile_rmse_m_s"].iloc[1]) / SPEED,
-        "brakings": brakings / (BRAKINGS * max(int(simulated.counts.sum()), 1)),
+        "brakings": brakings / (SHARE * int(recorded.counts.sum())),
+        "left_out": left_out / (SHARE * int(recorded.counts.sum())),
     }
     return found | {MISFIT: float(np.sqrt(np.mean(np.square(list(found.values())))))}
 

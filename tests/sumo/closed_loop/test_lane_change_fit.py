@@ -20,19 +20,27 @@ def traffic(changing: int, *, cars: int = 24, speed: float = 12.0) -> TrafficMea
     return measure_traffic(recording(*driven))
 
 
+def misfit(
+    recorded: TrafficMeasures, simulated: TrafficMeasures, brakings: int = 0, left_out: int = 0
+) -> dict[str, float]:
+    return lane_change_misfit(recorded, simulated, brakings=brakings, left_out=left_out)
+
+
 def test_equal_traffic_has_no_misfit() -> None:
-    assert set(lane_change_misfit(traffic(10), traffic(10), 0).values()) == {0.0}
+    assert set(misfit(traffic(10), traffic(10)).values()) == {0.0}
 
 
 def test_a_fifth_more_changes_counts_as_one() -> None:
-    assert lane_change_misfit(traffic(19), traffic(23), 0)["changes"] == pytest.approx(1.0)
-    assert lane_change_misfit(traffic(23), traffic(19), 0)["changes"] == pytest.approx(1.0)
+    assert misfit(traffic(19), traffic(23))["changes"] == pytest.approx(1.0)
+    assert misfit(traffic(23), traffic(19))["changes"] == pytest.approx(1.0)
 
 
-def test_speeds_and_emergency_brakings_are_seen() -> None:
-    found = lane_change_misfit(traffic(5), traffic(5, speed=13.5), 0)
+def test_speeds_emergency_brakings_and_vehicles_left_out_are_seen() -> None:
+    found = misfit(traffic(5), traffic(5, speed=13.5))
     assert found["speeds"] == pytest.approx(1.0, abs=0.05)
-    assert lane_change_misfit(traffic(5), traffic(5), 24)["brakings"] == pytest.approx(100.0)
+    found = misfit(traffic(5), traffic(5), brakings=24, left_out=12)
+    assert found["brakings"] == pytest.approx(100.0)
+    assert found["left_out"] == pytest.approx(50.0)
 
 
 def test_the_search_ends_nearer_than_it_began_and_is_repeatable() -> None:
