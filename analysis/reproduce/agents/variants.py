@@ -58,11 +58,7 @@ def variants(
     require_rl()
     train, test = sides(settings, progress)
     lessons = lessons_of(train.scenes)
-    rewards = []
-    for done, variant in enumerate(which):
-        progress("learning rewards", done, len(which))
-        rewards.append(learn_variant(lessons, variant, seed=settings.seed))
-    progress("learning rewards", len(which), len(which))
+    rewards = _rewards(lessons, which, settings.seed, progress)
     seeds = range(settings.seed, settings.seed + settings.agent_seeds)
     calls = [(lessons, reward, settings.agent_steps, seed, test) for _, reward in rewards for seed in seeds]
     scores = []
@@ -74,6 +70,23 @@ def variants(
     with new_file(out) as part:
         table.to_csv(part, index=False, float_format="%.6g")
     return table
+
+
+def _rewards(
+    lessons: Lessons, which: Sequence[Variant], seed: int, progress: Progress
+) -> list[tuple[LearnedReward, Reward]]:
+    """Return what is learned for each variant; those that differ in the penalty only learn the same."""
+    known: dict[Variant, tuple[LearnedReward, Reward]] = {}
+    found = []
+    for done, variant in enumerate(which):
+        progress("learning rewards", done, len(which))
+        same = replace(variant, name="", penalty=0.0)
+        if same not in known:
+            known[same] = learn_variant(lessons, variant, seed=seed)
+        learned, reward = known[same]
+        found.append((learned, reward._replace(penalty=variant.penalty)))
+    progress("learning rewards", len(which), len(which))
+    return found
 
 
 def _train_and_score(lessons: Lessons, reward: Reward, steps: int, seed: int, test: Drivers) -> dict[str, float]:

@@ -191,12 +191,13 @@ def test_commands(settings: Settings, tmp_path: Path, capsys: pytest.CaptureFixt
 
 def test_variants_of_the_reward_are_trained_and_scored(settings: Settings, tmp_path: Path) -> None:
     pytest.importorskip("stable_baselines3", reason="needs the extra rl: pip install 'idm-sumo[rl]'")
-    which = [replace(v, demonstrations=4) for v in (VARIANTS[0], VARIANTS[3])]
+    which = [replace(v, demonstrations=4) for v in (VARIANTS[0], VARIANTS[3], VARIANTS[4])]
     table = variants(replace(settings, agent_steps=128 * 50, agent_seeds=1), tmp_path / "variants.csv", which=which)
     assert table["variant"].tolist() == [v.name for v in which]
     efforts = table[[f"weight_{name}" for name in NAMES[-2:]]].to_numpy()
     assert efforts[0].all()
     assert not efforts[1].any()
+    np.testing.assert_array_equal(efforts[2], efforts[0])  # it differs in the penalty only
     assert ((table["collisions"] <= table["contacts"]) & (table["contacts"] <= table["vehicles"])).all()
     again = pd.read_csv(tmp_path / "variants.csv")
     np.testing.assert_allclose(again["ade_m"], table["ade_m"], rtol=1e-5)
