@@ -75,7 +75,7 @@ def variants(
 def _rewards(
     lessons: Lessons, which: Sequence[Variant], seed: int, progress: Progress
 ) -> list[tuple[LearnedReward, Reward]]:
-    """Return what is learned for each variant; those that differ in the penalty only learn the same."""
+    """Return each variant's reward; a penalty changes nothing learned."""
     known: dict[Variant, tuple[LearnedReward, Reward]] = {}
     found = []
     for done, variant in enumerate(which):
