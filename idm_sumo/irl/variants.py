@@ -7,10 +7,10 @@ from dataclasses import dataclass
 import numpy as np
 
 from idm_sumo.irl import features
-from idm_sumo.irl.inverse_control import Expansion, LearnedReward, learn, learn_wanted
-from idm_sumo.irl.learning import Lessons
+from idm_sumo.irl.inverse_control import LearnedReward, learn, learn_wanted
+from idm_sumo.irl.learning import Lessons, expansion_of
 from idm_sumo.irl.reward import PENALTY, Reward
-from idm_sumo.irl.trajectory import derivatives, step_features
+from idm_sumo.irl.trajectory import step_features
 from idm_sumo.runtime.errors import InputError
 from idm_sumo.runtime.progress import Progress, silent
 from idm_sumo.runtime.threads import one_blas_thread
@@ -87,7 +87,7 @@ def learn_variant(
     if not len(moving):
         raise InputError("no driver keeps moving over the whole horizon; a reward cannot be learned from them")
     drawn = lessons.rows(np.random.default_rng(seed).permutation(moving)[: variant.demonstrations])
-    expansion = Expansion.of(*derivatives(drawn.demonstrations.first(STEPS), drawn.episodes, drawn.around))
+    expansion = expansion_of(drawn, STEPS)
     learned = learn(expansion, use=variant.use, progress=progress)
     if not variant.any_sign:
         learned = learn_wanted(expansion, learned, progress)

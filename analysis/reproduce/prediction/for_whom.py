@@ -14,7 +14,7 @@ from idm_sumo.simulation.rollout import Trajectories
 
 from ..drivers import Drivers
 from .intervals import share_closed
-from .learned import Learned
+from .learned import stays_in_lane
 
 Floats = npt.NDArray[np.float64]
 Groups = dict[tuple[str, str], npt.NDArray[np.bool_]]
@@ -50,17 +50,17 @@ def distances(test: Drivers, driven: dict[str, list[Trajectories]]) -> pd.DataFr
     return pd.DataFrame(rows, columns=["seconds", *METHODS])
 
 
-def table(test: Drivers, learned: Learned, driven: dict[str, list[Trajectories]]) -> pd.DataFrame:
+def table(test: Drivers, seen: pd.DataFrame, errors: dict[str, Floats]) -> pd.DataFrame:
     """Return gains over the pooled driver, by group.
 
     Parameters
     ----------
     test : Drivers
         Windows at entry and along the drivers' way.
-    learned : Learned
-        The predictors.
-    driven : dict of str to list of Trajectories
-        By method, one a period.
+    seen : pandas.DataFrame
+        Their first seconds.
+    errors : dict of str to float64 array
+        ADE (m) of each window, by method.
 
     Returns
     -------
@@ -68,10 +68,9 @@ def table(test: Drivers, learned: Learned, driven: dict[str, list[Trajectories]]
         One row a group and predicting method: ADE, gain (m) and share, with 95 % bootstrap intervals over drivers.
         Groups of fewer than five drivers are left out.
     """
-    errors = pd.DataFrame({name: _distance(test, driven[name]).mean(axis=1) for name in METHODS})
-    keys, rows = test.keys(), []
-    for (by, group), which in groups(test, learned.first_seconds(test)).items():
-        ade = errors[which].groupby([keys[c.PERIOD][which], keys[c.VEHICLE][which]]).mean()
+    every, keys, rows = pd.DataFrame({name: errors[name] for name in METHODS}), test.keys(), []
+    for (by, group), which in groups(test, seen).items():
+        ade = every[which].groupby([keys[c.PERIOD][which], keys[c.VEHICLE][which]]).mean()
         if len(ade) < FEWEST_DRIVERS:
             continue
         for name in PREDICTED:
@@ -102,8 +101,7 @@ def groups(test: Drivers, seen: pd.DataFrame) -> Groups:
     found["approach", "closes in"] = rate > STEADY
     found["approach", "steady"] = np.abs(rate) <= STEADY
     found["approach", "falls back"] = rate < -STEADY
-    stays = np.concatenate([s.road.lane_at(s.y) for s in test.scenes])
-    stays = (stays == stays[:, :1]).all(axis=1)
+    stays = np.concatenate([stays_in_lane(s) for s in test.scenes])
     found["lane", "stays"], found["lane", "changes"] = stays, ~stays
     return found
 

@@ -165,3 +165,19 @@ def window_ade(scenes: Scenes, driven: Trajectories) -> Floats:
         Average displacement error (m).
     """
     return np.asarray(displacement(scenes, driven).mean(axis=1))
+
+
+def stays_in_lane(scenes: Scenes) -> npt.NDArray[np.bool_]:
+    """Return which recorded vehicles stay in their lane.
+
+    Parameters
+    ----------
+    scenes : Scenes
+        Windows of one period.
+
+    Returns
+    -------
+    bool array, shape (windows,)
+    """
+    lane = scenes.road.lane_at(scenes.y)
+    return np.asarray((lane == lane[:, :1]).all(axis=1))

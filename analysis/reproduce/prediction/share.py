@@ -11,7 +11,6 @@ import pandas as pd
 
 from idm_sumo.prediction import ResidualPredictor, drive_residual
 from idm_sumo.recordings import columns as c
-from idm_sumo.scenes.windows import Scenes
 from idm_sumo.simulation.rollout import Trajectories
 
 from ..drivers import Drivers
@@ -21,7 +20,7 @@ from . import for_whom
 from .black_box import black_box_ade
 from .coverage import coverage_of
 from .intervals import share_closed
-from .learned import Learned, fits_or, residual_of, window_ade
+from .learned import Learned, fits_or, residual_of, stays_in_lane, window_ade
 
 Floats = npt.NDArray[np.float64]
 
@@ -70,7 +69,8 @@ def tables(
         after some seconds, and gains by group of windows.
     """
     pooled = learned.predictor.pooled_
-    theta = learned.predictor.predict(learned.first_seconds(test))
+    seen = learned.first_seconds(test)
+    theta = learned.predictor.predict(seen)
     driven = {"idm_pooled": test.drive(pooled), "idm_rollout": test.drive(theta)}
     driven["idm_residual"] = drive_by(learned.residual, test)
     driven["idm_residual_ahead"] = drive_by(_smoothed_ahead(learned), test)
@@ -87,7 +87,7 @@ def tables(
         "prediction_share": _shares(test, errors, at_fault),
         "prediction_coverage": coverage_of(learned, test, driven),
         "prediction_distances": for_whom.distances(test, driven),
-        "prediction_for_whom": for_whom.table(test, learned, driven),
+        "prediction_for_whom": for_whom.table(test, seen, errors),
     }
 
 
@@ -125,7 +125,7 @@ def _shares(test: Drivers, errors: dict[str, Floats], at_fault: dict[str, npt.ND
     """
     keys = test.keys()
     entry = (keys["first_frame"] == keys.groupby([c.PERIOD, c.VEHICLE])["first_frame"].transform("min")).to_numpy()
-    rows, every, stays = [], np.ones(len(keys), dtype=bool), np.concatenate([_stays(s) for s in test.scenes])
+    rows, every, stays = [], np.ones(len(keys), dtype=bool), np.concatenate([stays_in_lane(s) for s in test.scenes])
     kinds = {"entry": entry, "every 6 s": every, "entry, in lane": entry & stays, "every 6 s, in lane": stays}
     for kind, which in kinds.items():
         if not which.any():
@@ -144,9 +144,3 @@ def _shares(test: Drivers, errors: dict[str, Floats], at_fault: dict[str, npt.ND
                 }
             )
     return pd.DataFrame(rows)
-
-
-def _stays(scenes: Scenes) -> npt.NDArray[np.bool_]:
-    """Return which recorded vehicles stay in their lane."""
-    lane = scenes.road.lane_at(scenes.y)
-    return np.asarray((lane == lane[:, :1]).all(axis=1))

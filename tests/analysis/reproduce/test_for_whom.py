@@ -11,7 +11,7 @@ import pytest
 
 from analysis.reproduce.drivers import Drivers
 from analysis.reproduce.prediction import figures, for_whom, words
-from analysis.reproduce.prediction.learned import Learned
+from analysis.reproduce.prediction.learned import window_ade
 from idm_sumo.models.idm import IDMParameters
 from idm_sumo.prediction import RolloutPredictor
 from idm_sumo.simulation.rollout import Trajectories, drive_idm
@@ -20,9 +20,8 @@ from tests.helpers.known_drivers import known_drivers
 POOLED = IDMParameters(1.2, 1.6, 1.2, 2.0, 0.0)
 
 
-class _Seen(Learned):
-    def first_seconds(self, drivers: Drivers) -> pd.DataFrame:
-        return pd.concat([RolloutPredictor(past_only=False).observe(s) for s in drivers.scenes], ignore_index=True)
+def first_seconds(drivers: Drivers) -> pd.DataFrame:
+    return pd.concat([RolloutPredictor(past_only=False).observe(s) for s in drivers.scenes], ignore_index=True)
 
 
 @pytest.fixture(scope="module")
@@ -50,12 +49,12 @@ def replace_paths(driven: Trajectories, x: np.ndarray, y: np.ndarray) -> Traject
 
 @pytest.fixture(scope="module")
 def gains(test: Drivers, driven: dict[str, list[Trajectories]]) -> pd.DataFrame:
-    return for_whom.table(test, _Seen(test, None, None), driven)  # type: ignore[arg-type]
+    errors = {name: window_ade(test.scenes[0], runs[0]) for name, runs in driven.items()}
+    return for_whom.table(test, first_seconds(test), errors)
 
 
 def test_groups_of_a_quantity_share_the_windows_out(test: Drivers) -> None:
-    seen = _Seen(test, None, None).first_seconds(test)  # type: ignore[arg-type]
-    found = for_whom.groups(test, seen)
+    found = for_whom.groups(test, first_seconds(test))
     for by in {by for by, _ in found}:
         members = np.stack([which for (quantity, _), which in found.items() if quantity == by])
         assert (members.sum(axis=0) == 1).all()
