@@ -19,6 +19,8 @@ if TYPE_CHECKING:
     from idm_sumo.models.effects.extended_model import ExtendedModel as ExtendedModel
     from idm_sumo.models.idm import IDMParameters as IDMParameters
     from idm_sumo.prediction.neighbours import KNNPredictor as KNNPredictor
+    from idm_sumo.prediction.residual_drive import drive_residual as drive_residual
+    from idm_sumo.prediction.residual_predictor import ResidualPredictor as ResidualPredictor
     from idm_sumo.prediction.rollout_predictor import RolloutPredictor as RolloutPredictor
     from idm_sumo.recordings.cleaning import clean as clean
     from idm_sumo.recordings.reading import read_recording as read_recording
@@ -43,6 +45,7 @@ _HOMES = {
     "InputError": "runtime.errors",
     "KNNPredictor": "prediction.neighbours",
     "Recording": "recordings.recording",
+    "ResidualPredictor": "prediction.residual_predictor",
     "Road": "roads.road",
     "RolloutPredictor": "prediction.rollout_predictor",
     "Scenes": "scenes.windows",
@@ -52,6 +55,7 @@ _HOMES = {
     "clean": "recordings.cleaning",
     "diagnose": "diagnosis.diagnose",
     "drive_idm": "simulation.rollout",
+    "drive_residual": "prediction.residual_drive",
     "export_routes": "sumo.export.routes",
     "plot_time_space": "evaluation.figures",
     "read_recording": "recordings.reading",

@@ -13,8 +13,9 @@ import numpy.typing as npt
 import pandas as pd
 
 from idm_sumo.calibration import calibrate, pooled
-from idm_sumo.calibration.drawn import as_drawn, drawn_columns
+from idm_sumo.calibration.drawn import as_drawn, drawn_columns, one_a_driver
 from idm_sumo.calibration.driver_table import DESIRED_SPEED, FIRST_FRAME, HAS, read_drivers
+from idm_sumo.calibration.whole import WHOLE, as_whole
 from idm_sumo.calibration.without_d1 import MEAN_SPEED, REFIT, mean_speeds, refit_table
 from idm_sumo.models.effects import ExtendedModel
 from idm_sumo.models.idm import IDMParameters
@@ -34,6 +35,7 @@ Floats = npt.NDArray[np.float64]
 PARAMETERS = list(IDMParameters._fields)
 CALIBRATED = ("drivers", "drawn", "predicted", "pooled")  # populations that need the drivers of the recording
 OBSERVED, NEIGHBOURS = 10, 8
+EVERY_WINDOW = Window(every=Window().horizon)
 LEAST_LIBRARY = 2
 
 
@@ -78,14 +80,15 @@ def drivers_of(recording: Recording, path: Path | None, *, refit: bool = False, 
         If no driver can be calibrated, or the table holds none of this period.
     """
     progress("calibrating", 0, 4)
-    scenes = build_scenes(smooth(clean(recording)), Window())
+    cleaned = smooth(clean(recording))
+    scenes = build_scenes(cleaned, Window())
     if not len(scenes):
         raise InputError(
             f"{recording.source}: no vehicle is recorded for {Window().frames} frames in a row on the main lanes"
         )
     one_for_all = pooled(scenes)
     progress("calibrating", 1, 4)
-    table = _calibrated(scenes, refit) if path is None else _read(path, scenes)
+    table = _read(path, scenes) if path else _calibrated(scenes, build_scenes(cleaned, EVERY_WINDOW), refit)
     progress("calibrating", 3, 4)
     library = table if set(FEATURES.values()) <= set(table) else None
     predicted = None
@@ -96,10 +99,14 @@ def drivers_of(recording: Recording, path: Path | None, *, refit: bool = False, 
     return Drivers(scenes, table, predicted, one_for_all, "calibrated in this run" if path is None else path.name)
 
 
-def _calibrated(scenes: Scenes, refit: bool) -> pd.DataFrame:
-    """Fit every driver; add its code and what replaces d1."""
+def _calibrated(scenes: Scenes, windows: Scenes, refit: bool) -> pd.DataFrame:
+    """Fit every driver; add its code and what replaces d1.
+
+    Drawn to the population it is by all of its windows.
+    """
     fits = calibrate(scenes)
-    fits = fits.merge(drawn_columns(scenes, fits[DESIRED_SPEED]), on=[c.PERIOD, c.VEHICLE, FIRST_FRAME])
+    drawn = one_a_driver(drawn_columns(windows, float(fits[DESIRED_SPEED].max())))
+    fits = fits.merge(drawn.drop(columns=FIRST_FRAME), on=[c.PERIOD, c.VEHICLE])
     fitted = np.isfinite(fits[PARAMETERS].to_numpy()).all(axis=1)
     codes = driving_code(scenes)
     table = fits.join(codes[[name for name in codes if name not in fits]])[fitted].reset_index(drop=True)
@@ -114,7 +121,8 @@ def _calibrated(scenes: Scenes, refit: bool) -> pd.DataFrame:
 def _read(path: Path, scenes: Scenes) -> pd.DataFrame:
     """Return the drivers of one period from a table.
 
-    Of several windows of a driver the first counts.
+    Of several windows of a driver the first counts. Types fitted to all windows are taken where the table has them,
+    as `idm-sumo export` does.
     """
     table, _ = with_parameters(read_drivers(path), str(path))
     period = scenes.one_period
@@ -123,7 +131,7 @@ def _read(path: Path, scenes: Scenes) -> pd.DataFrame:
         there = ", ".join(sorted(table[c.PERIOD].astype(str).unique()))
         raise InputError(f"{path}: has no driver of period {period}; it has {there}")
     _check_recording(own, scenes, path)
-    return own
+    return as_whole(own) if set(WHOLE) <= set(own) else own
 
 
 def _check_recording(own: pd.DataFrame, scenes: Scenes, path: Path) -> None:

@@ -34,6 +34,7 @@ FIRST = [
     "gap_m",
     "time_headway_s",
     "lane_changes_per_km",
+    "lane_changes_sumo_per_km",
     "wave_speed_m_s",
     "late",
     "largest_delay_s",
@@ -72,7 +73,8 @@ def closed_loop_table(comparison: Comparison, measured: list[tuple[Case, Measure
     pandas.DataFrame
         Columns of :func:`idm_sumo.evaluation.comparison.compare`'s summary, and ``population, seed, late``
         (vehicles inserted later than recorded, or never), ``largest_delay_s, mean_delay_s`` (over all
-        vehicles), ``never_inserted, collisions, emergency_brakings, teleports``, ``flow_error_share`` (of the
+        vehicles), ``never_inserted, collisions, emergency_brakings, teleports``, ``lane_changes_sumo_per_km`` (by
+        SUMO's own count, changes that are taken back at once included), ``flow_error_share`` (of the
         recorded flow), ``speed_profile_rmse_m_s`` (of mean speeds by position), and the population's ``rank``.
     """
     rows: list[dict[str, Any]] = [{POPULATION: RECORDED, RECORDING: RECORDED}]
@@ -88,6 +90,7 @@ def closed_loop_table(comparison: Comparison, measured: list[tuple[Case, Measure
                 "mean_delay_s": float(delays.mean()),
                 "never_inserted": int(m.outcome.departures["departed_s"].isna().sum()),
                 **asdict(m.outcome.incidents),
+                "lane_changes_sumo_per_km": m.outcome.lane_changes / float(m.measured.lane_changes["km"].sum()),
             }
         )
     table = pd.DataFrame(rows).merge(comparison.summary, on=RECORDING, validate="1:1")
@@ -160,7 +163,7 @@ def write_results(
         setup=_setup(settings, demand, measured),
         measures=measures,
         distances=distances,
-        ranks=ranks,
+        ranks=ranks.replace({"disqualified": {"": "–"}}),
         diagrams=diagrams_of(glimpses),
         insertion=table[table[POPULATION] != RECORDED][["population", "seed", *INSERTION]].rename(columns=INSERTION),
         bias=bias if len(bias) else None,
@@ -180,6 +183,11 @@ def _setup(settings: Settings, demand: pd.DataFrame, measured: list[tuple[Case, 
         else "Nothing is imposed downstream of the section, so the bottleneck that held the recorded traffic "
         "up is missing. "
     )
+    places = (
+        "On every edge the desired speed is at most that of drivers whom no leader held up there. "
+        if settings.place_speeds
+        else ""
+    )
     pooled = "; ".join(
         f"{case.name}: {case.pooled} of {len(demand)}"
         for case, _ in measured
@@ -187,10 +195,10 @@ def _setup(settings: Settings, demand: pd.DataFrame, measured: list[tuple[Case, 
     )
     ego = f"Vehicle {settings.ego} is driven by our own IDM, steering and bicycle. " if settings.ego is not None else ""
     return (
-        f"{len(demand)} recorded vehicles over {duration / 60:.1f} minutes enter at their recorded place, "
-        f"lane, speed and time, with their route, length and "
-        f"class, and then react. {boundary}Lane changes by SUMO's {settings.lane_change_model}, equal for all "
-        f"populations. {ego}"
+        f"{len(demand)} recorded vehicles over {duration / 60:.1f} minutes depart in their lane, at their speed, so "
+        "early on up to 200 m before the section that they could arrive when they were recorded, with their route, "
+        f"length and class, and then react. {boundary}{places}Lane changes by SUMO's {settings.lane_change_model}, "
+        f"equal for all populations. {ego}"
         + (
             f"Vehicles without a calibration of their own, which have the pooled parameters: {pooled}."
             if pooled

@@ -6,20 +6,17 @@ The simulated traffic is compared with the recording.
 from __future__ import annotations
 
 import time
-from copy import deepcopy
-from dataclasses import asdict, replace
+from dataclasses import asdict
 from pathlib import Path
 from typing import Any
 
 import numpy as np
-import numpy.typing as npt
 import pandas as pd
 from joblib import cpu_count
 
 from idm_sumo.calibration import driver_table as d
 from idm_sumo.evaluation.comparison import compare_measures
 from idm_sumo.evaluation.traffic_measures import measure_traffic
-from idm_sumo.models.effects import ExtendedModel
 from idm_sumo.recordings import columns as c
 from idm_sumo.recordings.recording import Recording
 from idm_sumo.recordings.smoothing import smooth
@@ -29,29 +26,21 @@ from idm_sumo.runtime.files import MANIFEST, new_folder
 from idm_sumo.runtime.progress import Progress, silent
 from idm_sumo.runtime.workers import in_processes
 from idm_sumo.sumo import network
-from idm_sumo.sumo.closed_loop.demand import boundary_speeds, demand_of
+from idm_sumo.sumo.closed_loop.demand import demand_of
 from idm_sumo.sumo.closed_loop.ego import Ego
-from idm_sumo.sumo.closed_loop.extended_loop import ModelDrivers
 from idm_sumo.sumo.closed_loop.measurement import Measured, run_and_measure
-from idm_sumo.sumo.closed_loop.populations import (
-    DEFAULTS,
-    SUBLANE,
-    calibrated_types,
-    default_types,
-    lane_change_attributes,
-)
-from idm_sumo.sumo.closed_loop.run import write_run
+from idm_sumo.sumo.closed_loop.populations import lane_change_attributes
 from idm_sumo.sumo.gui import gui_binary
 
 from ..comparison.run import read_all
 from ..page.manifest import manifest, write_manifest
 from ..reproduce.replay_bias import replay_bias
-from .populations import CALIBRATED, PARAMETERS, Drivers, drivers_of, mean_speed_of, parameters_for, refitted_for
+from .cases import cases_of, traffic_of
+from .lane_changes import FILE, fitted, write_file
+from .populations import CALIBRATED, PARAMETERS, Drivers, drivers_of
 from .results import closed_loop_table, write_results
-from .settings import EXTENDED, LOOPS, Case, Settings
+from .settings import LOOPS, RESIDUAL, Case, Settings
 from .words import RECORDED
-
-Floats = npt.NDArray[np.float64]
 
 
 def stages(settings: Settings) -> tuple[str, ...]:
@@ -62,13 +51,14 @@ def stages(settings: Settings) -> tuple[str, ...]:
     settings : Settings
     """
     calibrating = ("calibrating",) if _needs_drivers(settings) else ()
+    lanes = ("lane changes",) if settings.fit_lane_change else ()
     bias = ("replay bias",) if settings.bias_sample else ()
-    return ("reading", *calibrating, "simulating", *bias, "writing")
+    return ("reading", *calibrating, *lanes, "simulating", *bias, "writing")
 
 
 def _needs_drivers(settings: Settings) -> bool:
     """Whether anything drives by the recording's own drivers."""
-    calibrated = bool(set(settings.types) & {*CALIBRATED, *LOOPS})
+    calibrated = bool(set(settings.types) & {*CALIBRATED, *LOOPS, RESIDUAL})
     return calibrated or settings.ego is not None or settings.bias_sample > 0
 
 
@@ -98,20 +88,27 @@ def interactive(settings: Settings, out: Path, *, command: list[str], progress: 
     """
     begin = time.perf_counter()
     lane_change = lane_change_attributes(settings.lane_change_model, settings.lane_change or {})
+    if RESIDUAL in settings.types and settings.drivers is None:
+        raise InputError(f"--types {RESIDUAL}: needs --drivers FILE, a table of `idm-sumo predict --method residual`")
     if settings.gui:
         gui_binary()
         if len(settings.types) > 1:
             raise InputError("--gui shows one population; choose it with --types")
     with new_folder(out) as part:
         recorded, path = _recorded(settings, progress)
-        demand = demand_of(recorded)
-        _check_ego(settings, demand, recorded)
+        _check_ego(settings, demand_of(recorded), recorded)
         drivers = (
             drivers_of(recorded, settings.drivers, refit=settings.refit, progress=progress)
             if _needs_drivers(settings)
             else None
         )
-        cases = _cases(settings, recorded, demand, drivers, lane_change, part)
+        if settings.fit_lane_change:
+            given, trials = fitted(settings, recorded, drivers, progress)
+            lane_change = lane_change_attributes(settings.lane_change_model, given)
+            write_file(part / FILE, settings.lane_change_model, given)
+        traffic = traffic_of(settings, recorded, drivers)
+        demand = traffic.demand
+        cases = cases_of(settings, traffic, lane_change, part)
         measured = _run_all(settings, cases, recorded, demand, drivers, part, progress)
         bias = (
             replay_bias(drivers, settings.bias_sample, settings.seed, progress)
@@ -124,6 +121,8 @@ def interactive(settings: Settings, out: Path, *, command: list[str], progress: 
         )
         table = closed_loop_table(comparison, measured)
         write_results(part, table, comparison, measured, bias, recorded, demand, settings)
+        if settings.fit_lane_change:
+            trials.to_csv(part / "tables" / "lane_change_fit.csv", index=False, float_format="%.6g")
         plain = {key: value for key, value in asdict(settings).items() if key not in ("gui",)}
         record = manifest(
             command,
@@ -171,52 +170,6 @@ def _check_ego(settings: Settings, demand: pd.DataFrame, recorded: Recording) ->
         )
     if len(settings.types) > 1:
         raise InputError("--ego drives among one population; choose it with --types")
-
-
-def _cases(
-    settings: Settings,
-    recorded: Recording,
-    demand: pd.DataFrame,
-    drivers: Drivers | None,
-    lane_change: dict[str, str],
-    part: Path,
-) -> list[Case]:
-    """Write the inputs of every population."""
-    speeds = mean_speed_of(recorded)
-    downstream = boundary_speeds(recorded) if settings.downstream_speed else None
-    cases = []
-    for population in settings.types:
-        pooled = 0
-        if population in DEFAULTS:
-            types = default_types(demand, population, lane_change)
-        elif drivers is not None:
-            own = "drivers" if population in LOOPS else population
-            theta, limits, pooled = parameters_for(own, drivers, demand, speeds)
-            types = calibrated_types(demand, theta, lane_change, limits, speed_limit=recorded.road.speed_limit)
-        ours = None
-        if population in LOOPS and settings.model is not None:
-            ours = _ours(settings.model, population, demand, recorded, theta)
-        options = SUBLANE.get(settings.lane_change_model, ())
-        files = write_run(
-            part / "simulation", population, recorded, demand, types, downstream=downstream, options=options
-        )
-        seeds = [0] if settings.seeds == 1 else range(settings.seed, settings.seed + settings.seeds)
-        cases += [Case(population, seed, files, pooled, deepcopy(ours)) for seed in seeds]
-    return cases
-
-
-def _ours(file: Path, population: str, demand: pd.DataFrame, recorded: Recording, calibrated: Floats) -> ModelDrivers:
-    """Return the drivers of a population of our own loop.
-
-    They drive with a model's causes, or by its law without them.
-    """
-    model = ExtendedModel.read(file)
-    if population != EXTENDED:
-        model = replace(model, causes=())
-        if model.is_idm:
-            return ModelDrivers(model, demand, calibrated, recorded.road)
-    theta, limits, has = refitted_for(model, file, demand, recorded.periods[0], calibrated)
-    return ModelDrivers(model, demand, theta, recorded.road, limits, has)
 
 
 def _run_all(

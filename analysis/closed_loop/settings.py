@@ -9,7 +9,7 @@ from pathlib import Path
 from idm_sumo.sumo.closed_loop.extended_loop import ModelDrivers
 from idm_sumo.sumo.closed_loop.populations import DEFAULTS
 from idm_sumo.sumo.closed_loop.run import RunFiles
-from idm_sumo.sumo.surrogate.builtin import SURROGATE
+from idm_sumo.sumo.surrogate import SURROGATE
 
 from .populations import CALIBRATED
 
@@ -17,6 +17,7 @@ POPULATIONS = (*CALIBRATED, *DEFAULTS)
 EXTENDED = "extended"  # the drivers with the causes of a model, driven by our own loop
 # The same loop without the causes: it lacks what SUMO's lane changing does to speeds, so only this is comparable.
 LOOPS = ("own-loop", EXTENDED)
+RESIDUAL = "residual"  # the pooled driver and a predicted residual, driven by our own loop
 
 
 @dataclass(frozen=True)
@@ -32,17 +33,21 @@ class Settings:
     drivers : Path or None
         A driver table; calibrated in the run by default.
     types : tuple of str
-        Populations to run.
+        Populations to run; ``residual`` needs a driver table of ``predict --method residual``.
     refit : bool
         Whether drivers calibrated in the run are fitted again without ``d1``; else it is linearised.
     lane_change_model : str
     lane_change : dict of str to str
         Parameters of it.
+    fit_lane_change : bool
+        Whether the others are fitted to the recorded lane changes.
     ego : int or None
         A vehicle we drive.
     gui : bool
     downstream_speed : bool
         Whether the recorded speeds at the end of the section are imposed behind it.
+    place_speeds : bool
+        Whether nobody wants to drive faster at a place than drivers did there whom no leader held up.
     seeds : int
         Runs of each population, with ``seed``, ``seed + 1``, ...
     bias_sample : int
@@ -62,9 +67,11 @@ class Settings:
     refit: bool = False
     lane_change_model: str = "LC2013"
     lane_change: Mapping[str, str] | None = None
+    fit_lane_change: bool = False
     ego: int | None = None
     gui: bool = False
     downstream_speed: bool = True
+    place_speeds: bool = True
     seeds: int = 1
     bias_sample: int = 150
     minutes: float = 45.0

@@ -7,7 +7,7 @@ import pandas as pd
 
 POPULATION, RECORDED = "population", "recorded"
 DEVIATION = "deviation of "
-# Smaller is closer. The last three are made here, from the figures themselves.
+# Smaller is closer. The GEH and the last three are made here, from the figures themselves.
 CLOSENESS = {
     "gap_wasserstein_m": "gaps",
     "time_headway_wasserstein_s": "time headways",
@@ -17,6 +17,7 @@ CLOSENESS = {
     "flow_rmse_veh_h": "flow by minute, lane and segment",
     "density_rmse_veh_km": "density by minute, lane and segment",
     "speed_profile_rmse_m_s": "mean speed by position",
+    "geh_above_5_share": "lanes and minutes with a GEH above 5",
     "late": "vehicles inserted late",
     "emergency_brakings": "emergency brakings",
     f"{DEVIATION}flow_veh_h": "flow",
@@ -62,6 +63,7 @@ def ranking(table: pd.DataFrame) -> pd.DataFrame:
         means[DEVIATION + name] = (means[name] / recorded[name]).map(
             lambda ratio: abs(np.log(ratio)) if ratio > 0 else np.nan
         )
+    means["geh_above_5_share"] = 1.0 - means.get("geh_below_5_share", np.nan)
     # A population without waves or lane changes, where the recording has them, is the farthest.
     known = [
         name

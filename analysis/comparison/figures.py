@@ -18,7 +18,7 @@ from idm_sumo.recordings import columns as c
 from idm_sumo.recordings.columns import FRAME_STEP
 from idm_sumo.recordings.recording import Recording
 
-from ..page.style import new_figure
+from ..page.style import new_figure, tidy
 
 PALETTE = ("#000000", "#D55E00", "#0072B2", "#009E73", "#CC79A7", "#E69F00", "#56B4E9")
 SPEED_MAP = "cividis"  # safe for colour-blind readers
@@ -50,26 +50,26 @@ def overview(comparison: Comparison) -> Figure:
     measures = comparison.measures
     reference = measures[comparison.reference]
     periods = reference.periods[:3]
-    figure, axes = new_figure(11, 6.2, columns=3, rows=2)
+    figure = Figure(figsize=(11, 6.2), layout="constrained", dpi=130)
+    grid = figure.add_gridspec(2, 6)  # one, two or three periods above, three distributions below
+    wide = 6 // len(periods)
     paint = colours(list(measures))
-    for ax, period in zip(axes, periods, strict=False):
+    for place, period in enumerate(periods):
+        ax = tidy(figure.add_subplot(grid[0, place * wide : (place + 1) * wide]))
         _speed_by_position(ax, measures, period, paint)
-    for ax in axes[len(periods) : 3]:
-        ax.axis("off")
     fullest = str(reference.counts.idxmax())
     span = f"travel time over {np.ptp(m.stations_of(reference.road)):.0f} m (s)"
-    for ax, (table, column, edges, label) in zip(
-        axes[3:],
+    for place, (table, column, edges, label) in enumerate(
         (
             ("following", "gap_m", np.linspace(0, 60, 61), "gap (m)"),
             ("following", "time_headway_s", np.linspace(0, 6, 61), "time headway (s)"),
             ("travel_times", "travel_time_s", np.linspace(20, 140, 41), span),
-        ),
-        strict=True,
+        )
     ):
+        ax = tidy(figure.add_subplot(grid[1, 2 * place : 2 * place + 2]))
         _distribution(ax, measures, paint, table, column, edges, fullest)
         ax.set(xlabel=label)
-    handles, labels = axes[3].get_legend_handles_labels()
+    handles, labels = ax.get_legend_handles_labels()
     figure.legend(handles, labels, loc="outside upper center", ncols=min(len(labels), 4), fontsize=9, frameon=False)
     return figure
 

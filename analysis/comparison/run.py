@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import time
+from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
@@ -17,7 +18,8 @@ from idm_sumo.runtime.errors import InputError
 from idm_sumo.runtime.files import MANIFEST, new_folder
 from idm_sumo.runtime.progress import Progress, silent
 from idm_sumo.runtime.text import number
-from idm_sumo.sumo.surrogate.builtin import SURROGATE, recording_path
+from idm_sumo.sumo.surrogate import SURROGATE
+from idm_sumo.sumo.surrogate.builtin import recording_path
 
 from ..page.manifest import manifest, write_manifest
 from ..page.page import not_measured, render
@@ -59,6 +61,7 @@ def compare_files(
     seed: int,
     location: str,
     command: list[str],
+    read: Callable[[Path], Recording] | None = None,
     progress: Progress = silent,
 ) -> pd.DataFrame:
     """Compare recordings and leave the results in a folder.
@@ -74,6 +77,8 @@ def compare_files(
         Which part of a file that mixes several.
     command : list of str
         As typed, for the manifest.
+    read : callable, optional
+        Reads a file, say on a network of the user's own; by default on the road that the file tells.
     progress : Progress
         Called with a stage's name, what is done of it and its total.
 
@@ -89,7 +94,7 @@ def compare_files(
     """
     begin = time.perf_counter()
     with new_folder(out) as part:
-        recordings, paths = read_all(files, minutes, seed, location, progress)
+        recordings, paths = read_all(files, minutes, seed, location, progress, read=read)
         comparison = compare(recordings, seed=seed, progress=progress)
         write_comparison(comparison, recordings, part, progress)
         _write_page(comparison, recordings, part)
@@ -106,7 +111,13 @@ def compare_files(
 
 
 def read_all(
-    files: list[str], minutes: float, seed: int, location: str, progress: Progress
+    files: list[str],
+    minutes: float,
+    seed: int,
+    location: str,
+    progress: Progress,
+    *,
+    read: Callable[[Path], Recording] | None = None,
 ) -> tuple[dict[str, Recording], list[Path]]:
     """Read recordings, named after their files.
 
@@ -119,6 +130,8 @@ def read_all(
     location : str
     progress : Progress
         Called with a stage's name, what is done of it and its total.
+    read : callable, optional
+        As of :func:`compare_files`.
 
     Returns
     -------
@@ -138,7 +151,7 @@ def read_all(
         name = SURROGATE if file == SURROGATE else path.name
         if name in recordings:
             raise InputError(f"{file}: a recording of this name is there already; rename one of the files")
-        recordings[name] = read_recording(path, location=location)
+        recordings[name] = read_recording(path, location=location) if read is None else read(path)
         paths.append(path)
     progress("reading", len(files), len(files))
     return recordings, paths
@@ -246,7 +259,8 @@ def findings(comparison: Comparison) -> str:
     """
     parts = []
     for name in list(comparison.measures)[1:]:
-        own, theirs = (last_row(comparison, key) for key in (comparison.reference, name))
+        theirs = last_row(comparison, name)
+        own = reference_row(comparison, str(theirs[c.PERIOD]))
         parts.append(
             f"{name}: mean speed {theirs['mean_speed_m_s']:.1f} against {own['mean_speed_m_s']:.1f} m/s, "
             f"median gap {theirs['gap_m']:.1f} "
@@ -270,6 +284,21 @@ def last_row(comparison: Comparison, name: str) -> pd.Series:
     name : str
     """
     return comparison.summary[comparison.summary[RECORDING] == name].iloc[-1]
+
+
+def reference_row(comparison: Comparison, period: str) -> pd.Series:
+    """Return the reference's row of a period.
+
+    If it has no such row, that over all its periods.
+
+    Parameters
+    ----------
+    comparison : Comparison
+    period : str
+    """
+    rows = comparison.summary[comparison.summary[RECORDING] == comparison.reference]
+    of_period = rows[rows[c.PERIOD] == period]
+    return (of_period if len(of_period) else rows).iloc[-1]
 
 
 def _write_page(comparison: Comparison, recordings: dict[str, Recording], part: Path) -> None:

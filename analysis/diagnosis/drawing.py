@@ -13,9 +13,11 @@ from idm_sumo.diagnosis import CauseFound, Diagnosis, RuledOut
 from idm_sumo.runtime.progress import Progress
 
 from ..page.style import save
-from . import figures
+from ..page.time_space import Mark
+from . import figures, words
 from .content import Range, extent
 from .curves import curves, lag_response, map_of
+from .outcome import Outcome
 
 PLACES, TIMES = 24, 40  # cells of the map
 MODELS = (figures.BASE, figures.EXTENDED)
@@ -74,6 +76,9 @@ def draw(found: Diagnosis, folder: Path, progress: Progress) -> dict[str, Path]:
     tests = [(one.name, one.p_value, kind) for kind, each in zip(figures.KINDS, tried, strict=True) for one in each]
     if tests:
         drawn["evidence"] = figures.evidence(pd.DataFrame(tests, columns=["name", "p_value", "kind"]))
+    if found.power:
+        shares = [{**vars(one), "share": one.size / words.magnitude(one).typical} for one in found.power]
+        drawn["power"] = figures.power_sizes(pd.DataFrame(shares))
     paths = {}
     for done, (name, figure) in enumerate(drawn.items()):
         progress("drawing", done, len(drawn))
@@ -108,6 +113,30 @@ def marks_of(found: Diagnosis) -> list[tuple[Range | None, Range | None]]:
     marks = [(one.where.position_m, one.where.time_s) for one in found.causes if one.where is not None]
     marks += [(one.position_m, one.time_s) for one in found.unexplained]
     return [mark for mark in marks if mark != (None, None)]
+
+
+def marks_on_the_road(outcome: Outcome) -> list[Mark]:
+    """Return places and times for a time-space diagram.
+
+    Parameters
+    ----------
+    outcome : Outcome
+        Of a diagnosis.
+
+    Returns
+    -------
+    list of Mark
+        Causes and unexplained structure that are bounded; times since the period began.
+    """
+    named = [
+        (words.plain(one.name), one.where.position_m, one.where.time_s) for one in outcome.content.causes if one.where
+    ]
+    rest = [(words.plain(one.covariate), one.position_m, one.time_s) for one in outcome.content.unexplained]
+    marks = [
+        Mark(label, outcome.bounded("position", place) or (None, None), outcome.bounded("time", time) or (None, None))
+        for label, place, time in (*named, *rest)
+    ]
+    return [mark for mark in marks if (mark.place, mark.time) != ((None, None), (None, None))]
 
 
 def _lag(samples: pd.DataFrame) -> Any:

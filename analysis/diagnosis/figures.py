@@ -13,14 +13,14 @@ from matplotlib.figure import Figure
 
 from idm_sumo.diagnosis import Scan
 
-from ..page.style import new_figure
+from ..page.style import method_colour, method_name, new_figure
 from .curves import COVARIATES, clustered_mean
 
 Floats = npt.NDArray[np.float64]
 
 BASE, EXTENDED = "base", "extended"
-COLOURS = {BASE: "#D55E00", EXTENDED: "#0072B2"}
-NAMES = {BASE: "base model", EXTENDED: "extended model"}
+COLOURS = {name: method_colour(name) for name in (BASE, EXTENDED)}
+NAMES = {name: method_name(name) for name in (BASE, EXTENDED)}
 SCANNED = {"position_m": "position along the road (m)", "time_s": "time since the period began (s)"}
 UNSURE = 4.0  # bins with so many times the median standard error do not set the axis
 KINDS = {"named": COLOURS[EXTENDED], "present without gain": "#56B4E9", "ruled out": "0.7"}

@@ -2,9 +2,8 @@
 
 from __future__ import annotations
 
-import shlex
 import time
-from dataclasses import replace
+from dataclasses import dataclass, replace
 from pathlib import Path
 
 import pandas as pd
@@ -18,14 +17,20 @@ from idm_sumo.recordings.recording import Recording
 from idm_sumo.runtime.files import MANIFEST, new_folder
 from idm_sumo.runtime.progress import Progress, silent
 
-from ..page.manifest import manifest, write_manifest
+from ..page.manifest import manifest, repeated, write_manifest
 from ..page.page import not_measured, render
+from ..page.style import save
+from ..page.time_space import diagrams_of
 from . import words
+from .answer import answer
 from .content import contract
 from .contract import write_diagnosis
 from .curves import curves
-from .drawing import MODELS, draw, marks_of, samples_of
-from .tables import causes_table, gains_table, laws_table, ruled_out_table
+from .drawing import MODELS, draw, marks_of, marks_on_the_road, samples_of
+from .effect_picture import Section, picture_of
+from .held_out import write_replays
+from .outcome import Outcome, outcome_of
+from .tables import causes_table, gains_table, laws_table, ruled_out_table, unexplained_table, untestable_table
 
 # In this order; the stages of the search in between depend on the data.
 STAGES = (
@@ -84,10 +89,11 @@ def diagnose_file(
         replace(found.model, drivers=DRIVERS).write(part / MODEL)
         own_drivers(found, recording).to_parquet(part / DRIVERS, index=False, write_page_checksum=True)
         _write_tables(found, part / "tables")
-        pictures = draw(found, part / "figures", progress)
+        outcome = outcome_of(found)
+        pictures = Pictures(file.name, draw(found, part / "figures", progress), notes, command)
+        pictures.first = _first_picture(outcome, found, recording, part / "figures")
         settings = {"recording": str(file), "location": location, "seed": seed, "jobs": jobs}
-        warning = not_measured({file.name: recording})
-        _write_page(found, part, f"{file.name} diagnosed", pictures, notes, command, warning)
+        _write_page(found, outcome, recording, part, pictures)
         record = manifest(
             command,
             settings,
@@ -100,6 +106,43 @@ def diagnose_file(
         )
         write_manifest(part / MANIFEST, record)
     return found
+
+
+@dataclass
+class Pictures:
+    """What the page shows beside the outcome.
+
+    Attributes
+    ----------
+    name : str
+        Of the recording.
+    files : dict of str to Path
+        Pictures by name.
+    notes, command : list of str
+        What a reader must know; the command line.
+    first : tuple of (Path, str, str) or None
+        The first picture, what is seen on it and how to read it.
+    """
+
+    name: str
+    files: dict[str, Path]
+    notes: list[str]
+    command: list[str]
+    first: tuple[Path, str, str] | None = None
+
+
+def _first_picture(
+    outcome: Outcome, found: Diagnosis, recording: Recording, folder: Path
+) -> tuple[Path, str, str] | None:
+    """Draw the first picture, if there is one."""
+    samples = samples_of(found) if len(found.residuals) else pd.DataFrame()
+    table = curves(samples, MODELS)
+    x = recording.table["x"]
+    drawn = picture_of(outcome, table, Section(recording.road, float(x.min()), float(x.max())))
+    if drawn is None:
+        return None
+    save(drawn.figure, folder / "effect.png")
+    return folder / "effect.png", drawn.alt, drawn.caption
 
 
 def own_drivers(found: Diagnosis, recording: Recording) -> pd.DataFrame:
@@ -157,9 +200,8 @@ def _write_tables(found: Diagnosis, folder: Path) -> None:
         "without_gain": causes_table(found.without_gain),
         "gains": gains_table([found.gain, *found.other_gains]),
         "ruled_out": ruled_out_table(found),
-        "untestable": pd.DataFrame({"name": list(found.untestable), "reason": list(found.untestable.values())}),
-        "detectable": pd.DataFrame([vars(one) for one in found.detectable]),
-        "law_misfit": found.misfit_map,
+        "untestable": untestable_table(found).rename(columns={"effect": "name"}),
+        "power": pd.DataFrame([vars(one) for one in found.power]),
         "laws": laws_table(found),
         "scans": pd.concat(
             [
@@ -183,57 +225,32 @@ def _write_tables(found: Diagnosis, folder: Path) -> None:
             table.to_csv(folder / f"{name}.csv", index=False, float_format="%.6g")
 
 
-def _write_page(
-    found: Diagnosis,
-    part: Path,
-    title: str,
-    pictures: dict[str, Path],
-    notes: list[str],
-    command: list[str],
-    warning: str,
-) -> None:
+def _write_page(found: Diagnosis, outcome: Outcome, recording: Recording, part: Path, pictures: Pictures) -> None:
+    """Write the page; replays of three drivers stand beside it."""
     samples = samples_of(found)
-    drivers = found.drivers
-    held_out = int(drivers["held_out"].sum()) if len(drivers) else 0
-    windows = int(drivers["windows"].sum()) if len(drivers) else 0
-    counts = f"{len(drivers)} drivers in {windows} windows, {held_out} of the drivers held out."
-    unexplained = pd.DataFrame(
-        [
-            {
-                "covariate": words.plain(one.covariate),
-                "from": one.range[0],
-                "to": one.range[1],
-                "p": f"{one.p_value:.2g}",
-                "position (m)": "everywhere"
-                if one.position_m is None
-                else f"{one.position_m[0]:.0f} to {one.position_m[1]:.0f}",
-                "time (s)": "always" if one.time_s is None else f"{one.time_s[0]:.0f} to {one.time_s[1]:.0f}",
-            }
-            for one in found.unexplained
-        ]
-    )
     render(
         part / "report.html",
         "diagnosis/report.html.j2",
-        title=title,
-        not_measured=warning,
+        title=f"{pictures.name} diagnosed",
+        not_measured=not_measured({pictures.name: recording}),
         found=found,
-        headline=words.headline(found),
-        gain_sentence=words.gain_sentence(found.gain),
+        answer=answer(outcome),
         law_sentence=words.law_sentence(found),
-        pictures=pictures,
+        first=pictures.first,
+        pictures=pictures.files,
         marks=bool(marks_of(found)),
+        diagrams=diagrams_of({pictures.name: recording}, marks=marks_on_the_road(outcome)),
+        replays=write_replays(outcome, found.residuals, recording, part),
         model_file=MODEL,
         gains=gains_table([found.gain, *found.other_gains]),
         groups=groups(samples) if len(samples) else pd.DataFrame(),
         causes=causes_table(found.causes),
         without_gain=causes_table(found.without_gain),
-        unexplained=unexplained,
+        unexplained=unexplained_table(outcome),
         laws=laws_table(found),
         ruled_out=ruled_out_table(found),
-        detectable=words.detectable_sentences(found),
-        counts=counts,
-        notes=notes,
-        sentence=words.sentence,
-        repeat=f"To repeat: {shlex.join(['idm-sumo', *command[1:]])}",
+        untestable=untestable_table(found),
+        power=words.power_sentences(found),
+        notes=pictures.notes,
+        repeat=f"To repeat: {repeated(pictures.command)}",
     )

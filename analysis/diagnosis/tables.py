@@ -10,6 +10,7 @@ from idm_sumo.diagnosis import CauseFound, Diagnosis, Gain
 from idm_sumo.models import laws
 from idm_sumo.models.effects import format_quantity
 
+from .outcome import Outcome
 from .words import lanes, plain, where
 
 MEASURES = {
@@ -98,13 +99,14 @@ def causes_table(causes: Sequence[CauseFound]) -> pd.DataFrame:
                 "value": format_quantity(one.value, one.unit) + (" (bound)" if cause.at_bound and n == 0 else ""),
                 "95 %": f"{one.ci95[0]:.3g} to {one.ci95[1]:.3g}",
                 "p": f"{cause.p_value:.2g}",
-                "gain of a driver's ADE": "–" if cause.gain is None else f"{cause.gain.difference:.1%}",
-                "probability": f"{cause.probability:.2f}",
+                "gain in ADE (m)": "–" if cause.gain is None else f"{cause.gain.difference:.3g}",
+                "share of the gain": f"{cause.share_of_gain:.0%}",
                 "drivers it rests on": f"{cause.effective_drivers:.0f}" if cause.effective_drivers else "–",
                 "where and when": "everywhere"
                 if cause.where is None
-                else (where(cause.where.position_m, cause.where.time_s) + lanes(cause.where)).strip() or "everywhere",
-                "cannot be told from": ", ".join(map(plain, cause.one_of)) or "–",
+                else (where(cause.where.position_m, cause.where.time_s) + lanes(cause.where.lanes)).strip()
+                or "everywhere",
+                "cannot be told from": ", ".join(map(plain, cause.inseparable_from)) or "–",
             }
             for cause in causes
             for n, (symbol, one) in enumerate(cause.parameters.items())
@@ -139,4 +141,52 @@ def ruled_out_table(found: Diagnosis) -> pd.DataFrame:
             }
             for one in found.ruled_out
         ]
+    )
+
+
+def unexplained_table(outcome: Outcome) -> pd.DataFrame:
+    """Return what no effect explains.
+
+    Parameters
+    ----------
+    outcome : Outcome
+        Of a diagnosis.
+
+    Returns
+    -------
+    pandas.DataFrame
+        One row a pattern.
+    """
+    return pd.DataFrame(
+        [
+            {
+                "covariate": plain(one.covariate),
+                "from": f"{one.range[0]:.4g}",
+                "to": f"{one.range[1]:.4g}",
+                "p": f"{one.p_value:.2g}",
+                "where and when": where(
+                    outcome.bounded("position", one.position_m), outcome.bounded("time", one.time_s)
+                ).strip()
+                or "everywhere",
+            }
+            for one in outcome.content.unexplained
+        ]
+    )
+
+
+def untestable_table(found: Diagnosis) -> pd.DataFrame:
+    """Return the effects that could not be tested.
+
+    Parameters
+    ----------
+    found : Diagnosis
+        The diagnosis.
+
+    Returns
+    -------
+    pandas.DataFrame
+        One row an effect, with the reason.
+    """
+    return pd.DataFrame(
+        {"effect": [plain(name) for name in found.untestable], "reason": list(found.untestable.values())}
     )

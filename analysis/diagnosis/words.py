@@ -2,11 +2,11 @@
 
 from __future__ import annotations
 
-from idm_sumo.diagnosis import CauseFound, Diagnosis, Gain, Region
-from idm_sumo.models import laws
-from idm_sumo.models.effects import format_quantity
+from collections.abc import Sequence
 
-SURE_MISFIT = 3.0  # standard errors, from which on the law's misfit is told
+from idm_sumo.diagnosis import Diagnosis, Power
+from idm_sumo.models import laws
+from idm_sumo.models.effects import BY_NAME, Parameter, format_quantity
 
 
 def plain(name: str) -> str:
@@ -57,74 +57,6 @@ def p_value(p: float) -> str:
     return "p < 0.0001" if p < 1e-4 else f"p = {p:.2g}"
 
 
-def headline(found: Diagnosis) -> str:
-    """Return the verdict in one sentence.
-
-    Parameters
-    ----------
-    found : Diagnosis
-        The diagnosis.
-
-    Returns
-    -------
-    str
-        Sentence.
-    """
-    if found.verdict == "named":
-        names = " and ".join(_sized(cause) for cause in found.causes)
-        return f"Named: {names}."
-    if found.verdict == "unknown":
-        places = "; ".join(
-            f"{plain(one.covariate)} from {one.range[0]:.4g} to {one.range[1]:.4g}{where(one.position_m, one.time_s)} "
-            f"({p_value(one.p_value)})"
-            for one in found.unexplained
-        )
-        return f"Unknown: residuals that no effect of the catalogue explains, at {places}."
-    if found.gain is None and found.notes:
-        return f"None: {sentence(found.notes[0])}"
-    if found.without_gain:
-        return "None: no effect of the catalogue improves the simulation."
-    return f"None: these data show nothing beyond {law_of(found)}."
-
-
-def _sized(cause: CauseFound) -> str:
-    drivers = f"; rests on about {cause.effective_drivers:.0f} drivers" if cause.effective_drivers else ""
-    bound = "; its size is at the bound of what is searched" if cause.at_bound else ""
-    shown = f"{_sizes(cause)}; {p_value(cause.p_value)}; probability {cause.probability:.2f}"
-    return f"{_what(cause)} ({shown}{drivers}{bound})"
-
-
-def _what(cause: CauseFound) -> str:
-    region = cause.where
-    place = "" if region is None else where(region.position_m, region.time_s) + lanes(region)
-    drifts = cause.name == "time_of_day" and "delta" in cause.parameters
-    return f"{plain(cause.name)}{', drifting' if drifts else ''}{place}"
-
-
-def _sizes(cause: CauseFound) -> str:
-    return ", ".join(
-        f"{symbol} = {format_quantity(one.value, one.unit)} (95 %: {one.ci95[0]:.3g} to {one.ci95[1]:.3g})"
-        for symbol, one in cause.parameters.items()
-    )
-
-
-def without_gain_sentence(found: Diagnosis) -> str:
-    """Name the causes that do not improve rollouts.
-
-    Parameters
-    ----------
-    found : Diagnosis
-        The diagnosis.
-
-    Returns
-    -------
-    str
-        Sentence, empty without such causes.
-    """
-    there = " and ".join(f"{_what(one)} ({_sizes(one)}; {p_value(one.p_value)})" for one in found.without_gain)
-    return f"Present, but without a gain of the rollouts: {there}." if there else ""
-
-
 def where(position: tuple[float, float] | None, time: tuple[float, float] | None) -> str:
     """Return where and when something holds, as words.
 
@@ -139,51 +71,42 @@ def where(position: tuple[float, float] | None, time: tuple[float, float] | None
         Empty without intervals, else with a blank before.
     """
     place = "" if position is None else f" between {position[0]:.0f} and {position[1]:.0f} m"
-    return place + ("" if time is None else f" between {time[0]:.0f} and {time[1]:.0f} s")
+    if time is None:
+        return place
+    return f"{place}{' and' if place else ''} from {clock(time[0])} to {clock(time[1])} (min:s)"
 
 
-def lanes(region: Region) -> str:
-    """Return the lanes of a region, as words.
+def clock(seconds: float) -> str:
+    """Return a time as minutes and seconds.
 
     Parameters
     ----------
-    region : Region
-        A part of the road and of the recording.
+    seconds : float
+        Since the period began.
+
+    Returns
+    -------
+    str
+        Such as ``7:05``.
+    """
+    minutes, rest = divmod(round(seconds), 60)
+    return f"{minutes}:{rest:02d}"
+
+
+def lanes(numbers: Sequence[int] | None) -> str:
+    """Return lanes as words.
+
+    Parameters
+    ----------
+    numbers : sequence of int or None
+        As in the recording; None for all.
 
     Returns
     -------
     str
         Empty for all lanes, else with a blank before.
     """
-    return "" if region.lanes is None else f" in lane {', '.join(map(str, region.lanes))}"
-
-
-def gain_sentence(gain: Gain | None) -> str:
-    """Describe the gain of the extended model on held-out drivers.
-
-    Parameters
-    ----------
-    gain : Gain or None
-        The gain, None if no drivers were held out.
-
-    Returns
-    -------
-    str
-        Sentences.
-    """
-    if gain is None:
-        return "Too few drivers to hold some out: no gain was measured."
-    if gain.difference == 0.0:
-        error = f"The mean displacement error is {gain.base:.2f} m on {gain.vehicles} held-out drivers"
-        return f"{error}; the model is not extended."
-    share = gain.difference / gain.base if gain.base else 0.0
-    moves = "falls" if gain.difference > 0.0 else "rises"
-    sure = "" if gain.ci95[0] > 0.0 else " An effect can be significant without a gain: here nothing is clearly gained."
-    return (
-        f"On {gain.vehicles} held-out drivers the mean displacement error {moves} from {gain.base:.3f} to "
-        f"{gain.extended:.3f} m, a gain of {gain.difference:.3f} m or {share:.1%} (95 %: {gain.ci95[0]:.3f} to "
-        f"{gain.ci95[1]:.3f} m).{sure}"
-    )
+    return "" if not numbers else f" in lane {', '.join(map(str, numbers))}"
 
 
 def law_of(found: Diagnosis) -> str:
@@ -254,18 +177,19 @@ def _with_causes(found: Diagnosis) -> str:
 
 
 def _another(found: Diagnosis) -> str:
-    misfit = found.misfit
-    if misfit.standard_errors < SURE_MISFIT:
+    if found.other_law is None:
         return ""
+    law, whose = found.other_law, law_of(found)
     return (
-        f"{sentence(law_of(found)).rstrip('.')} is not quite the law of these drivers, whatever its parameters: it "
-        f"lacks a smooth acceleration of gap, speed and approach rate of about {misfit.deviation:.2g} m/s² "
-        f"({misfit.standard_errors:.0f} standard errors), with which every effect has to compete."
+        f"{sentence(whose).rstrip('.')} is not quite the law of these drivers, whatever its parameters: the "
+        f"residuals look like {plain(law.name)} with {law.symbol} = {format_quantity(law.value, law.unit, 2)} "
+        f"({law.standard_errors:.1f} standard errors), a sign that it cannot have. Estimated sizes refer to "
+        "that law, their intervals are wider because of it, and small effects may stay undetected."
     )
 
 
-def detectable_sentences(found: Diagnosis) -> list[str]:
-    """Return how often each effect was found in followers.
+def power_sentences(found: Diagnosis) -> list[str]:
+    """Return which size of each effect would have been found.
 
     Parameters
     ----------
@@ -275,10 +199,31 @@ def detectable_sentences(found: Diagnosis) -> list[str]:
     Returns
     -------
     list of str
-        One line an effect and size.
+        One line an effect, with the probability.
     """
-    return [
-        f"{plain(one.name)} of {one.symbol} = {format_quantity(one.size, one.unit)}, put into these very followers, "
-        f"was found in {round(one.found * one.of)} of {one.of}"
-        for one in found.detectable
-    ]
+    return [_seen(one) for one in found.power]
+
+
+def magnitude(power: Power) -> Parameter:
+    """Return the parameter to which a statement of power refers.
+
+    Parameters
+    ----------
+    power : Power
+        Size and probability.
+
+    Returns
+    -------
+    Parameter
+        Parameter of the catalogue.
+    """
+    return next(p for p in BY_NAME[power.name].all_parameters if p.symbol == power.symbol)
+
+
+def _seen(one: Power) -> str:
+    largest = magnitude(one).upper
+    if one.size > largest:
+        bound = f"{one.symbol} = {format_quantity(largest, one.unit)}"
+        return f"no {plain(one.name)} up to {bound} would have been found for sure"
+    size = f"{one.symbol} = {format_quantity(one.size, one.unit)}"
+    return f"{plain(one.name)} of {size} would have been found with probability {one.probability:.2f}"

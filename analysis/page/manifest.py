@@ -2,9 +2,11 @@
 
 from __future__ import annotations
 
+import argparse
 import hashlib
 import json
 import platform
+import shlex
 import subprocess
 from importlib.metadata import version
 from pathlib import Path
@@ -57,6 +59,21 @@ def manifest(command: list[str], settings: dict[str, Any], inputs: list[Path], *
         "platform": platform.platform(),
         **more,
     }
+
+
+def repeated(command: list[str]) -> str:
+    """Return the line that repeats a run.
+
+    The number of processes is left out: it changes no result, so it must not change a page either.
+
+    Parameters
+    ----------
+    command : list of str
+        As typed.
+    """
+    parser = argparse.ArgumentParser(add_help=False)
+    parser.add_argument("--jobs")
+    return shlex.join(["idm-sumo", *parser.parse_known_args(command[1:])[1]])
 
 
 def write_manifest(path: Path, record: dict[str, Any]) -> None:

@@ -111,12 +111,17 @@ def html_table(table: pd.DataFrame) -> Markup:
             continue
         se = name.replace("_m", "_se_m")
         shown[TITLES.get(name, name)] = (
-            [f"{mean:.2f}\u00a0±\u00a0{error:.2f}" for mean, error in zip(table[name], table[se], strict=True)]
+            [_with_error(mean, error) for mean, error in zip(table[name], table[se], strict=True)]
             if se in table.columns and se != name
             else [_cell(name, value) for value in table[name]]
         )
     text = shown.to_html(index=False, border=0, classes="numbers", escape=True)
     return Markup(f'<div class="scroll">{text}</div>')
+
+
+def _with_error(mean: float, error: float) -> str:
+    """Return a mean with its standard error, a dash where nothing is known."""
+    return "–" if pd.isna(mean) else f"{mean:.2f}" + ("" if pd.isna(error) else f"\u00a0±\u00a0{error:.2f}")
 
 
 def _cell(name: str, value: Any) -> str:

@@ -24,8 +24,9 @@ METHOD_NAMES = {
     "idm_typical": "IDM, typical driver of the population",
     "idm_hierarchical": "IDM, oracle drawn to the population",
     "idm_oracle": "IDM, oracle",
-    "idm_watched": "IDM, predicted and watched",
+    "idm_residual": "IDM, pooled, and a predicted residual",
     "idm_own_past": "IDM, fitted to its own past",
+    "base": "base model",
     "extended": "extended model",
 }
 # Okabe and Ito's palette, told apart by colour-blind readers too.
@@ -41,8 +42,9 @@ METHOD_COLOURS = {
     "idm_typical": "#882255",
     "idm_hierarchical": "#117733",
     "idm_oracle": "#009E73",
-    "idm_watched": "#AA4499",
+    "idm_residual": "#661100",
     "idm_own_past": "#DDAA33",
+    "base": "#D55E00",
     "extended": "#332288",
 }
 RECORDED = "#000000"
@@ -58,8 +60,9 @@ METHOD_STROKES: dict[str, list[float]] = {
     "idm_first_gap": [1, 2],
     "idm_typical": [6, 1, 1, 1, 1, 1],
     "idm_hierarchical": [4, 2],
-    "idm_watched": [1, 1],
+    "idm_residual": [1, 1],
     "idm_own_past": [2, 2],
+    "base": [7, 2],
 }
 LABEL_HEIGHT = 0.045  # of a picture: least distance of two names beside their lines
 DASHES: tuple[list[int], ...] = ([], [8, 4], [2, 3], [10, 3, 2, 3])  # px: lines are told apart without colour
@@ -137,9 +140,20 @@ def new_figure(
     figure = Figure(figsize=(width, height), layout="constrained", dpi=130)
     axes = [figure.add_subplot(rows, columns, number + 1) for number in range(rows * columns)]
     for ax in axes:
-        ax.spines[["top", "right"]].set_visible(False)
-        ax.grid(alpha=0.25, linewidth=0.6)
+        tidy(ax)
     return figure, axes
+
+
+def tidy(ax: Axes) -> Axes:
+    """Give axes the look of all pictures.
+
+    Parameters
+    ----------
+    ax : matplotlib.axes.Axes
+    """
+    ax.spines[["top", "right"]].set_visible(False)
+    ax.grid(alpha=0.25, linewidth=0.6)
+    return ax
 
 
 def save(figure: Figure, path: Path) -> None:

@@ -7,6 +7,7 @@
 (function () {
   const MOST_POINTS = 30000; // points in view up to which paths are drawn one by one
   const CELL = 5; // px of a cell of mean speed
+  const darkScheme = window.matchMedia("(prefers-color-scheme: dark)");
   const MARGIN = { left: 48, right: 8, top: 8, bottom: 34 };
   const diagrams = [...document.querySelectorAll(".time-space")].map(load);
   if (!diagrams.length) return;
@@ -65,7 +66,8 @@
   }
 
   function colour(diagram, speed) {
-    const { colours, fastest } = diagram.data;
+    const { fastest } = diagram.data;
+    const colours = darkScheme.matches ? diagram.data.colours_dark : diagram.data.colours;
     return colours[Math.min(colours.length - 1, Math.max(0, Math.floor((speed / fastest) * colours.length)))];
   }
 
@@ -80,7 +82,7 @@
     diagram.root.dataset.points = String(points);
     if (diagram.mode === "cells") drawCells(diagram, a); else drawPaths(diagram, a);
     if (diagram.chosen !== null) drawChosen(diagram, a, ink);
-    drawMarks(diagram, a, ink);
+    drawMarks(diagram, a, ink, style.getPropertyValue("--page"));
     c.fillStyle = soft; c.strokeStyle = line; c.font = "12px system-ui, sans-serif"; c.lineWidth = 1;
     c.strokeRect(MARGIN.left, MARGIN.top, a.width - MARGIN.left - MARGIN.right, a.height - MARGIN.top - MARGIN.bottom);
     c.textAlign = "center";
@@ -133,13 +135,14 @@
     c.restore();
   }
 
-  function drawMarks(diagram, { c, px, py, width }, ink) {
+  function drawMarks(diagram, { c, px, py, width }, ink, page) {
     c.font = "12px system-ui, sans-serif"; c.textAlign = "left";
     for (const mark of diagram.data.marks) {
       const left = Math.max(px(mark.time[0] ?? view.from), MARGIN.left), right = Math.min(px(mark.time[1] ?? view.to), width - MARGIN.right);
       const top = Math.max(py(mark.place[1] ?? view.high), MARGIN.top), bottom = Math.min(py(mark.place[0] ?? view.low), 320 - MARGIN.bottom);
       if (right <= left || bottom <= top) continue;
       c.strokeStyle = ink; c.lineWidth = 2; c.setLineDash([7, 4]); c.strokeRect(left, top, right - left, bottom - top); c.setLineDash([]);
+      c.fillStyle = page; c.fillRect(left + 2, top + 2, c.measureText(mark.label).width + 6, 16);
       c.fillStyle = ink; c.fillText(mark.label, left + 5, top + 14);
     }
   }
@@ -241,6 +244,6 @@
     tell(diagram, null);
   }
   window.addEventListener("resize", drawAll);
-  window.matchMedia("(prefers-color-scheme: dark)").addEventListener("change", drawAll);
+  darkScheme.addEventListener("change", drawAll);
   drawAll();
 })();

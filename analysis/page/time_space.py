@@ -18,7 +18,10 @@ from idm_sumo.recordings.recording import Recording
 from .embedded import embedded
 
 EVERY = 10  # frames between two points of a path: a second, in which a vehicle covers a car length or a few
-COLOURS = [to_hex(colormaps["cividis"](share)) for share in np.linspace(0.0, 1.0, 32)]  # safe for colour-blind readers
+# Safe for colour-blind readers; the end that would vanish on the page is left out.
+LIGHT_PAGE, DARK_PAGE = (
+    [to_hex(colormaps["cividis"](share)) for share in np.linspace(*ends, 32)] for ends in ((0.0, 0.8), (0.35, 1.0))
+)
 SPEED_STEP = 5.0  # m/s, to which the fastest colour is rounded
 FINEST, SPEED_UNIT = 0.1, 0.25  # m and m/s of one step of the stored numbers
 
@@ -52,7 +55,7 @@ def diagram(
     Returns
     -------
     dict
-        ``key, title, lanes, slowest, fastest, ramp, data``.
+        ``key, title, lanes, slowest, fastest, ramp, ramp_dark, data``.
     """
     table = recording.of_period(period).table
     begin = int(table[c.FRAME].min())
@@ -70,22 +73,25 @@ def diagram(
         "x": _packed((kept[c.X].to_numpy() - low) / unit, np.uint16), "x_unit": unit,
         "v": _packed(kept[c.SPEED].to_numpy() / SPEED_UNIT, np.uint8), "v_unit": SPEED_UNIT,
         "lanes": _packed(kept[c.LANE].to_numpy(), np.uint8),
-        "colours": COLOURS, "fastest": fastest,
+        "colours": LIGHT_PAGE, "colours_dark": DARK_PAGE, "fastest": fastest,
         "marks": [{"label": mark.label, "place": mark.place, "time": mark.time} for mark in marks],
     }  # fmt: skip
     return {
         "key": key, "title": title, "lanes": sorted(int(lane) for lane in kept[c.LANE].unique()), "slowest": 0,
-        "fastest": f"{fastest:g}", "ramp": ", ".join(COLOURS[::4]), "data": embedded(data),
+        "fastest": f"{fastest:g}", "ramp": ", ".join(LIGHT_PAGE[::4]),
+        "ramp_dark": ", ".join(DARK_PAGE[::4]), "data": embedded(data),
     }  # fmt: skip
 
 
-def diagrams_of(recordings: Mapping[str, Recording]) -> list[dict[str, Any]]:
+def diagrams_of(recordings: Mapping[str, Recording], *, marks: Sequence[Mark] = ()) -> list[dict[str, Any]]:
     """Return a diagram of the first period of each recording.
 
     Parameters
     ----------
     recordings : mapping of str to Recording
         By the title of the diagram.
+    marks : sequence of Mark
+        Framed in each.
 
     Returns
     -------
@@ -94,7 +100,7 @@ def diagrams_of(recordings: Mapping[str, Recording]) -> list[dict[str, Any]]:
     """
     fastest = colours_end(recordings.values())
     return [
-        diagram(str(number), title, one, one.periods[0], fastest=fastest)
+        diagram(str(number), title, one, one.periods[0], fastest=fastest, marks=marks)
         for number, (title, one) in enumerate(recordings.items(), 1)
     ]
 

@@ -25,7 +25,7 @@ def nearest(
     Parameters
     ----------
     scenes : Scenes
-        One driver.
+        One driver, in one window or several.
     recording : Recording
         Its period.
     model : ExtendedModel
@@ -50,9 +50,9 @@ def nearest(
 def _off(
     scenes: Scenes, seen: tuple[TrafficDetails, RecordedDrivers], model: ExtendedModel, theta: npt.NDArray[np.float64]
 ) -> npt.NDArray[np.float64]:
-    """Return the distance (m) from the recording, frame by frame."""
+    """Return the distance (m) from the recording, frame by frame of every window."""
     driven = drive_extended(scenes, seen, model, theta, desired_speed=model.desired_speed)
-    return np.asarray((driven.x - scenes.x[:, scenes.start : scenes.start + scenes.window.horizon + 1])[0])
+    return np.asarray(driven.x - scenes.x[:, scenes.start : scenes.start + scenes.window.horizon + 1]).ravel()
 
 
 def _ade(off: npt.NDArray[np.float64]) -> float:
@@ -67,7 +67,7 @@ def fit_extended(
     Parameters
     ----------
     scenes : Scenes
-        One driver.
+        One driver, in one window or several.
     seen : (TrafficDetails, RecordedDrivers)
         What it sees.
     model : ExtendedModel

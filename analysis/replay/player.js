@@ -48,8 +48,22 @@
     return first + part * (second - first);
   }
 
-  /* ---------- the road from above ---------- */
-  const road = element("road");
+  /* ---------- the road from above: one for all models, or one a model below each other ---------- */
+  const roads = data.apart ? data.models.map(addRoad) : [{ canvas: element("road"), own: null }];
+  if (data.apart) element("road").remove();
+
+  function addRoad(model) {
+    const figure = document.createElement("figure");
+    const name = document.createElement("figcaption");
+    const canvas = document.createElement("canvas");
+    name.textContent = model.name;
+    canvas.className = "road";
+    canvas.setAttribute("role", "img");
+    canvas.setAttribute("aria-label", element("road").getAttribute("aria-label") + ": " + model.name);
+    figure.append(name, canvas);
+    element("roads").append(figure);
+    return { canvas, own: model };
+  }
   function roadHeight() {
     const top = Math.max(...data.road.edges, 0) + 1;
     const bottom = Math.min(...data.road.edges, ...data.road.sides.map((side) => side.to_y)) - 1;
@@ -57,21 +71,22 @@
   }
   const extent = roadHeight();
 
-  function drawRoad() {
-    const scale = road.clientWidth / state.view;
+  function drawRoad({ canvas, own: only }) {
+    const models = visibleModels().filter((model) => only === null || model === only);
+    const scale = canvas.clientWidth / state.view;
     const across = Math.max(scale, 5); // px a metre across: lanes stay apart on a phone
-    const area = prepare(road, Math.round((extent.top - extent.bottom) * across) + 18);
+    const area = prepare(canvas, Math.round((extent.top - extent.bottom) * across) + 18);
     const c = area.context;
     const middle = at(data.recorded.x, state.frame) + state.view * 0.12;
     const px = (x) => (x - middle) * scale + area.width / 2;
     const py = (y) => (extent.top - y) * across;
     drawLanes(c, area, px, py, middle);
-    for (const vehicle of data.traffic) drawTraffic(c, vehicle, px, py, scale, across);
-    for (const model of visibleModels()) drawFan(c, model, px, py);
+    for (const vehicle of data.traffic) drawTraffic(c, area, vehicle, px, py, scale, across);
+    for (const model of models) drawFan(c, model, px, py);
     const own = { length: data.recorded.length, width: data.recorded.width };
     drawCar(c, data.recorded, state.frame, own, theme.ink, px, py, scale, across, true);
-    for (const model of visibleModels()) drawCar(c, model, state.frame, own, inkOf(model), px, py, scale, across, false);
-    labelCars(c, area, px, py);
+    for (const model of models) drawCar(c, model, state.frame, own, inkOf(model), px, py, scale, across, false);
+    labelCars(c, area, models, px, py);
   }
 
   function drawLanes(c, area, px, py, middle) {
@@ -114,11 +129,11 @@
     c.restore();
   }
 
-  function drawTraffic(c, vehicle, px, py, scale, across) {
+  function drawTraffic(c, area, vehicle, px, py, scale, across) {
     const frame = state.frame - vehicle.first;
     if (frame < 0 || frame > vehicle.x.length - 1) return;
     const x = at(vehicle.x, frame), y = at(vehicle.y, frame);
-    if (Math.abs(px(x) - road.clientWidth / 2) > road.clientWidth) return;
+    if (Math.abs(px(x) - area.width / 2) > area.width) return;
     const isLeader = vehicle.id === data.recorded.leader[Math.round(state.frame)];
     body(c, x, y, at(vehicle.h, frame), vehicle.length, vehicle.width, px, py, scale, across);
     c.fillStyle = theme.traffic;
@@ -126,7 +141,7 @@
     if (isLeader) {
       c.strokeStyle = theme.leader; c.lineWidth = 2.5; c.stroke();
       c.fillStyle = theme.leader; c.textAlign = "center";
-      c.fillText("leader " + vehicle.id, px(x - vehicle.length / 2), py(y + vehicle.width / 2) - 4);
+      c.fillText("leader " + vehicle.id, px(x - vehicle.length / 2), Math.max(py(y + vehicle.width / 2) - 4, 11));
     }
   }
 
@@ -153,16 +168,18 @@
     }
   }
 
-  function labelCars(c, area, px, py) {
+  function labelCars(c, area, models, px, py) {
     const cars = [{ name: "recorded", colour: theme.ink, car: data.recorded }];
-    for (const model of visibleModels()) cars.push({ name: model.name, colour: inkOf(model), car: model });
+    for (const model of models) cars.push({ name: model.name, colour: inkOf(model), car: model });
     let row = 0;
     c.textAlign = "left";
     for (const { name, colour, car } of cars) {
       const x = px(at(car.x, state.frame)), y = py(at(car.y, state.frame));
       const labelX = Math.min(Math.max(x + 4, 2), area.width - 110);
       const labelY = Math.min(area.height - 22, y + 20 + 15 * row);
-      c.fillStyle = colour;
+      c.globalAlpha = 0.8; c.fillStyle = theme.page; // a car behind the name must not make it unreadable
+      c.fillRect(labelX - 2, labelY - 11, 19 + c.measureText(name).width, 15);
+      c.globalAlpha = 1; c.fillStyle = colour;
       c.fillRect(labelX, labelY - 9, 9, 9);
       c.fillStyle = theme.ink; // text keeps its contrast whatever the model's colour
       c.fillText(name, labelX + 13, labelY);
@@ -252,7 +269,7 @@
   let asked = false;
   function render() {
     asked = false;
-    drawRoad();
+    roads.forEach(drawRoad);
     curves.forEach(drawCurve);
     fillMoment();
     const scrub = element("scrub");

@@ -49,7 +49,7 @@ class Played:
 
 def write_player(
     path: Path, recording: Recording, scenes: Scenes, played: Sequence[Played], scores: pd.DataFrame, *,
-    title: str, answer: str, notes: Sequence[str] = (), footnote: str = "",
+    title: str, answer: str, notes: Sequence[str] = (), footnote: str = "", apart: bool = False,
 ) -> None:  # fmt: skip
     """Write the page of one driver.
 
@@ -69,11 +69,13 @@ def write_player(
         Heading, first sentence, last sentence.
     notes : sequence of str
         What the reader must know of the data, such as that it is no measurement.
+    apart : bool
+        Whether each modelled car has a road of its own, side by side and played together.
     """
     render(
         path, "replay/player.html.j2", title=title, answer=answer, notes=notes, footnote=footnote, scores=scores,
         road_alt=f"The road from above with recorded vehicle {scenes.vehicle[0]} and {len(played)} modelled cars",
-        data=embedded(player_data(recording, scenes, played)),
+        data=embedded({**player_data(recording, scenes, played), "apart": apart}),
     )  # fmt: skip
 
 

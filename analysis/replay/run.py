@@ -17,6 +17,7 @@ from idm_sumo.calibration import calibrate
 from idm_sumo.calibration.driver_table import DESIRED_SPEED, FIRST_FRAME, read_drivers
 from idm_sumo.evaluation.metrics import score
 from idm_sumo.models.effects import ExtendedModel
+from idm_sumo.prediction.residual_drive import MODEL, ResidualDrivers, drive_residual
 from idm_sumo.recordings import columns as c
 from idm_sumo.recordings.columns import FRAME_STEP
 from idm_sumo.recordings.recording import Recording
@@ -36,7 +37,7 @@ from .animation import animate
 from .nearest import nearest
 from .player import Played, write_player
 
-CONSTANT_VELOCITY, EXTENDED = "constant_velocity", "extended"
+CONSTANT_VELOCITY, EXTENDED, RESIDUAL = "constant_velocity", "extended", "idm_residual"
 
 
 @dataclass(frozen=True)
@@ -124,6 +125,8 @@ def replay_one(
         _check_recording(read_drivers(path), recording, path)
     models = _models(request, scenes)
     driven = {name: _drive(request.backend, scenes, one) for name, one in models.items()}
+    for path in request.drivers[:1]:
+        driven |= _with_residual(request, path, scenes)
     if model is not None:
         recorded = recording.of_period(scenes.one_period)
         first = next(iter(models.values()))
@@ -154,7 +157,7 @@ def replay_one(
         )
         write_manifest(part / MANIFEST, record)
     columns = [c.PERIOD, c.VEHICLE, "ade_m", "fde_m", "collision", "at_fault", "min_gap_m"]
-    return scores[columns if len(models) == 1 else ["model", *columns]]
+    return scores[columns if len(driven) == 1 else ["model", *columns]]
 
 
 def _write_page(
@@ -275,6 +278,20 @@ def _drive(
     from idm_sumo.sumo.replay.one_vehicle import replay
 
     return replay(scenes, one.theta, desired_speed=one.desired_speed, extension=extension)
+
+
+def _with_residual(request: Request, path: Path, scenes: Scenes) -> dict[str, Trajectories]:
+    """Drive the vehicle by its predicted residual, too, if the table has one."""
+    drivers = read_drivers(path)
+    if MODEL not in drivers:
+        return {}
+    residual = ResidualDrivers.of_table(drivers, scenes.keys(), str(path))
+    residual.check_observed(scenes.window.observed, str(path))
+    if request.backend == "kernel":
+        return {RESIDUAL: drive_residual(scenes, residual)}
+    from idm_sumo.sumo.replay.one_vehicle import replay
+
+    return {RESIDUAL: replay(scenes, residual)}
 
 
 def trajectory_table(scenes: Scenes, trajectories: Trajectories) -> pd.DataFrame:

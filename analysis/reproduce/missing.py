@@ -1,6 +1,4 @@
-"""Vehicles that are missing from the recording.
-
-What they do to every method's error.
+"""Errors of all methods in scenes that lack vehicles.
 
 The paper models 1,992 of 2,169 and 1,521 of 2,017 counted vehicles. If the others are missing from the replayed scene
 too, a modelled vehicle follows the wrong leader.
@@ -14,16 +12,14 @@ import numpy as np
 import numpy.typing as npt
 import pandas as pd
 
-from idm_sumo.calibration import calibrate
 from idm_sumo.evaluation.metrics import summary
-from idm_sumo.prediction import KNNPredictor, average_parameters
-from idm_sumo.prediction.driving_code import FEATURES, features_of
+from idm_sumo.prediction import average_parameters
 from idm_sumo.runtime.progress import Progress, silent
 from idm_sumo.scenes.windows import LEADER_FROM_LANE
 from idm_sumo.simulation.rollout import drive_constant_velocity
 
 from .drivers import Drivers
-from .study import PARAMETERS, Study
+from .study import Study, fits_of
 
 Floats = npt.NDArray[np.float64]
 Mask = npt.NDArray[np.bool_]
@@ -37,9 +33,7 @@ COLUMNS = ["missing_share", "seed", "parameters", "method", "ade_m", "ade_se_m",
 
 @dataclass(frozen=True)
 class Thinned:
-    """One side of the study with vehicles missing.
-
-    One side of the study in a scene with vehicles missing.
+    """A side of the study with vehicles missing.
 
     Attributes
     ----------
@@ -79,19 +73,20 @@ def missing_vehicles(study: Study, progress: Progress = silent) -> pd.DataFrame:
         train, test = (_thin(side, share, rng) for side in (study.train, study.test))
         if not len(train.drivers) or not len(test.drivers):
             continue
-        ways = {KNOWN: _known(study, test)} | ({REFITTED: _refitted(study, train, test)} if share else {})
-        for way, methods in ways.items():
-            found = _score(test.drivers, methods, constant_velocity=way == KNOWN)
+        observed = study.settings.observed
+        seen = study.test.code(observed)[test.there].reset_index(drop=True)
+        ways = {KNOWN: (replace(study, test=test.drivers, test_fits=study.test_fits[test.there]), seen)}
+        if share:
+            ways[REFITTED] = (_refitted(study, train.drivers, test.drivers), test.drivers.code(observed))
+        for way, (thinned, codes) in ways.items():
+            found = _score(test.drivers, _methods(thinned, codes), constant_velocity=way == KNOWN)
             rows += [{"missing_share": share, "seed": seed, "parameters": way, **row} for row in found]
     progress("missing vehicles", len(cases), len(cases))
     return pd.DataFrame(rows, columns=COLUMNS)
 
 
 def _thin(side: Drivers, share: float, rng: np.random.Generator) -> Thinned:
-    """Take away a share of the vehicles of every period.
-
-    Take away a share of the recorded vehicles of every period, modelled or not.
-    """
+    """Take away a share of each period's vehicles."""
     scenes, there = [], []
     for one in side.scenes:
         recorded = np.unique(one.traffic.vehicle)
@@ -103,37 +98,20 @@ def _thin(side: Drivers, share: float, rng: np.random.Generator) -> Thinned:
     return Thinned(replace(side, scenes=tuple(scenes)), np.concatenate(there))
 
 
-def _known(study: Study, test: Thinned) -> dict[str, Floats]:
-    """Return parameters that were found while nobody was missing."""
+def _refitted(study: Study, train: Drivers, test: Drivers) -> Study:
+    """Return the study with both sides fitted again."""
+    s = study.settings
+    return replace(study, train=train, test=test, train_fits=fits_of(train, s), test_fits=fits_of(test, s))
+
+
+def _methods(study: Study, codes: pd.DataFrame) -> dict[str, Floats]:
+    """Return parameters of the test drivers by three methods."""
     _, theta = study.library
-    codes = study.test.code(study.settings.observed)[test.there].reset_index(drop=True)
     return {
         "idm_average": np.tile(average_parameters(theta), (len(codes), 1)),
         "idm_prediction": study.neighbours(codes, study.settings.neighbours),
-        "idm_oracle": _or_pooled(study, study.test_fits[test.there]),
+        "idm_oracle": study.or_pooled(study.test_fits),
     }
-
-
-def _refitted(study: Study, train: Thinned, test: Thinned) -> dict[str, Floats]:
-    """Return parameters that were found in the thinned scenes."""
-    theta = _or_pooled(study, _fits(study, train.drivers))
-    columns = features_of(tuple(FEATURES), speed=study.settings.code_speed)
-    nearest = KNNPredictor(min(study.settings.neighbours, len(theta)), columns).fit(train.drivers.code(), theta)
-    return {
-        "idm_average": np.tile(average_parameters(theta), (len(test.drivers), 1)),
-        "idm_prediction": nearest.predict(test.drivers.code(study.settings.observed)),
-        "idm_oracle": _or_pooled(study, _fits(study, test.drivers)),
-    }
-
-
-def _fits(study: Study, drivers: Drivers) -> pd.DataFrame:
-    fits = [calibrate(scenes, desired_speed=study.settings.desired_speed) for scenes in drivers.scenes]
-    return pd.concat(fits, ignore_index=True)
-
-
-def _or_pooled(study: Study, fits: pd.DataFrame) -> Floats:
-    theta = fits[PARAMETERS].to_numpy()
-    return np.where(np.isfinite(theta), theta, np.array(study.pooled))
 
 
 def _score(drivers: Drivers, methods: dict[str, Floats], *, constant_velocity: bool) -> list[dict[str, object]]:

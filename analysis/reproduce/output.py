@@ -120,6 +120,9 @@ def _write_figures(results: Results, folder: Path) -> None:
     save(figures.flat_directions(tables.flat_directions(study)), folder / "flat_directions.png")
     save(prediction_figures.fan(study), folder / "prediction_fan.png")
     save(prediction_figures.seconds(results.prediction["prediction_seconds"]), folder / "prediction_seconds.png")
+    told = (results.prediction["prediction_distances"], results.prediction["prediction_for_whom"])
+    if len(told[1]):
+        save(prediction_figures.for_whom(*told), folder / "prediction_for_whom.png")
     if len(results.missing):
         save(figures.missing_vehicles(by_share(results.missing)), folder / "missing_vehicles.png")
     part, which = _median_driver(results)

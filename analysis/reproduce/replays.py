@@ -5,6 +5,8 @@ A page that plays each method's best, median and worst.
 
 from __future__ import annotations
 
+import re
+from collections.abc import Iterable
 from pathlib import Path
 from typing import NamedTuple
 
@@ -12,7 +14,7 @@ import numpy as np
 import numpy.typing as npt
 import pandas as pd
 
-from idm_sumo.prediction import RolloutPredictor, first_second
+from idm_sumo.prediction import RolloutPredictor
 from idm_sumo.recordings.columns import FRAME_STEP
 from idm_sumo.scenes.windows import Scenes
 from idm_sumo.simulation.rollout import Trajectories
@@ -65,7 +67,7 @@ class Row(NamedTuple):
 def write_replays(results: Results, folder: Path) -> list[Row]:
     """Write the pages of the drivers.
 
-    Write the pages of the drivers that every method drives best, at the median and worst.
+    Each method has three: those it drives best, at the median and worst.
 
     Parameters
     ----------
@@ -95,7 +97,7 @@ def write_replays(results: Results, folder: Path) -> list[Row]:
 def _places(ade: Floats) -> list[int]:
     """Return the rows of three drivers.
 
-    Return the rows of the drivers with the least, the median and the largest error.
+    They have the least, the median and the largest error.
     """
     order = np.argsort(ade, kind="stable")
     return [int(order[round(share * (len(order) - 1))]) for share in PLACES.values()]
@@ -113,7 +115,7 @@ def _write(results: Results, methods: list[str], place: int, folder: Path) -> tu
     played = [Played(name, one, name != "constant_velocity", fans.get(name, ())) for name, one in driven.items()]
     table = pd.concat([results.scores[name].iloc[[place]].assign(method=name) for name in methods], ignore_index=True)
     vehicle, period = scenes.vehicle[0], scenes.one_period
-    page = f"{FOLDER}/{period}_{vehicle}.html"
+    page = f"{FOLDER}/{file_name(period, results.source.periods)}_{vehicle}.html"
     recording = results.source.periods[period]
     seconds = scenes.window.horizon * FRAME_STEP
     best = table.loc[table["ade_m"].idxmin()]
@@ -133,7 +135,7 @@ def _fan(predictor: RolloutPredictor, scenes: Scenes, driven: Trajectories) -> l
 
     Intervals (m along the road) about its rollout.
     """
-    found = predictor.predict_with_spread(first_second(scenes))
+    found = predictor.predict_with_spread(predictor.observe(scenes))
     scale = predictor.scale(scenes, found)[0]
     bands = []
     for share in SHARES:
@@ -142,10 +144,30 @@ def _fan(predictor: RolloutPredictor, scenes: Scenes, driven: Trajectories) -> l
     return bands
 
 
+def file_name(period: str, periods: Iterable[str]) -> str:
+    """Return a period's name in the name of a file.
+
+    A period may be named by anything, such as a path.
+
+    Parameters
+    ----------
+    period : str
+        Name of a period.
+    periods : iterable of str
+        All of them.
+
+    Returns
+    -------
+    str
+        The name itself if every system takes it, else its number.
+    """
+    return period if re.fullmatch(r"[\w-]{1,60}", period) else str(list(periods).index(period) + 1)
+
+
 def part_of(lengths: list[int], place: int) -> tuple[int, int]:
     """Return part and row of a place.
 
-    Return part and row of a place in parts laid end to end.
+    The parts are laid end to end.
 
     Parameters
     ----------

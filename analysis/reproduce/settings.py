@@ -13,7 +13,7 @@ from idm_sumo.runtime import limits
 from idm_sumo.runtime.errors import InputError
 from idm_sumo.runtime.inputs import read_toml
 from idm_sumo.scenes.windows import Window
-from idm_sumo.sumo.surrogate.builtin import SURROGATE
+from idm_sumo.sumo.surrogate import SURROGATE
 
 DEFAULT_RUN = Path(__file__).parents[2] / "runs" / "paper.toml"  # at the same relative place in a clone and in a wheel
 

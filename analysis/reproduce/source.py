@@ -17,7 +17,8 @@ from idm_sumo.runtime.errors import InputError
 from idm_sumo.runtime.ownership import is_whole
 from idm_sumo.runtime.progress import Progress, silent
 from idm_sumo.scenes.windows import Window, build_scenes
-from idm_sumo.sumo.surrogate.builtin import SURROGATE, surrogate, surrogate_folder
+from idm_sumo.sumo.surrogate import SURROGATE
+from idm_sumo.sumo.surrogate.builtin import surrogate, surrogate_folder
 
 from .drivers import Drivers
 from .settings import Settings

@@ -9,9 +9,9 @@ import numpy as np
 import numpy.typing as npt
 import pandas as pd
 
-from idm_sumo.calibration import Population, calibrate, hierarchical, pooled
+from idm_sumo.calibration import Population, calibrate, hierarchical
 from idm_sumo.models.idm import IDMParameters
-from idm_sumo.prediction import KNNPredictor, average_parameters, first_gap_parameters, first_second
+from idm_sumo.prediction import KNNPredictor, average_parameters, first_gap_parameters
 from idm_sumo.prediction.driving_code import FEATURES, features_of
 from idm_sumo.runtime.progress import Progress, silent
 from idm_sumo.scenes.windows import Window
@@ -38,11 +38,11 @@ class Study:
     train_fits, test_fits : pandas.DataFrame
         Oracle calibrations, one row a window, in the windows' order.
     pooled : IDMParameters
-        The one set that minimises the training drivers' mean ADE.
+        The one set that minimises the training drivers' mean ADE, over windows along their whole way.
     population : Population
         Distribution of the training drivers' parameters.
     learned : Learned
-        The predictor that was fitted through the rollout, and its windows.
+        The predictors that were fitted through the rollout, and their windows.
     drawn_fits : pandas.DataFrame
         Test drivers fitted to their whole window and drawn to that population.
     excluded : pandas.DataFrame
@@ -93,6 +93,22 @@ class Study:
         columns = features_of(features, speed=speed or self.settings.code_speed)
         return KNNPredictor(min(k, len(theta)), columns).fit(train_codes, theta).predict(codes)
 
+    def or_pooled(self, fits: pd.DataFrame) -> Floats:
+        """Return fitted parameters, pooled ones where a fit failed.
+
+        Parameters
+        ----------
+        fits : pandas.DataFrame
+            One row a window.
+
+        Returns
+        -------
+        float64, shape (windows, 5)
+            ``a, b, T, d0, d1``.
+        """
+        theta = fits[PARAMETERS].to_numpy()
+        return np.where(np.isfinite(theta), theta, np.array(self.pooled))
+
 
 def prepare(source: Source, settings: Settings, window: Window, progress: Progress = silent) -> Study:
     """Cut the windows of both sides and calibrate every driver.
@@ -123,23 +139,46 @@ def prepare(source: Source, settings: Settings, window: Window, progress: Progre
     test, excluded_test = source.drivers(source.test, "test", window)
     train, test = train.sample(settings.max_drivers, rng), test.sample(settings.max_drivers, rng)
     progress("calibration", 0, 5)
-    one_for_all = pooled(train.scenes, desired_speed=settings.desired_speed)
+    learned = learn(source, settings, window)
     progress("calibration", 1, 5)
-    train_fits = _fits(train, settings)
+    train_fits = fits_of(train, settings)
     progress("calibration", 2, 5)
-    test_fits = _fits(test, settings)
+    test_fits = fits_of(test, settings)
     progress("calibration", 3, 5)
     _, population = hierarchical(train.scenes, desired_speed=settings.desired_speed)
     progress("calibration", 4, 5)
     drawn_fits, _ = hierarchical(test.scenes, population=population, desired_speed=settings.desired_speed)
     progress("calibration", 5, 5)
-    learned = learn(source, settings, window)
     excluded = pd.concat([excluded_train, excluded_test], ignore_index=True)
-    return Study(settings, train, test, train_fits, test_fits, one_for_all, population, learned, drawn_fits, excluded)
+    return Study(
+        settings,
+        train,
+        test,
+        train_fits,
+        test_fits,
+        learned.predictor.pooled_,
+        population,
+        learned,
+        drawn_fits,
+        excluded,
+    )
 
 
-def _fits(drivers: Drivers, settings: Settings) -> pd.DataFrame:
-    """Calibrate all drivers of one side, in their windows' order."""
+def fits_of(drivers: Drivers, settings: Settings) -> pd.DataFrame:
+    """Calibrate all drivers of one side, in their windows' order.
+
+    Parameters
+    ----------
+    drivers : Drivers
+        Windows of one side of the study.
+    settings : Settings
+        Settings of the run.
+
+    Returns
+    -------
+    pandas.DataFrame
+        One row a window.
+    """
     fits = [calibrate(s, desired_speed=settings.desired_speed) for s in drivers.scenes]
     return pd.concat(fits, ignore_index=True)
 
@@ -163,20 +202,14 @@ def predictions(study: Study) -> dict[str, Floats]:
     n = len(study.test)
     first_gap = [first_gap_parameters(one, study.pooled, desired_speed=s.desired_speed) for one in study.test.scenes]
     one_for_all = np.tile(study.pooled, (n, 1))
-    first_seconds = pd.concat([first_second(scenes, s.observed) for scenes in study.test.scenes])
-
-    def or_pooled(fits: pd.DataFrame) -> Floats:
-        """Return the fits, pooled parameters where one failed."""
-        theta = fits[PARAMETERS].to_numpy()
-        return np.where(np.isfinite(theta), theta, one_for_all)
 
     return {
         "idm_average": np.tile(average_parameters(theta), (n, 1)),
         "idm_prediction": study.neighbours(seen, s.neighbours),
-        "idm_rollout": study.learned.predictor.predict(first_seconds),
+        "idm_rollout": study.learned.predictor.predict(study.learned.first_seconds(study.test)),
         "idm_first_gap": np.concatenate(first_gap),
         "idm_pooled": one_for_all,
         "idm_typical": np.tile(study.population.typical(), (n, 1)),
-        "idm_hierarchical": or_pooled(study.drawn_fits),
-        "idm_oracle": or_pooled(study.test_fits),
+        "idm_hierarchical": study.or_pooled(study.drawn_fits),
+        "idm_oracle": study.or_pooled(study.test_fits),
     }

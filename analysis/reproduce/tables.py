@@ -20,8 +20,13 @@ from idm_sumo.simulation.rollout import Trajectories, drive_constant_velocity
 
 from . import paper
 from .drivers import Drive, Drivers
+from .prediction.share import drive_by
 from .study import Study, predictions
 
+METHODS = (
+    "idm_average", "idm_prediction", "idm_rollout", "idm_residual", "idm_first_gap", "idm_pooled", "idm_typical",
+    "idm_hierarchical", "idm_oracle",
+)  # fmt: skip
 SHARES = (0.02, 0.05, 0.1, 0.2, 0.3, 0.4)  # moves along the flattest direction, in ranges between the bounds
 FEATURE_SETS = tuple(chosen for size in (1, 2, 3) for chosen in combinations(FEATURES, size))
 
@@ -36,7 +41,7 @@ def methods(
     study : Study
         Training and test drivers.
     drive : callable
-        Drives scenes by parameters.
+        Drives scenes by parameters. The residual, which no parameters hold, is always driven by the kernel.
     progress : Progress
         Called as the work proceeds.
 
@@ -52,6 +57,8 @@ def methods(
     progress("driving the test drivers", 0, 2)
     driven = {"constant_velocity": [drive_constant_velocity(scenes) for scenes in study.test.scenes]}
     driven |= study.test.drive_each(predictions(study), drive)
+    driven["idm_residual"] = drive_by(study.learned.residual, study.test)
+    driven = {name: driven[name] for name in ("constant_velocity", *METHODS)}
     progress("driving the test drivers", 1, 2)
     scores = {name: study.test.score(t) for name, t in driven.items()}
     progress("driving the test drivers", 2, 2)

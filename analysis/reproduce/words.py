@@ -9,7 +9,7 @@ import pandas as pd
 
 from idm_sumo.recordings import columns as c
 from idm_sumo.scenes.windows import LEADER_OF_RECORDED
-from idm_sumo.sumo.surrogate.builtin import SURROGATE
+from idm_sumo.sumo.surrogate import SURROGATE
 
 from ..page.page import not_measured
 from . import paper
@@ -52,7 +52,7 @@ def describe(results: Results) -> dict[str, str | tuple[str, ...]]:
 def missing_sentence(table: pd.DataFrame) -> str:
     """Say what missing vehicles do to the oracle.
 
-    Beside what the paper reports.
+    The paper's own error stands beside it.
 
     Parameters
     ----------

@@ -8,7 +8,7 @@ stays from its recorded vehicle, and which parameters its window did not determi
 
 import idm_sumo
 
-path = idm_sumo.surrogate(minutes=4)  # or the path of your own file
+path = idm_sumo.surrogate(minutes=2)  # or the path of your own file
 recording = idm_sumo.smooth(idm_sumo.clean(idm_sumo.read_recording(path)))
 print(recording)
 scenes = idm_sumo.build_scenes(recording)  # one second observed, ten simulated

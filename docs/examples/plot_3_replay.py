@@ -8,7 +8,7 @@ SUMO and the compiled kernel drive the same path.
 
 import idm_sumo
 
-path = idm_sumo.surrogate(minutes=4)  # or the path of your own file
+path = idm_sumo.surrogate(minutes=2)  # or the path of your own file
 recording = idm_sumo.smooth(idm_sumo.clean(idm_sumo.read_recording(path)))
 one_period = recording.of_period(recording.periods[0])  # SUMO has one clock
 scenes = idm_sumo.build_scenes(one_period).subset(range(20, 25))

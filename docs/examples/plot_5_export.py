@@ -11,7 +11,7 @@ from tempfile import mkdtemp
 
 import idm_sumo
 
-path = idm_sumo.surrogate(minutes=4)  # or the path of your own file
+path = idm_sumo.surrogate(minutes=2)  # or the path of your own file
 recording = idm_sumo.smooth(idm_sumo.clean(idm_sumo.read_recording(path)))
 scenes = idm_sumo.build_scenes(recording.of_period(recording.periods[0]))
 drivers = idm_sumo.calibrate(scenes)

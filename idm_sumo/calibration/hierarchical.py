@@ -34,6 +34,7 @@ from idm_sumo.calibration.problem import Problem, only, prepare
 from idm_sumo.calibration.solver import SMOOTHING, STARTS, design_of_starts, fit_all
 from idm_sumo.calibration.table import NAMES, full_ade
 from idm_sumo.models import idm
+from idm_sumo.recordings import columns as c
 from idm_sumo.runtime.errors import InputError
 from idm_sumo.scenes.windows import Scenes
 
@@ -97,6 +98,7 @@ def hierarchical(
     *,
     population: Population | None = None,
     desired_speed: npt.ArrayLike | None = None,
+    by_driver: bool = False,
 ) -> tuple[pd.DataFrame, Population]:
     """Fit all drivers together with the population they come from.
 
@@ -107,6 +109,9 @@ def hierarchical(
         Known from other drivers: then these are only drawn to it, and one driver is enough.
     desired_speed : array_like, shape (), or (windows,) for one ``Scenes``, optional
         m/s; by default the road's speed limit.
+    by_driver : bool
+        Whether the windows of a driver have one set of parameters. What changes from window to window is then no
+        difference between drivers.
 
     Returns
     -------
@@ -128,7 +133,10 @@ def hierarchical(
         raise InputError(
             f"hierarchical calibration: {count} windows can be fitted; it needs {FEWEST_DRIVERS} or a population"
         )
-    parts = [Part.of(only(problem, w)) for problem, w in zip(problems, which, strict=True)]
+    parts = [
+        Part.of(only(problem, w), _drivers(one, w) if by_driver else None)
+        for one, problem, w in zip(every, problems, which, strict=True)
+    ]
     if population is None:
         population = _learn(parts)
     for part in parts:
@@ -139,31 +147,45 @@ def hierarchical(
     return pd.concat(tables, ignore_index=True), population
 
 
+def _drivers(scenes: Scenes, which: npt.NDArray[np.int64]) -> npt.NDArray[np.int64]:
+    """Return the number of each window's driver."""
+    keys = scenes.keys().iloc[which]
+    return np.asarray(keys.groupby([c.PERIOD, c.VEHICLE], sort=False).ngroup(), dtype=np.int64)
+
+
 class Part:
     """The drivers of one problem and their likelihood's curvature.
 
     Attributes
     ----------
     problem : Problem
+        Of one or several windows a driver.
     u : float64, shape (n, 5)
         Logarithms of the drivers' parameters, as far as EM has moved them.
-    frames : float64, shape (n,)
+    frames : float64, shape (windows,)
         How many independent frames the errors are worth.
+    driver : int64, shape (windows,)
+        The driver of each window.
     hessian : float64, shape (n, 5, 5)
         Of the negative log-posterior at ``u``.
     """
 
-    def __init__(self, problem: Problem, u: Floats, frames: Floats) -> None:
+    def __init__(
+        self, problem: Problem, u: Floats, frames: Floats, driver: npt.NDArray[np.int64] | None = None
+    ) -> None:
         self.problem, self.u, self.frames = problem, u, frames
+        self.driver = np.arange(len(frames)) if driver is None else driver
         self.hessian = np.zeros((len(u), PARAMETERS, PARAMETERS))
 
     @classmethod
-    def of(cls, problem: Problem) -> Part:
+    def of(cls, problem: Problem, driver: npt.NDArray[np.int64] | None = None) -> Part:
         """Start from the drivers' own fits.
 
         Parameters
         ----------
         problem : Problem
+        driver : int64, shape (windows,), optional
+            Numbers of the windows' drivers; by default each has its own.
 
         Returns
         -------
@@ -172,7 +194,8 @@ class Part:
         """
         z, _, _ = fit_all(problem, np.arange(len(problem.start_x)), design_of_starts(STARTS))
         frames = identifiability.effective_frames(sensitivities(problem, z)[0], problem.counted)
-        return cls(problem, np.log(from_search(z) + SHIFT), frames)
+        u = np.log(from_search(z) + SHIFT)
+        return cls(problem, u if driver is None else summed(u, driver) / np.bincount(driver)[:, None], frames, driver)
 
     def likelihood(self, u: Floats) -> tuple[Floats, Floats, Floats]:
         """Return the negative log-likelihood and its derivatives.
@@ -189,14 +212,18 @@ class Part:
         matrix : float64, shape (n, 5, 5)
             Of Gauss and Newton.
         """
-        theta = to_parameters(u)
+        theta = to_parameters(u[self.driver])
         z = to_search(theta)
         value, gradient, normal = costs_and_derivatives(self.problem, z, SMOOTHING)
         scale = (theta + SHIFT) / slopes_at(z)
         weight = self.frames / value
         by_u = normal * scale[:, :, None] * scale[:, None, :]
         curved = limited(weight[:, None, None] * by_u)
-        return self.frames * np.log(value), weight[:, None] * gradient * scale, curved
+        own = self.frames * np.log(value), weight[:, None] * gradient * scale, curved
+        if len(u) == len(self.driver):
+            return own
+        value, gradient, curved = (summed(one, self.driver) for one in own)
+        return value, gradient, limited(curved)
 
     def draw(self, population: Population, steps: int) -> None:
         """Move every driver towards its maximum a posteriori.
@@ -262,6 +289,23 @@ class Part:
         value, gradient, hessian = self.likelihood(u)
         off = (u - mean) @ precision
         return value + 0.5 * np.einsum("nj,nj->n", off, u - mean), gradient + off, hessian + precision
+
+
+def summed(values: Floats, driver: npt.NDArray[np.int64]) -> Floats:
+    """Return the sums over each driver's windows.
+
+    Parameters
+    ----------
+    values : float64, shape (windows, ...)
+    driver : int64, shape (windows,)
+
+    Returns
+    -------
+    float64, shape (drivers, ...)
+    """
+    sums = np.zeros((int(driver.max()) + 1, *values.shape[1:]))
+    np.add.at(sums, driver, values)
+    return sums
 
 
 def limited(hessian: Floats) -> Floats:
@@ -357,12 +401,12 @@ def _as_table(
     """Return one row a window, NaN without a fit."""
     n = len(scenes)
     theta, frames, drawn = np.full((n, PARAMETERS), np.nan), np.full(n, np.nan), np.full(n, np.nan)
-    theta[which], frames[which] = to_parameters(part.u), part.frames
+    theta[which], frames[which] = to_parameters(part.u)[part.driver], part.frames
     share = np.linalg.inv(part.hessian) @ np.linalg.inv(population.covariance)
-    drawn[which] = np.trace(share, axis1=1, axis2=2) / PARAMETERS
+    drawn[which] = (np.trace(share, axis1=1, axis2=2) / PARAMETERS)[part.driver]
     table = scenes.keys()
     table[NAMES] = theta
-    table["ade_m"] = full_ade(scenes, problem, theta, desired_speed)
+    table["ade_m"] = full_ade(scenes, theta, desired_speed, problem.counted)
     state = status.statuses(problem, scenes.speed[:, scenes.start : scenes.start + scenes.window.horizon + 1])
     table["status"] = pd.Series(state, dtype=str)
     table["effective_frames"], table["drawn"] = frames, drawn

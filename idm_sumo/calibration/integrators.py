@@ -23,6 +23,7 @@ Floats = npt.NDArray[np.float64]
 PAPER, EULER, BALLISTIC = 0, 1, 2
 CODES = {"paper": PAPER, "euler": EULER, "ballistic": BALLISTIC}
 IN_SUMO = ("euler", "ballistic")
+SHARES = {"paper": 0.0, "euler": 1.0, "ballistic": 0.5}  # of the new speed in what a step travels
 DT = FRAME_STEP
 
 
@@ -272,6 +273,24 @@ def ades(problem: Problem, parameters: npt.ArrayLike, integration: str) -> Float
     values = np.empty(len(problem.start_x))
     in_threads(_ade_all, len(values), problem, as_parameters(problem, parameters), code(integration), values)
     return values
+
+
+def integrated(problem: Problem, integration: str) -> Problem:
+    """Return a problem whose fits are driven by a scheme.
+
+    Parameters
+    ----------
+    problem : Problem
+    integration : {"paper", "euler", "ballistic"}
+
+    Raises
+    ------
+    InputError
+        If there is no such integration.
+    """
+    if code(integration) == PAPER:
+        return problem
+    return problem._replace(share=SHARES[integration], in_sumo=True, forward=np.ones_like(problem.forward))
 
 
 def as_parameters(problem: Problem, parameters: npt.ArrayLike) -> Floats:

@@ -83,6 +83,26 @@ def start_lanes(p, i, z, first, s):  # type: ignore[no-untyped-def]
         s[REAR + j], s[AHEAD + j] = look_ahead(p, i, START, s[X + j])
 
 
+@njit(cache=True, error_model="numpy")
+def bounds_of_speed(p, i):  # type: ignore[no-untyped-def]
+    """Return a step's largest braking and the highest speed.
+
+    Parameters
+    ----------
+    p : Problem
+    i : int
+        The driver.
+
+    Returns
+    -------
+    brake, top : float
+        m/s; infinite but in SUMO.
+    """
+    if p.in_sumo:
+        return idm.EMERGENCY_BRAKING * DT, p.desired_speed[i]
+    return np.inf, np.inf
+
+
 @njit(cache=True, error_model="numpy", forceinline=True)
 def look_outside(p, i, k, s):  # type: ignore[no-untyped-def]
     """Search the leaders of lanes that left the corridor.
@@ -124,10 +144,12 @@ def roll_lanes(p, i, z, first, smoothing, s):  # type: ignore[no-untyped-def]
         The state; the mean costs end in row ``TOTAL``.
     """
     is_ade, loss, scale, inverse, frames = p.objective == o.ADE, p.loss, p.scale, 1.0 / p.desired_speed[i], 0
+    brake, top = bounds_of_speed(p, i)
     start_lanes(p, i, z, first, s)
     for k in range(p.forward.shape[1]):
         low, high, rear, speed = p.behind[i, k + 1], p.ahead[i, k + 1], p.rear[i, k + 1], p.leader_speed[i, k + 1]
         target, lateral, travelled = p.target[i, k], p.lateral[i, k], p.forward[i, k] * DT
+        by_old, by_new = (1.0 - p.share) * travelled, p.share * travelled
         counts = 1.0 if p.counted[i, k] and is_ade else 0.0
         frames += p.counted[i, k]
         for j in range(L):
@@ -135,8 +157,9 @@ def roll_lanes(p, i, z, first, smoothing, s):  # type: ignore[no-untyped-def]
             acceleration = idm.acceleration_of(
                 v, v - s[AHEAD + j], s[REAR + j] - s[X + j], s[A + j], s[W + j], s[T + j], s[D0 + j], s[D1 + j], inverse
             )
-            x = s[X + j] + v * travelled
-            s[X + j], s[V + j], s[REAR + j], s[AHEAD + j] = x, max(0.0, v + acceleration * DT), rear, speed
+            new = max(max(0.0, v - brake), min(v + acceleration * DT, top))
+            x = s[X + j] + v * by_old + new * by_new
+            s[X + j], s[V + j], s[REAR + j], s[AHEAD + j] = x, new, rear, speed
             s[OUT + j] = 0.0 if (x >= low) & (x < high) else 1.0
             s[TOTAL + j] += counts * o.distance(x - target, lateral, smoothing)
         look_outside(p, i, k + 1, s)
@@ -149,12 +172,15 @@ def roll_lanes(p, i, z, first, smoothing, s):  # type: ignore[no-untyped-def]
 
 
 @njit(cache=True, error_model="numpy", fastmath={"contract"}, forceinline=True)
-def step_with_tangents(s, inverse, travelled, low, high, rear, speed, target, lateral, smoothing, floor, counts):  # type: ignore[no-untyped-def]
+def step_with_tangents(  # type: ignore[no-untyped-def]
+    s, inverse, by_old, by_new, brake, top, d1_unit, low, high, rear, speed, target, lateral, smoothing, floor, counts
+):  # fmt: skip
     r"""Move every lane, and its derivatives, by one step.
 
     Forward sensitivities: with :math:`s = \partial(x, v)/\partial z`, differentiating the
     Euler step gives :math:`s_x' = s_x + s_v\,dt` and :math:`s_v' = s_v + (\dot v_v s_v -
-    \dot v_d s_x + \dot v_z)\,dt`, or 0 where the speed is held at 0. Where the leader
+    \dot v_d s_x + \dot v_z)\,dt`, or 0 where the speed is held at a bound; SUMO's steps have the new
+    :math:`s_v'` in :math:`s_x'`, wholly or half. Where the leader
     changes, position and speed are continuous and so are the sensitivities.
 
     Then note the distance from the recorded vehicle: the frame's weight, and its pull, weight times error.
@@ -165,8 +191,12 @@ def step_with_tangents(s, inverse, travelled, low, high, rear, speed, target, la
         The state, changed.
     inverse : float
         Of the desired speed (s/m).
-    travelled : float
-        Metres along the road in the step per m/s.
+    by_old, by_new : float
+        Metres along the road in the step per m/s of the speed before and after it.
+    brake, top : float
+        Bounds of the speed (:func:`bounds_of_speed`).
+    d1_unit : float
+        Metres of ``d1`` a search coordinate; 0 holds it.
     low, high : float
         The corridor at the step's end (m).
     rear, speed : float
@@ -187,25 +217,27 @@ def step_with_tangents(s, inverse, travelled, low, high, rear, speed, target, la
         by_v, by_d, by_a, by_b, by_T, by_d0, by_d1 = idm.acceleration_partials(
             v, rate, gap, a, weight, s[T + j], s[D0 + j], s[D1 + j], inverse
         )
-        moves = 1.0 if new > 0.0 else 0.0
-        x = s[X + j] + v * travelled
-        s[X + j], s[V + j], s[REAR + j], s[AHEAD + j] = x, max(0.0, new), rear, speed
+        least = max(0.0, v - brake)
+        moves = 1.0 if (new > least) & (new < top) else 0.0
+        new = max(least, min(new, top))
+        x = s[X + j] + v * by_old + new * by_new
+        s[X + j], s[V + j], s[REAR + j], s[AHEAD + j] = x, new, rear, speed
         s[OUT + j] = 0.0 if (x >= low) & (x < high) else 1.0
         dx, dv = s[DX + j], s[DV + j]
-        s[DX + j] = s[DE + j] = dx + dv * travelled
         s[DV + j] = moves * (dv + DT * (by_v * dv - by_d * dx + by_a))
+        s[DX + j] = s[DE + j] = dx + dv * by_old + s[DV + j] * by_new
         dx, dv = s[DX + L + j], s[DV + L + j]
-        s[DX + L + j] = s[DE + L + j] = dx + dv * travelled
         s[DV + L + j] = moves * (dv + DT * (by_v * dv - by_d * dx + by_b))
+        s[DX + L + j] = s[DE + L + j] = dx + dv * by_old + s[DV + L + j] * by_new
         dx, dv = s[DX + 2 * L + j], s[DV + 2 * L + j]
-        s[DX + 2 * L + j] = s[DE + 2 * L + j] = dx + dv * travelled
         s[DV + 2 * L + j] = moves * (dv + DT * (by_v * dv - by_d * dx + T_UNIT * by_T))
+        s[DX + 2 * L + j] = s[DE + 2 * L + j] = dx + dv * by_old + s[DV + 2 * L + j] * by_new
         dx, dv = s[DX + 3 * L + j], s[DV + 3 * L + j]
-        s[DX + 3 * L + j] = s[DE + 3 * L + j] = dx + dv * travelled
         s[DV + 3 * L + j] = moves * (dv + DT * (by_v * dv - by_d * dx + D_UNIT * by_d0))
+        s[DX + 3 * L + j] = s[DE + 3 * L + j] = dx + dv * by_old + s[DV + 3 * L + j] * by_new
         dx, dv = s[DX + 4 * L + j], s[DV + 4 * L + j]
-        s[DX + 4 * L + j] = s[DE + 4 * L + j] = dx + dv * travelled
-        s[DV + 4 * L + j] = moves * (dv + DT * (by_v * dv - by_d * dx + D_UNIT * by_d1))
+        s[DV + 4 * L + j] = moves * (dv + DT * (by_v * dv - by_d * dx + d1_unit * by_d1))
+        s[DX + 4 * L + j] = s[DE + 4 * L + j] = dx + dv * by_old + s[DV + 4 * L + j] * by_new
         off = o.distance(x - target, lateral, smoothing)
         weight = counts / max(off, floor)
         s[TOTAL + j] += counts * off
@@ -297,6 +329,8 @@ def roll_with_derivatives(p, i, z, smoothing, floor, s):  # type: ignore[no-unty
     """
     objective = p.objective
     is_ade, inverse, frames = objective == o.ADE, 1.0 / p.desired_speed[i], 0
+    brake, top = bounds_of_speed(p, i)
+    d1_unit = D_UNIT * p.moves_d1
     start_lanes(p, i, z, START, s)
     for k in range(p.forward.shape[1]):
         low, high, rear, speed = p.behind[i, k + 1], p.ahead[i, k + 1], p.rear[i, k + 1], p.leader_speed[i, k + 1]
@@ -304,7 +338,11 @@ def roll_with_derivatives(p, i, z, smoothing, floor, s):  # type: ignore[no-unty
         step_with_tangents(
             s,
             inverse,
-            p.forward[i, k] * DT,
+            (1.0 - p.share) * (p.forward[i, k] * DT),
+            p.share * (p.forward[i, k] * DT),
+            brake,
+            top,
+            d1_unit,
             low,
             high,
             rear,

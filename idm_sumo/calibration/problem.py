@@ -51,6 +51,12 @@ class Problem(NamedTuple):
         Codes of :mod:`idm_sumo.calibration.objective`.
     scale : float
         Of a robust loss, in the unit of the error.
+    share : float
+        Of the new speed in what a step travels: 0 in the paper's Euler step, 1 in SUMO's, 1/2 in the ballistic one.
+    in_sumo : bool
+        Whether SUMO bounds the speeds (:func:`idm_sumo.calibration.integrators.speed_in_sumo`).
+    moves_d1 : float
+        0 where ``d1`` stays as it starts, else 1.
     """
 
     start_x: Floats
@@ -74,6 +80,9 @@ class Problem(NamedTuple):
     objective: int
     loss: int
     scale: float
+    share: float = 0.0
+    in_sumo: bool = False
+    moves_d1: float = 1.0
 
 
 def prepare(

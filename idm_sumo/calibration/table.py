@@ -170,7 +170,7 @@ def _as_table(
     table = scenes.keys()
     table[NAMES] = theta
     table[DESIRED_SPEED] = problem.desired_speed
-    table["ade_m"] = full_ade(scenes, problem, theta, limit)
+    table["ade_m"] = full_ade(scenes, theta, limit, problem.counted)
     table["objective"] = _spread(value, which, n)
     table["status"] = pd.Series(state, dtype=str)
     table["at_bound"] = identifiability.names_of(identifiability.at_bound(theta))
@@ -194,7 +194,9 @@ def _spread(values: Floats, which: Integers, n: int) -> Floats:
     return result
 
 
-def full_ade(scenes: Scenes, problem: Problem, theta: Floats, desired_speed: npt.ArrayLike | None) -> Floats:
+def full_ade(
+    scenes: Scenes, theta: Floats, desired_speed: npt.ArrayLike | None, counted: npt.ArrayLike = True
+) -> Floats:
     """Return the ADE (m) of the full two-dimensional replay.
 
     It differs from the objective by tenths of a millimetre; by centimetres, or once in thousands of
@@ -204,12 +206,12 @@ def full_ade(scenes: Scenes, problem: Problem, theta: Floats, desired_speed: npt
     Parameters
     ----------
     scenes : Scenes
-    problem : Problem
-        Prepared from them; says which frames count.
     theta : float64, shape (windows, 5)
         ``a, b, T, d0, d1`` in SI units.
     desired_speed : array_like, shape (windows,) or (), optional
         m/s; by default the road's speed limit.
+    counted : array_like of bool, shape (windows, frames) or ()
+        Which simulated frames count; those that were not recorded never do.
 
     Returns
     -------
@@ -219,7 +221,7 @@ def full_ade(scenes: Scenes, problem: Problem, theta: Floats, desired_speed: npt
     driven = drive_idm(scenes, np.where(np.isnan(theta), idm.TEXTBOOK, theta), desired_speed=desired_speed)
     frames = slice(scenes.start + 1, scenes.start + scenes.window.horizon + 1)
     off = np.hypot(driven.x[:, 1:] - scenes.x[:, frames], driven.y[:, 1:] - scenes.y[:, frames])
-    counted = problem.counted & np.isfinite(off)
+    counted = np.asarray(counted) & np.isfinite(off)
     with np.errstate(invalid="ignore", divide="ignore"):
         ade = np.where(counted, off, 0.0).sum(axis=1) / counted.sum(axis=1)
     return np.asarray(np.where(np.isnan(theta[:, 0]), np.nan, ade))

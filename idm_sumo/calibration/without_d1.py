@@ -18,13 +18,11 @@ from collections.abc import Sequence
 import numpy as np
 import numpy.typing as npt
 import pandas as pd
-from numba import njit
-from scipy.stats import qmc
 
-from idm_sumo.calibration import integrators
+from idm_sumo.calibration import integrators, solver
+from idm_sumo.calibration.coordinates import LOWER, from_search
 from idm_sumo.calibration.problem import Problem, prepare
 from idm_sumo.models import idm
-from idm_sumo.runtime.threads import in_threads
 from idm_sumo.scenes.windows import Scenes
 from idm_sumo.simulation.driver_parameters import desired_speeds_of, parameters_of
 
@@ -34,12 +32,7 @@ REFIT = ("a_refit", "b_refit", "T_refit", "d0_refit")
 REFIT_ADE, REFIT_INTEGRATION = "ade_refit_m", "refit_integration"
 MEAN_SPEED = "mean_speed_m_s"
 SLOWEST = 1.0  # m/s: the tangent at standstill would be vertical
-DESIGN, STARTS = 128, 6  # starts screened, and refined
-# Search coordinates: accelerations act by proportion, so their logarithms; the gap is linear
-# in T and d0, so these themselves, in units that make a step weigh about the same.
-T_UNIT, D_UNIT = 1.0, 2.5  # s, m
-FIRST_STEP, LAST_STEP = 0.4, 2e-3  # of the search, in those coordinates
-SMALLEST_DROP = 1e-3  # relative: a sweep that gains less halves the step
+D1 = 4  # place of d1 among the parameters
 
 
 def linearise(parameters: npt.ArrayLike, mean_speed: npt.ArrayLike, desired_speed: npt.ArrayLike) -> Floats:
@@ -92,8 +85,8 @@ def refit(
 ) -> tuple[Floats, Floats]:
     """Calibrate four parameters with ``d1 = 0``.
 
-    Starts are the given drivers without their ``d1``, linearised, and the best of a fixed
-    design; each is refined by a compass search on the ADE itself.
+    By the solver of all five (:mod:`idm_sumo.calibration.solver`), which holds ``d1`` and drives by the
+    integration. No driver is left worse than without its ``d1``, or linearised.
 
     Parameters
     ----------
@@ -118,85 +111,16 @@ def refit(
         If there is no such integration.
     """
     theta = integrators.as_parameters(problem, parameters)
-    linear = linearise(theta, mean_speed, problem.desired_speed)
-    own = np.stack([_to_search(theta), _to_search(np.clip(linear, idm.LOWER, idm.UPPER))], axis=1)
-    design = LOWER + qmc.Sobol(4, scramble=True, rng=20050615).random(DESIGN) * (UPPER - LOWER)
-    found = np.empty((len(own), len(idm.LOWER)))
-    in_threads(_refit_all, len(own), found, problem, own, design, integrators.code(integration))
-    found = np.clip(found, idm.LOWER, idm.UPPER)
-    return found, integrators.ades(problem, found, integration)
-
-
-def _to_search(parameters: npt.ArrayLike) -> Floats:
-    """Return the search coordinates, without ``d1``, of parameters.
-
-    Shapes ``(..., 5)`` and ``(..., 4)``.
-    """
-    values = np.asarray(parameters, dtype=np.float64)
-    return np.concatenate([np.log(values[..., :2]), values[..., 2:3] / T_UNIT, values[..., 3:4] / D_UNIT], axis=-1)
-
-
-LOWER, UPPER = _to_search(idm.LOWER), _to_search(idm.UPPER)
-
-
-@njit(cache=True)
-def _from_search(z):  # type: ignore[no-untyped-def]
-    """Return ``a, b, T, d0, 0``."""
-    return np.array([np.exp(z[0]), np.exp(z[1]), z[2] * T_UNIT, z[3] * D_UNIT, 0.0])
-
-
-@njit(cache=True)
-def _ade(p, i, z, scheme):  # type: ignore[no-untyped-def]
-    """Return one driver's ADE (m) at search coordinates ``z``."""
-    return integrators.ade_one(p, i, _from_search(z), scheme)
-
-
-@njit(cache=True)
-def _compass_search(p, i, z, scheme):  # type: ignore[no-untyped-def]
-    """Lower the ADE along the axes, in place.
-
-    In steps that halve when none leads down. After a sweep that moved, the whole move is made once more
-    (Hooke and Jeeves, 1961), which follows narrow valleys that lie across the axes.
-    """
-    value, step = _ade(p, i, z, scheme), FIRST_STEP
-    while step > LAST_STEP:
-        before, was, trial = z.copy(), value, z.copy()
-        for axis in range(4):
-            for sign in (1.0, -1.0):
-                trial[axis] = min(max(z[axis] + sign * step, LOWER[axis]), UPPER[axis])
-                new = _ade(p, i, trial, scheme)
-                if new < value:
-                    value, z[axis] = new, trial[axis]
-                    break
-            trial[axis] = z[axis]
-        trial[:] = np.minimum(np.maximum(2.0 * z - before, LOWER), UPPER)
-        new = _ade(p, i, trial, scheme)
-        if new < value:
-            value, z[:] = new, trial
-        if not value < (1.0 - SMALLEST_DROP) * was:
-            step *= 0.5
-    return value
-
-
-@njit(cache=True, nogil=True)
-def _refit_all(first, last, found, p, own, design, scheme):  # type: ignore[no-untyped-def]
-    """Write the best parameters of some drivers into ``found``.
-
-    Of the drivers ``first`` up to ``last``; ``found`` has shape ``(n, 5)``. Starts are the drivers' own,
-    shape ``(n, s, 4)``, and the best ``STARTS`` of the design, shape ``(points, 4)``.
-    """
-    for i in range(first, last):
-        screened = np.empty(design.shape[0])
-        for k in range(design.shape[0]):
-            screened[k] = _ade(p, i, design[k], scheme)
-        order = np.argsort(screened)
-        best, own_starts = np.inf, own.shape[1]
-        found[i] = _from_search(own[i, 0])
-        for k in range(own_starts + STARTS):
-            z = own[i, k].copy() if k < own_starts else design[order[k - own_starts]].copy()
-            value = _compass_search(p, i, z, scheme)
-            if value < best:
-                best, found[i] = value, _from_search(z)
+    held = integrators.integrated(problem, integration)._replace(moves_d1=0.0)
+    designs = solver.design_of_starts(solver.STARTS)
+    designs[:, D1] = LOWER[D1]
+    z, _, _ = solver.fit_all(held, np.arange(len(theta)), designs)
+    linear = np.clip(linearise(theta, mean_speed, problem.desired_speed), idm.LOWER, idm.UPPER)
+    ways = np.stack([from_search(z), linear, theta * [1.0, 1.0, 1.0, 1.0, 0.0]])
+    ade = np.stack([integrators.ades(problem, way, integration) for way in ways])
+    best = np.argmin(np.where(np.isnan(ade), np.inf, ade), axis=0)
+    each = np.arange(len(theta))
+    return ways[best, each], ade[best, each]
 
 
 def refit_table(drivers: pd.DataFrame, scenes: Scenes | Sequence[Scenes], *, integration: str = "euler",

@@ -9,7 +9,7 @@ import sys
 from collections.abc import Sequence
 
 from idm_sumo.cli.guard import defended
-from idm_sumo.runtime.environment import one_blas_thread
+from idm_sumo.runtime.environment import check_threads, draw_into_files, one_blas_thread
 
 VERBOSE = {"-v", "--verbose"}
 
@@ -26,6 +26,8 @@ def main(arguments: Sequence[str] | None = None) -> None:
     given = sys.argv[1:] if arguments is None else list(arguments)
     with defended(verbose=bool(VERBOSE & set(given))):
         one_blas_thread()
+        draw_into_files()
+        check_threads()
         from idm_sumo.cli import outputs  # here, so that an interrupt while modules load is caught
         from idm_sumo.cli.parser import build_parser
 

@@ -7,10 +7,11 @@ import sys
 from pathlib import Path
 from typing import Any
 
+from idm_sumo.cli import many, outputs
 from idm_sumo.cli import options as shared
-from idm_sumo.cli import outputs
 from idm_sumo.cli.console import progress_bar, say, study_module, text_table
 from idm_sumo.runtime import limits
+from idm_sumo.sumo.surrogate import SURROGATE
 
 SHOWN = [
     "recording",
@@ -40,7 +41,9 @@ SHOWN_LOOP = [
     "emergency_brakings",
     "rank",
 ]
-TYPES = ("drivers", "drawn", "predicted", "pooled", "default-idm", "krauss")
+FIT, LANE_CHANGE_FILE = "fit", "file"
+TYPES = ("drawn", "drivers", "predicted", "pooled", "default-idm", "krauss")
+RESIDUAL = "residual"
 
 
 COMPARE = """\
@@ -81,9 +84,14 @@ def _add_compare(commands: Any) -> None:
     parser = shared.command(
         commands, "compare", compare, COMPARE, "idm-sumo compare RECORDING surrogate --minutes 1 -o out/comparison"
     )
-    parser.add_argument("recording", metavar="RECORDING", help=f"the reference: {shared.RECORDING_HELP}")
-    parser.add_argument("others", metavar="OTHER", nargs="+", help="further recordings of any such layout")
+    parser.add_argument(
+        "recording", type=shared.recording_name, metavar="RECORDING", help=f"the reference: {shared.RECORDING_HELP}"
+    )
+    parser.add_argument(
+        "others", type=shared.recording_name, metavar="OTHER", nargs="+", help="further recordings of any such layout"
+    )
     shared.location_argument(parser)
+    shared.network_arguments(parser)
     shared.minutes_argument(parser, 45.0)
     shared.output_argument(parser, "DIR", "tables/, figures/, report.html, manifest.json go there")
     outputs.declare(parser, "recording", "others")
@@ -105,6 +113,7 @@ def compare(options: argparse.Namespace) -> None:
             seed=options.seed,
             location=options.location,
             command=sys.argv,
+            read=lambda path: many.source_of(options, path).read(),
             progress=report,
         )
     say(text_table(table[SHOWN]), f"open {options.output / 'report.html'}")
@@ -122,9 +131,9 @@ def _add_interactive(commands: Any) -> None:
     )
     parser.add_argument(
         "recording",
+        type=shared.recording_name,
         metavar="RECORDING",
         nargs="?",
-        default="surrogate",
         help=f"whose demand drives: {shared.RECORDING_HELP} (default: that)",
     )
     shared.location_argument(parser)
@@ -132,14 +141,18 @@ def _add_interactive(commands: Any) -> None:
     shared.minutes_argument(parser, 45.0)
     parser.add_argument("--period", metavar="PERIOD", help="recording period to run (default: the first)")
     parser.add_argument(
-        "--drivers", type=Path, metavar="FILE", help="parameters from `calibrate` (default: calibrated in the run)"
+        "--drivers",
+        type=shared.path,
+        metavar="FILE",
+        help="parameters from `calibrate` (default: calibrated in the run)",
     )
     parser.add_argument(
         "--types",
         action="append",
-        choices=TYPES,
+        choices=(*TYPES, RESIDUAL),
         metavar="POPULATION",
-        help=f"who drives: {', '.join(TYPES)}; may be repeated (default: all of them, compared)",
+        help=f"who drives: {', '.join(TYPES)}; may be repeated (default: all of them, compared). "
+        f"`{RESIDUAL}`: those of a table of `predict --method residual`, driven by our own loop",
     )
     parser.add_argument(
         "--without-d1",
@@ -154,8 +167,9 @@ def _add_interactive(commands: Any) -> None:
         action="append",
         default=[],
         type=_setting,
-        metavar="KEY=VALUE",
-        help="a parameter of it, such as lcSpeedGain=2; may be repeated",
+        metavar="KEY=VALUE|fit|FILE",
+        help="a parameter of it, such as lcSpeedGain=2; `fit`: those not given are fitted to the recorded lane changes "
+        "on the first half, judged on the second, and left as lane_change.json; such a FILE; may be repeated",
     )
     parser.add_argument(
         "--ego",
@@ -168,6 +182,11 @@ def _add_interactive(commands: Any) -> None:
         "--no-downstream-speed",
         action="store_true",
         help="do not impose the recorded speeds behind the section, where the bottleneck is",
+    )
+    parser.add_argument(
+        "--no-place-speeds",
+        action="store_true",
+        help="let vehicles drive faster at a place than free vehicles were recorded there",
     )
     parser.add_argument(
         "--seeds",
@@ -185,7 +204,7 @@ def _add_interactive(commands: Any) -> None:
     )
     parser.add_argument(
         "--model",
-        type=Path,
+        type=shared.path,
         metavar="FILE",
         help="extended model of `diagnose`: adds populations that our own loop drives, `own-loop` without "
         "its causes and `extended`"
@@ -196,10 +215,22 @@ def _add_interactive(commands: Any) -> None:
 
 
 def _setting(text: str) -> tuple[str, str]:
+    if text == FIT or text.endswith(".json"):
+        return (FIT, "") if text == FIT else (LANE_CHANGE_FILE, text)
     key, equals, value = text.partition("=")
     if not (key and equals and value):
-        raise argparse.ArgumentTypeError(f"{text!r} is not KEY=VALUE, such as lcSpeedGain=2")
+        raise argparse.ArgumentTypeError(f"{text!r} is not KEY=VALUE, such as lcSpeedGain=2, `fit` or a .json file")
     return key, value
+
+
+def _lane_change(given: list[tuple[str, str]], model: str) -> dict[str, str]:
+    """Return given lane change parameters; single ones take precedence over a file's."""
+    read_file = study_module("closed_loop.lane_changes").read_file
+    of_files: dict[str, str] = {}
+    for key, value in given:
+        if key == LANE_CHANGE_FILE:
+            of_files |= read_file(Path(value), model)
+    return of_files | {key: value for key, value in given if key not in (FIT, LANE_CHANGE_FILE)}
 
 
 def interactive(options: argparse.Namespace) -> None:
@@ -210,6 +241,7 @@ def interactive(options: argparse.Namespace) -> None:
     options : argparse.Namespace
     """
     module = study_module("closed_loop.run")
+    options.recording = options.recording or SURROGATE
     single = options.gui or options.ego is not None  # one population is all that can be watched or driven among
     types = tuple(dict.fromkeys(options.types or (TYPES[:1] if single else _types_for(options.drivers))))
     if options.model is not None:
@@ -224,10 +256,12 @@ def interactive(options: argparse.Namespace) -> None:
         types=types,
         refit=options.without_d1 == "refit",
         lane_change_model=options.lane_change_model,
-        lane_change=dict(options.lane_change),
+        lane_change=_lane_change(options.lane_change, options.lane_change_model),
+        fit_lane_change=(FIT, "") in options.lane_change,
         ego=options.ego,
         gui=options.gui,
         downstream_speed=not options.no_downstream_speed,
+        place_speeds=not options.no_place_speeds,
         seeds=options.seeds,
         bias_sample=0 if single else options.replay_bias,
         minutes=options.minutes,
@@ -247,11 +281,18 @@ def interactive(options: argparse.Namespace) -> None:
 
 
 def _types_for(drivers: Path | None) -> tuple[str, ...]:
-    """Return the populations that can be had of a driver table; all of drivers that are calibrated in the run."""
+    """Return the populations that can be had of a driver table; all of drivers that are calibrated in the run.
+
+    A table of predicted drivers has none drawn to the population, and often no driving codes to predict from.
+    """
     if drivers is None:
         return TYPES
     from idm_sumo.calibration.drawn import DRAWN
     from idm_sumo.calibration.driver_table import read_drivers
+    from idm_sumo.prediction.driving_code import FEATURES
+    from idm_sumo.prediction.residual_drive import MODEL, POPULATION
 
-    has_drawn = set(DRAWN) <= set(read_drivers(drivers))
-    return TYPES if has_drawn else tuple(name for name in TYPES if name != "drawn")
+    table = read_drivers(drivers)
+    columns = {name for name in table if name != MODEL or (table[name] != POPULATION).any()}
+    needed = {"drawn": set(DRAWN), "predicted": set(FEATURES.values()), RESIDUAL: {MODEL}}
+    return tuple(name for name in (*TYPES, RESIDUAL) if needed.get(name, set()) <= columns)

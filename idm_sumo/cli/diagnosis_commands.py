@@ -7,12 +7,12 @@ import os
 import sys
 from typing import Any
 
+from idm_sumo.cli import many, outputs
 from idm_sumo.cli import options as shared
-from idm_sumo.cli import outputs
 from idm_sumo.cli.console import note, progress_bar, say, study_module
 from idm_sumo.runtime.memory import keep_freed_memory
 
-ABOUT = """\
+ABOUT = f"""\
 name what the IDM gets wrong in a recording, and measure the gain
 
 Every driver is simulated behind its recorded leader, window by window. What
@@ -34,10 +34,14 @@ verdicts (exit code 0 for each):
   unknown   something is there that no cause of the catalogue explains; where,
             when and along what is said
 
-reads   RECORDING
+{many.ABOUT}
+A recording's folder then holds _diagnosis.json and _model.json, and no pages.
+
+reads   RECORDING ...
 leaves  DIR/report.html for people, diagnosis.json for programs, tables/,
         figures/, manifest.json, model.json, the extended model, and
-        drivers.parquet, each driver refitted with the causes
+        drivers.parquet, each driver refitted with the causes; replays/, three
+        held-out drivers by the base and the extended model, if a cause is named
 next    open DIR/report.html; idm-sumo replay RECORDING --vehicle ID --model
         DIR/model.json -o out, and `export` and `interactive` with --model"""
 
@@ -52,13 +56,13 @@ def add(commands: Any) -> None:
     parser = shared.command(
         commands, "diagnose", diagnose, ABOUT, "idm-sumo diagnose RECORDING -o out/diagnosis", jobs=None
     )
-    shared.recording_argument(parser)
+    many.add_arguments(parser)
     shared.output_argument(
         parser,
         "DIR",
         "diagnosis.json, report.html, model.json, drivers.parquet, tables/, figures/, manifest.json go there",
     )
-    outputs.declare(parser, "recording")
+    outputs.declare(parser, "recording", many=True)
 
 
 def diagnose(options: argparse.Namespace) -> None:
@@ -69,7 +73,12 @@ def diagnose(options: argparse.Namespace) -> None:
     options : argparse.Namespace
     """
     keep_freed_memory()
+    if many.are_meant(options):
+        many.run(options, study_module("many.work").Diagnose(options.seed))
+        return
+    (options.recording,) = options.recording
     module, words = study_module("diagnosis.report"), study_module("diagnosis.words")
+    first = study_module("diagnosis.answer")
     with progress_bar(module.STAGES) as report:
         found = module.diagnose_file(
             shared.recording_path(options),
@@ -80,13 +89,9 @@ def diagnose(options: argparse.Namespace) -> None:
             command=sys.argv,
             progress=report,
         )
-    sentences = (
-        words.headline(found),
-        words.without_gain_sentence(found),
-        words.gain_sentence(found.gain),
-        words.law_sentence(found),
-    )
-    say(*filter(None, sentences))
+    say(*filter(None, (*first.spoken(found), words.law_sentence(found))))
+    if found.verdict == "none" and found.power:
+        say(*words.power_sentences(found))
     if options.verbose:
         for name, seconds in found.seconds.items():
             note(f"{name}: {seconds:.1f} s")

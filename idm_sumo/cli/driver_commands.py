@@ -6,37 +6,39 @@ import argparse
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
+from idm_sumo.cli import many, outputs
 from idm_sumo.cli import options as shared
-from idm_sumo.cli import outputs
-from idm_sumo.cli.console import note, progress_bar, say
+from idm_sumo.cli.console import note, progress_bar, say, study_module
 from idm_sumo.runtime import limits
 
 if TYPE_CHECKING:
-    from collections.abc import Callable
-
     import pandas as pd
 
     from idm_sumo.roads import Road
-    from idm_sumo.runtime.progress import Progress
-    from idm_sumo.scenes.windows import Scenes
 
 
-CALIBRATE = """\
+CALIBRATE = f"""\
 fit five IDM parameters to every driver (the oracle)
 
 Each driver is simulated behind its recorded leader for 10 s, and a, b, T, d0
-and d1 are chosen so that it stays as near to its recording as it can.
+and d1 are chosen so that it stays as near to its recording as it can. Vehicle
+types for SUMO are fitted to all of its windows, without d1.
 
-reads   RECORDING
+{many.ABOUT}
+
+reads   RECORDING ...
 leaves  FILE, one row a driver: period, vehicle, a, b, T, d0, d1 (SI),
         desired_speed_m_s, ade_m (mean distance from the recording, m), status,
-        at_bound, what SUMO needs, the driver's first second
+        at_bound, what SUMO needs (a_whole, ...), the driver's first second
 next    idm-sumo predict RECORDING --drivers FILE -o predicted.parquet, or
         idm-sumo export FILE -o drivers.rou.xml"""
-PREDICT = """\
+PREDICT = f"""\
 predict IDM parameters from the first observed frames
 
-reads   RECORDING, and the table of `calibrate` to learn from
+{many.ABOUT}
+
+reads   RECORDING ..., and the table of `calibrate`, or its data set, to learn
+        from
 leaves  FILE with the key columns of that table, for drivers as if only their
         first second were known
 next    idm-sumo export FILE -o drivers.rou.xml, or idm-sumo replay RECORDING
@@ -58,7 +60,7 @@ def _add_calibrate(commands: Any) -> None:
     parser = shared.command(
         commands, "calibrate", calibrate, CALIBRATE, "idm-sumo calibrate RECORDING -o drivers.parquet"
     )
-    shared.recording_argument(parser)
+    many.add_arguments(parser)
     shared.window_arguments(parser)
     parser.add_argument(
         "--desired-speed", type=shared.desired_speed, metavar="V|auto",
@@ -70,12 +72,12 @@ def _add_calibrate(commands: Any) -> None:
         "--every",
         type=shared.whole(limits.FRAMES),
         metavar="FRAMES",
-        help="a further window every so many frames (default: one, at entry)",
+        help="a row for a further window every so many frames (default: one row, of the window at entry)",
     )
     parser.add_argument(
         "--all-windows", action="store_true",
-        help="one set for each driver from all of its windows, for types that drive like the driver: ten seconds give "
-        "back those seconds (windows follow each other unless --every says otherwise)",
+        help="a, b, T, d0 and d1, too, from all of a driver's windows, as its vehicle type is anyway: ten seconds give "
+        "back those seconds, not the driver (windows follow each other unless --every says otherwise)",
     )  # fmt: skip
     parser.add_argument(
         "--objective", choices=("ade", "gap", "speed", "log-gap"), default="ade", help="what is minimised (default ade)"
@@ -86,8 +88,8 @@ def _add_calibrate(commands: Any) -> None:
         default="gauss-newton",
         help="gauss-newton: fast, exact derivatives (default); l-bfgs-b: the paper's",
     )
-    shared.output_argument(parser, "FILE", ".parquet or .csv, one row a driver")
-    outputs.declare(parser, "recording", endings=(".parquet", ".csv"))
+    shared.output_argument(parser, "FILE|DIR", ".parquet or .csv, one row a driver; a folder for many recordings")
+    outputs.declare(parser, "recording", endings=many.TABLES, many=True)
 
 
 def _add_predict(commands: Any) -> None:
@@ -98,19 +100,21 @@ def _add_predict(commands: Any) -> None:
         PREDICT,
         "idm-sumo predict RECORDING --drivers drivers.parquet -o predicted.parquet",
     )
-    shared.recording_argument(parser)
+    many.add_arguments(parser)
     parser.add_argument(
         "--method",
-        choices=("knn", "rollout"),
+        choices=("knn", "rollout", "residual"),
         default="knn",
         help="knn: the paper's, average the calibrated neighbours (default); rollout: weights fitted to drive the "
-        "RECORDING right, with spread; a driver is left out of what predicts it",
+        "RECORDING right, with spread; residual: rollout's parameters for SUMO, and beside them what drives nearer in "
+        "`replay`, an acceleration beyond the pooled IDM that no vehicle type holds; a driver is left out of what "
+        "predicts it",
     )
     parser.add_argument(
         "--drivers",
-        type=Path,
+        type=shared.path,
         metavar="FILE",
-        help="calibrated drivers to learn from (rollout: all of RECORDING without)",
+        help="calibrated drivers to learn from (rollout, residual: all of RECORDING without)",
     )
     parser.add_argument(
         "--period", action="append", metavar="PERIOD", help="only this recording period; may be repeated"
@@ -120,8 +124,7 @@ def _add_predict(commands: Any) -> None:
         type=shared.whole(limits.OBSERVED),
         default=10,
         metavar="FRAMES",
-        help="frames to observe (default 10, one second); "
-        "with rollout those before the last ten are driven again, and count as much as they help in drivers left out",
+        help="frames to observe (default 10, one second); rollout predicts from the last ten, residual from all",
     )
     parser.add_argument(
         "--neighbours",
@@ -131,8 +134,8 @@ def _add_predict(commands: Any) -> None:
         help="drivers to average (default 8)",
     )
     parser.set_defaults(horizon=1, rollout_start="observed")
-    shared.output_argument(parser, "FILE", ".parquet or .csv, one row a driver")
-    outputs.declare(parser, "recording", "drivers", endings=(".parquet", ".csv"))
+    shared.output_argument(parser, "FILE|DIR", ".parquet or .csv, one row a driver; a folder for many recordings")
+    outputs.declare(parser, "recording", "drivers", endings=many.TABLES, many=True)
 
 
 def calibrate(options: argparse.Namespace) -> None:
@@ -142,34 +145,28 @@ def calibrate(options: argparse.Namespace) -> None:
     ----------
     options : argparse.Namespace
     """
-    from idm_sumo.calibration import calibrate as fit
-    from idm_sumo.calibration.drawn import drawn_columns
     from idm_sumo.calibration.search import Search
-    from idm_sumo.calibration.whole import fit_whole_drivers
-    from idm_sumo.calibration.without_d1 import refit_table, without_d1_costs
-    from idm_sumo.prediction.driving_code import driving_code
 
-    every = options.every or (options.horizon if options.all_windows else None)
-    found = shared.scenes_of(options, shared.window_of(options, every))
-    scenes = found.scenes
-    with progress_bar() as report:
-        fits = fit(
-            scenes,
-            objective=options.objective,
-            search=Search(options.solver, seed=options.seed),
-            desired_speed=options.desired_speed,
-            jobs=options.jobs,
-            progress=_named("calibrating", report),
-        )
-        if options.all_windows:
-            first = ~fits.duplicated(["period", "vehicle"]).to_numpy()
-            fits = fit_whole_drivers(fits, scenes, _named("drivers", report))
-            scenes = scenes.subset(first)
-    table = _beside(fits, drawn_columns(scenes, fits["desired_speed_m_s"]))
-    if not options.all_windows:  # the refit without d1 is one of a single window
-        table = _beside(table, refit_table(table, scenes))
-        table = _beside(table, without_d1_costs(table, scenes))
-    write(_beside(table, driving_code(scenes)), options.output, scenes.road)
+    module = study_module("drivers.calibrated")
+    how = module.Calibration(
+        window=shared.window_of(options, options.every),
+        periods=tuple(options.period or ()),
+        objective=options.objective,
+        search=Search(options.solver, seed=options.seed),
+        desired_speed=options.desired_speed,
+        all_windows=options.all_windows,
+    )
+    if many.are_meant(options):
+        many.run(options, study_module("many.work").Calibrate(how))
+        return
+    source = many.only_source(options)
+    if options.cluster:
+        found = many.computed(options, module.calibrated, source, how)
+    else:
+        with progress_bar() as report:
+            found = module.calibrated(source, how, jobs=options.jobs, progress=report)
+    table = found.table
+    write(table, options.output, found.road)
     _note_faster(table)
     for reason, count in found.left_out.items():
         note(f"{count} vehicle{'s' * (count != 1)} not calibrated: {reason}")
@@ -191,11 +188,6 @@ def _note_faster(table: pd.DataFrame) -> None:
         )
 
 
-def _named(stage: str, report: Progress) -> Progress:
-    """Return a progress that reports under another name."""
-    return lambda _, done, total: report(stage, done, total)
-
-
 def predict(options: argparse.Namespace) -> None:
     """Predict every driver from its first frames.
 
@@ -203,77 +195,28 @@ def predict(options: argparse.Namespace) -> None:
     ----------
     options : argparse.Namespace
     """
-    import pandas as pd
-
-    from idm_sumo.calibration.departures import departures
-    from idm_sumo.calibration.without_d1 import MEAN_SPEED
-
-    foresee = _through_rollout(options) if options.method == "rollout" else _neighbours(options)
-    found = shared.scenes_of(options, shared.window_of(options))
-    scenes = found.scenes
-    observed = pd.DataFrame({MEAN_SPEED: scenes.speed[:, : options.observed].mean(axis=1)})
-    table = _beside(foresee(scenes), departures(scenes), observed)
-    write(table, options.output, scenes.road)
+    module, work = study_module("drivers.predicted"), study_module("many.work")
+    how = module.Prediction(
+        window=shared.window_of(options),
+        periods=tuple(options.period or ()),
+        method=options.method,
+        neighbours=options.neighbours,
+        seed=options.seed,
+    )
+    module.check_library(how, options.drivers is not None)
+    if many.are_meant(options):
+        many.run(options, work.Predict(how, options.drivers))
+        return
+    source = many.only_source(options)
+    call = (work.predict_one, source, how, options.drivers)
+    found = many.computed(options, *call) if options.cluster else call[0](*call[1:])
+    table = found.table
+    write(table, options.output, found.road)
     for reason, count in found.left_out.items():
         note(f"{count} vehicle{'s' * (count != 1)} not predicted: {reason}")
     shared.note_origin(found.notes)
     statuses = ", ".join(f"{count} {status}" for status, count in table["status"].value_counts().items())
     say(f"{len(table)} drivers; status: {statuses}", f"wrote {options.output}")
-
-
-def _neighbours(options: argparse.Namespace) -> Callable[[Scenes], pd.DataFrame]:
-    """Return the paper's prediction."""
-    from idm_sumo.calibration.driver_table import read_drivers
-    from idm_sumo.prediction import predict_drivers
-    from idm_sumo.runtime.errors import InputError
-
-    if options.drivers is None:
-        raise InputError(
-            "--drivers: the neighbours need calibrated drivers; `idm-sumo calibrate RECORDING -o FILE` writes them"
-        )
-    library = read_drivers(options.drivers)
-    return lambda scenes: predict_drivers(scenes, library, observed=options.observed, neighbours=options.neighbours)
-
-
-def _through_rollout(options: argparse.Namespace) -> Callable[[Scenes], pd.DataFrame]:
-    """Learn from the recording; return the prediction."""
-    from idm_sumo.calibration.driver_table import read_drivers
-    from idm_sumo.prediction import MovingHorizon, RolloutPredictor
-    from idm_sumo.prediction.driver_prediction import (
-        LEARNING_STEP,
-        SECOND,
-        WATCHING_STEP,
-        drivers_of,
-        predict_through_rollout,
-        typical_desired_speed,
-    )
-    from idm_sumo.scenes.windows import Window
-
-    drivers = None if options.drivers is None else read_drivers(options.drivers)
-    speed = None if drivers is None else typical_desired_speed(drivers)
-
-    def training(window: Window) -> Scenes:
-        found = shared.scenes_of(options, window).scenes
-        return found if drivers is None else drivers_of(found, drivers)
-
-    second = min(options.observed, SECOND)
-    predictor = RolloutPredictor(desired_speed=speed, seed=options.seed)
-    predictor.fit(training(Window(observed=second, every=LEARNING_STEP)))
-    if options.observed == second:
-        return lambda scenes: predict_through_rollout(scenes, predictor)
-    watched = training(Window(observed=options.observed, every=WATCHING_STEP))
-    watcher = MovingHorizon(predictor, seed=options.seed).fit(watched)
-    return lambda scenes: predict_through_rollout(scenes, watcher)
-
-
-def _beside(table: pd.DataFrame, *more: pd.DataFrame) -> pd.DataFrame:
-    """Join further columns of the same drivers to a table.
-
-    The rows are in the same order.
-    """
-    for other in more:
-        table = table.join(other[[name for name in other.columns if name not in table.columns]])
-    return table
 
 
 def write(table: pd.DataFrame, path: Path, road: Road) -> None:

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import argparse
 import shlex
-from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from idm_sumo.cli import options as shared
@@ -16,6 +15,8 @@ if TYPE_CHECKING:
     import pandas as pd
 
     from idm_sumo.sumo.export.routes import Exported
+
+LISTED = 20  # late departures that are shown
 
 EXPORT = """\
 write drivers as SUMO vehicle types that drive as calibrated
@@ -34,15 +35,15 @@ def add(commands: Any) -> None:
     commands : action of ``add_subparsers``
     """
     parser = shared.command(commands, "export", export, EXPORT, "idm-sumo export drivers.parquet -o drivers.rou.xml")
-    parser.add_argument("drivers", type=Path, metavar="DRIVERS", help="table of `calibrate` or `predict`")
+    parser.add_argument("drivers", type=shared.path, metavar="DRIVERS", help="table of `calibrate` or `predict`")
     shared.output_argument(parser, "FILE.rou.xml", "FILE.sumocfg and FILE.net.xml are written beside it")
     outputs.declare(parser, "drivers", "net_file", "model", endings=(".xml",))
     parser.add_argument(
         "--parameters",
-        choices=("fitted", "drawn"),
-        default="fitted",
-        help="the driver's own fit, which gives back its ten seconds (default), or drawn to the population: no "
-        "parameter at a bound, for traffic that reacts",
+        choices=("drawn", "whole", "fitted", "pooled"),
+        help="drawn to the population by all windows of the driver: no parameter at a bound, for traffic that reacts "
+        "(default where the table has it); fitted to all its windows; to its first ten seconds, which it gives back "
+        "best (default for predicted drivers); one set for all",
     )
     parser.add_argument(
         "--without-d1",
@@ -55,7 +56,11 @@ def add(commands: Any) -> None:
         "--integration", choices=("euler", "ballistic"), default="euler", help="of the SUMO run (default euler)"
     )
     parser.add_argument(
-        "-n", "--net-file", type=Path, metavar="FILE", help="another build of our network, say with another speed limit"
+        "-n",
+        "--net-file",
+        type=shared.path,
+        metavar="FILE",
+        help="another build of our network, say with another speed limit",
     )
     parser.add_argument(
         "--distribution",
@@ -76,7 +81,7 @@ def add(commands: Any) -> None:
     )
     parser.add_argument(
         "--model",
-        type=Path,
+        type=shared.path,
         metavar="FILE",
         help="extended model of `diagnose`: what SUMO's types can hold of it goes into them, the rest is said",
     )
@@ -90,8 +95,8 @@ def export(options: argparse.Namespace) -> None:
     ----------
     options : argparse.Namespace
     """
-    from idm_sumo.calibration.drawn import as_drawn
     from idm_sumo.calibration.driver_table import read_drivers, road_of_drivers
+    from idm_sumo.calibration.parameter_sets import usual_set, with_set
     from idm_sumo.calibration.without_d1 import cost_summary
     from idm_sumo.models.effects import ExtendedModel
     from idm_sumo.runtime.errors import InputError
@@ -100,8 +105,9 @@ def export(options: argparse.Namespace) -> None:
     from idm_sumo.sumo.export.routes import export_routes
 
     drivers = read_drivers(options.drivers)
-    if options.parameters == "drawn":
-        drivers = as_drawn(drivers, str(options.drivers))
+    which = options.parameters or usual_set(drivers)
+    said = _said_of(which, drivers, options)
+    drivers = with_set(drivers, which, str(options.drivers))
     model = None if options.model is None else ExtendedModel.read(options.model)
     if options.distribution:
         if model is not None:
@@ -113,11 +119,12 @@ def export(options: argparse.Namespace) -> None:
             representatives=options.representatives,
             seed=options.seed,
             without_d1=options.without_d1,
+            road=road_of_drivers(options.drivers),
             source=str(options.drivers),
         )
-        for line in written.notes:
+        for line in (*said, *written.notes):
             note(line)
-        say(f"wrote {written.file}: {written.types} types that stand for {written.drivers} drivers")
+        say(f"wrote {written.file}: {written.types} types that stand for {written.drivers} drivers ({which})")
         return
     exported = export_routes(
         drivers,
@@ -129,20 +136,35 @@ def export(options: argparse.Namespace) -> None:
         integration=options.integration,
         source=str(options.drivers),
     )
-    for line in exported.notes:
+    for line in (*said, *exported.notes):
         note(line)
-    say(f"wrote {exported.route_file}: {len(exported.vehicles)} drivers; run them with `{_run_line(exported)}`")
-    if {"ade_m", "ade_exact_m"} <= set(drivers.columns):
+    count = f"{len(exported.vehicles)} drivers ({which})"
+    say(f"wrote {exported.route_file}: {count}; run them with `{_run_line(exported)}`")
+    if which == "fitted" and {"ade_m", "ade_exact_m"} <= set(drivers.columns):
         say(
             "what each way to do without d1 costs (m of ADE over the calibration window):",
             text_table(cost_summary(_costs(drivers))),
         )
     if not options.no_check:
         delays = departure_delays(exported.config_file)
-        late = delays[delays["delay_s"] > 0]
+        late = delays[delays["delay_s"] > 0].sort_values("delay_s", ascending=False, kind="stable")
         say(f"{len(late)} of {len(delays)} departures are late, for want of room behind the vehicle ahead")
         if len(late):
-            say(text_table(late))
+            more = [f"... and {len(late) - LISTED} that are less late"] if len(late) > LISTED else []
+            say(text_table(late.head(LISTED)), *more)
+
+
+def _said_of(which: str, drivers: pd.DataFrame, options: argparse.Namespace) -> tuple[str, ...]:
+    """Return what is to be said of types that are fitted to all windows."""
+    from idm_sumo.calibration.whole import WINDOWS
+    from idm_sumo.runtime.errors import InputError
+
+    if which != "whole":
+        return ()
+    if options.without_d1 is not None:
+        raise InputError("--parameters whole: these have no d1; leave out --without-d1")
+    windows = f" ({drivers[WINDOWS].median():g} in the median)" if WINDOWS in drivers else ""
+    return (f"types are fitted to all windows of a driver{windows}; --parameters fitted takes its first ten seconds",)
 
 
 def _run_line(exported: Exported) -> str:

@@ -130,6 +130,8 @@ def _of_machine(error: OSError) -> str:
     reason = error.strerror or str(error) or type(error).__name__
     remedy = REMEDIES.get(error.errno or 0, "mend it and run the same command again")
     shown = os.fsdecode(name) if isinstance(name, bytes | os.PathLike) else name
+    if not shown and error.errno == errno.ENOENT:
+        shown, remedy = "the current folder", "change to one that exists"
     return f"{shown}: {reason}; {remedy}" if shown else f"{reason}; {remedy}"
 
 

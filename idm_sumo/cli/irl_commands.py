@@ -1,15 +1,15 @@
-"""``irl learn``, ``irl train``, ``irl evaluate``: reward, agents, errors."""
+"""``irl``: learn a reward, train agents, evaluate and vary them."""
 
 from __future__ import annotations
 
 import argparse
-from pathlib import Path
 from typing import Any
 
 from idm_sumo.cli import options as shared
 from idm_sumo.cli import outputs
 from idm_sumo.cli.console import note, progress_bar, say, study_module, text_table
 from idm_sumo.runtime import limits
+from idm_sumo.sumo.surrogate import SURROGATE
 
 STEPS = 1_200_000
 SEEDS = 3
@@ -37,6 +37,16 @@ reads   RECORDING ..., and the folder of `irl train`
 leaves  FILE, one row a method and seed, as CSV
 next    idm-sumo reproduce --agents DIR -o out sets them beside the other
         methods"""
+VARIANTS = """\
+train and score an agent on rewards learned in several ways
+
+Shows which choice makes which difference: more demonstrations, the paper's five
+features alone, negative weights, no penalty. Needs the extra `rl` (torch and
+stable-baselines3).
+
+reads   RECORDING ...
+leaves  FILE, one row a variant, as CSV
+next    idm-sumo irl train RECORDING -o agents, the first of them in full"""
 
 
 def add(commands: Any) -> None:
@@ -71,6 +81,30 @@ def add(commands: Any) -> None:
 
     parser = shared.command(actions, "train", train, TRAIN, "idm-sumo irl train RECORDING --quick -o agents")
     _source_arguments(parser)
+    _training_arguments(parser)
+    shared.output_argument(
+        parser, "DIR", "reward, policies, learning curve; interrupted, the same command goes on from its checkpoints"
+    )
+    outputs.declare(parser, "recording", kept=True)
+
+    parser = shared.command(
+        actions, "evaluate", evaluate, EVALUATE, "idm-sumo irl evaluate RECORDING --quick --agents agents -o scores.csv"
+    )
+    _source_arguments(parser)
+    parser.add_argument("--agents", type=shared.path, required=True, metavar="DIR", help="folder of `irl train`")
+    shared.output_argument(parser, "FILE", "one row a method and seed, as CSV")
+    outputs.declare(parser, "recording", endings=(".csv",))
+
+    parser = shared.command(
+        actions, "variants", variants, VARIANTS, "idm-sumo irl variants RECORDING --quick -o variants.csv"
+    )
+    _source_arguments(parser)
+    _training_arguments(parser)
+    shared.output_argument(parser, "FILE", "one row a variant, as CSV")
+    outputs.declare(parser, "recording", endings=(".csv",))
+
+
+def _training_arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument(
         "--agent-steps",
         type=shared.whole(limits.COUNT),
@@ -85,22 +119,12 @@ def add(commands: Any) -> None:
         metavar="N",
         help=f"agents, with --seed and the next ones (default {SEEDS})",
     )
-    shared.output_argument(
-        parser, "DIR", "reward, policies, learning curve; interrupted, the same command goes on from its checkpoints"
-    )
-    outputs.declare(parser, "recording", kept=True)
-
-    parser = shared.command(
-        actions, "evaluate", evaluate, EVALUATE, "idm-sumo irl evaluate RECORDING --quick --agents agents -o scores.csv"
-    )
-    _source_arguments(parser)
-    parser.add_argument("--agents", type=Path, required=True, metavar="DIR", help="folder of `irl train`")
-    shared.output_argument(parser, "FILE", "one row a method and seed, as CSV")
-    outputs.declare(parser, "recording", endings=(".csv",))
 
 
 def _source_arguments(parser: argparse.ArgumentParser) -> None:
-    parser.add_argument("recording", metavar="RECORDING", nargs="+", help=shared.RECORDING_HELP)
+    parser.add_argument(
+        "recording", type=shared.recording_name, metavar="RECORDING", nargs="+", help=shared.RECORDING_HELP
+    )
     parser.add_argument(
         "--train", action="append", metavar="PERIOD", help="training period; may be repeated (default: the first)"
     )
@@ -119,8 +143,6 @@ def _source_arguments(parser: argparse.ArgumentParser) -> None:
 
 def _settings(options: argparse.Namespace) -> Any:
     """Return the study's settings that the options ask for."""
-    from idm_sumo.sumo.surrogate.builtin import SURROGATE
-
     module = study_module("reproduce.settings")
     named = options.recording == [SURROGATE]
     overrides = {
@@ -187,3 +209,20 @@ def evaluate(options: argparse.Namespace) -> None:
     if missing:
         note(missing)
     say(text_table(table), f"wrote {options.output}")
+
+
+def variants(options: argparse.Namespace) -> None:
+    """Train and score agents on rewards learned several ways.
+
+    Parameters
+    ----------
+    options : argparse.Namespace
+    """
+    from idm_sumo.irl.learning import require_rl
+
+    require_rl()
+    module = study_module("reproduce.agents.variants")
+    with progress_bar() as report:
+        table = module.variants(_settings(options), options.output, progress=report)
+    shown = table[["variant", "ade_m", "fde_m", "collisions", "contacts", "off_road", "weight_speed"]]
+    say(text_table(shown), f"wrote {options.output}")

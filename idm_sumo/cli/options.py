@@ -4,17 +4,18 @@ from __future__ import annotations
 
 import argparse
 import json
+import os
 from collections.abc import Callable, Iterable
-from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from idm_sumo.cli.console import note, progress_bar
 from idm_sumo.runtime import limits
+from idm_sumo.sumo.surrogate import SURROGATE
 
 if TYPE_CHECKING:
     from idm_sumo.recordings.recording import Recording
-    from idm_sumo.scenes.windows import Scenes, Window
+    from idm_sumo.scenes.windows import Window
 
 MINUTES = 4.0  # of `surrogate`: enough for hundreds of drivers, made in seconds
 RECORDING_HELP = (
@@ -69,10 +70,48 @@ def recording_argument(parser: argparse.ArgumentParser) -> None:
     ----------
     parser : argparse.ArgumentParser
     """
-    parser.add_argument("recording", metavar="RECORDING", help=RECORDING_HELP)
+    parser.add_argument("recording", type=recording_name, metavar="RECORDING", help=RECORDING_HELP)
     location_argument(parser)
     network_arguments(parser)
     minutes_argument(parser)
+
+
+def path(text: str) -> Path:
+    """Return a path that somebody named.
+
+    Parameters
+    ----------
+    text : str
+
+    Raises
+    ------
+    argparse.ArgumentTypeError
+        If it is empty, as a variable of the shell that is not set: that would be the current folder.
+    """
+    if not text:
+        raise argparse.ArgumentTypeError("is empty, perhaps a variable that is not set; name a file or folder")
+    return Path(text)
+
+
+def recording_name(text: str) -> str:
+    """Return RECORDING, a path or the word for the built-in one.
+
+    Parameters
+    ----------
+    text : str
+
+    Raises
+    ------
+    argparse.ArgumentTypeError
+        If it is the word, and a file or folder of that name is there: both can be meant. If it is empty.
+    """
+    path(text)
+    if text == SURROGATE and os.path.lexists(text):
+        raise argparse.ArgumentTypeError(
+            f"`{text}` is the built-in recording, and something of that name is here: give ./{text} to read that, "
+            "or rename it to get the built-in one"
+        )
+    return text
 
 
 def location_argument(parser: argparse.ArgumentParser) -> None:
@@ -96,14 +135,14 @@ def network_arguments(parser: argparse.ArgumentParser) -> None:
     """
     group = parser.add_argument_group("a road of your own", "where RECORDING was not recorded on a road that is known")
     group.add_argument(
-        "-n", "--net-file", type=Path, metavar="NET", help="SUMO network that it was recorded on (.net.xml)"
+        "-n", "--net-file", type=path, metavar="NET", help="SUMO network that it was recorded on (.net.xml)"
     )
     group.add_argument(
-        "--corridor", nargs="+", default=[], metavar="EDGE",
+        "--corridor", nargs="+", action="extend", default=[], metavar="EDGE",
         help="edges of the road in driving order, those between are found (default: the network, if it is one road)",
     )  # fmt: skip
     group.add_argument(
-        "--route-files", nargs="+", type=Path, default=[], metavar="FILE",
+        "--route-files", nargs="+", action="extend", type=path, default=[], metavar="FILE",
         help="route files whose vTypes tell lengths, widths and classes of a SUMO recording's vehicles",
     )  # fmt: skip
 
@@ -192,7 +231,7 @@ def output_argument(parser: argparse.ArgumentParser, metavar: str, help_text: st
     parser : argparse.ArgumentParser
     metavar, help_text : str
     """
-    parser.add_argument("-o", "--output", type=Path, required=True, metavar=metavar, help=help_text)
+    parser.add_argument("-o", "--output", type=path, required=True, metavar=metavar, help=help_text)
 
 
 def window_of(options: argparse.Namespace, every: int | None = None) -> Window:
@@ -222,16 +261,27 @@ def recording_path(options: argparse.Namespace) -> Path:
 
     path = _path(options)
     if options.net_file is None:
-        _check_alone(options)
+        check_alone(options)
         return path
     return kept_on_network(path, **_network(options))
 
 
 def _path(options: argparse.Namespace) -> Path:
-    from idm_sumo.sumo.surrogate.builtin import recording_path as path_of
+    return path_of(options, options.recording)
+
+
+def path_of(options: argparse.Namespace, name: str) -> Path:
+    """Return the path of a recording by its name; the built-in one is made now if it is not in the cache.
+
+    Parameters
+    ----------
+    options : argparse.Namespace
+    name : str
+    """
+    from idm_sumo.sumo.surrogate.builtin import recording_path
 
     with progress_bar() as report:
-        return path_of(options.recording, minutes=options.minutes, seed=options.seed, progress=report)
+        return recording_path(name, minutes=options.minutes, seed=options.seed, progress=report)
 
 
 def _network(options: argparse.Namespace) -> dict[str, Any]:
@@ -240,8 +290,17 @@ def _network(options: argparse.Namespace) -> dict[str, Any]:
             "location": options.location}  # fmt: skip
 
 
-def _check_alone(options: argparse.Namespace) -> None:
-    """Raise for options that mean nothing without a network."""
+def check_alone(options: argparse.Namespace) -> None:
+    """Raise for options that mean nothing without a network.
+
+    Parameters
+    ----------
+    options : argparse.Namespace
+
+    Raises
+    ------
+    InputError
+    """
     from idm_sumo.runtime.errors import InputError
 
     for name in ("corridor", "route_files"):
@@ -275,54 +334,6 @@ def load(options: argparse.Namespace) -> Recording:
     from idm_sumo.recordings.smoothing import smooth
 
     return smooth(clean(read(options)))
-
-
-@dataclass(frozen=True)
-class Modelled:
-    """The windows of a recording's drivers.
-
-    Attributes
-    ----------
-    scenes : Scenes
-    left_out : dict of str to int
-        Vehicles that are not modelled, by reason.
-    notes : tuple of str
-        Of the recording.
-    """
-
-    scenes: Scenes
-    left_out: dict[str, int]
-    notes: tuple[str, ...]
-
-
-def scenes_of(options: argparse.Namespace, window: Window) -> Modelled:
-    """Return the windows of the wanted periods' drivers.
-
-    Parameters
-    ----------
-    options : argparse.Namespace
-    window : Window
-
-    Raises
-    ------
-    InputError
-        If no vehicle has a whole window.
-    """
-    from idm_sumo.runtime.errors import InputError
-    from idm_sumo.scenes.windows import build_scenes
-
-    recording = load(options)
-    scenes = build_scenes(recording.of_period(*(options.period or recording.periods)), window)
-    if not len(scenes):
-        against = recording.accounting.vehicles_dropped
-        told = ", ".join(f"{count} {reason}" for reason, count in against.items())
-        raise InputError(
-            f"{options.recording}: no vehicle that can be modelled is recorded for {window.frames} frames in a row"
-            + (f" (not modelled: {told})" if told else "")
-            + "; lower --observed or --horizon, or see `idm-sumo inspect RECORDING --vehicles`"
-        )
-    reasons = scenes.excluded["reason"].value_counts(sort=False)
-    return Modelled(scenes, {str(reason): int(count) for reason, count in reasons.items()}, recording.notes)
 
 
 def note_origin(notes: Iterable[str]) -> None:

@@ -7,6 +7,7 @@ from collections.abc import Iterator
 from dataclasses import dataclass
 from pathlib import Path
 
+from idm_sumo.cli import many as recordings
 from idm_sumo.runtime.ownership import refuse_strangers
 from idm_sumo.runtime.places import file_place, folder_place, refuse_overlap
 
@@ -25,20 +26,23 @@ class Places:
         The option that names the output.
     kept : bool
         Whether the output folder goes on growing, as that of `fetch` and `irl train`.
+    many : bool
+        Whether there may be many recordings, whose results go into a data set.
     """
 
     inputs: tuple[str, ...]
     endings: tuple[str, ...] = ()
     output: str = "output"
     kept: bool = False
+    many: bool = False
 
 
 def declare(
     parser: argparse.ArgumentParser, *inputs: str, endings: tuple[str, ...] = (), output: str = "output",
-    kept: bool = False,
+    kept: bool = False, many: bool = False,
 ) -> None:  # fmt: skip
     """Declare which options of a command are inputs, and what its output must be; see :class:`Places`."""
-    parser.set_defaults(places=Places(inputs, endings, output, kept))
+    parser.set_defaults(places=Places(inputs, endings, output, kept, many))
 
 
 def check(options: argparse.Namespace) -> None:
@@ -55,7 +59,9 @@ def check(options: argparse.Namespace) -> None:
     output: Path = getattr(options, places.output)
     if not places.kept:
         refuse_overlap([path for name in places.inputs for path in _paths(getattr(options, name, None))], [output])
-    if places.endings:
+    if places.many and recordings.are_meant(options):
+        recordings.check(output)
+    elif places.endings:
         file_place(output, places.endings)
     else:
         target = folder_place(output, kept=places.kept)

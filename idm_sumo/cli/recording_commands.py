@@ -70,7 +70,9 @@ def add(commands: Any) -> None:
 
     parser = shared.command(commands, "fetch", fetch, FETCH, "idm-sumo fetch --dest data")
     outputs.declare(parser, output="dest", kept=True)
-    parser.add_argument("--dest", type=Path, default=Path("data"), metavar="DIR", help="where it goes (default data)")
+    parser.add_argument(
+        "--dest", type=shared.path, default=Path("data"), metavar="DIR", help="where it goes (default data)"
+    )
     parser.add_argument("--location", default="us-101", metavar="NAME", help="which study area (default us-101)")
     parser.add_argument(
         "--verify", action="store_true", help="compare every page with the portal, even where nothing seems changed"

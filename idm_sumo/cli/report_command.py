@@ -32,7 +32,7 @@ def add(commands: Any) -> None:
     commands : action of ``add_subparsers``
     """
     parser = shared.command(commands, "report", report, REPORT, "idm-sumo report out/study")
-    parser.add_argument("folder", type=Path, metavar="DIR", help="folder of a result")
+    parser.add_argument("folder", type=shared.path, metavar="DIR", help="folder of a result")
 
 
 def report(options: argparse.Namespace) -> None:

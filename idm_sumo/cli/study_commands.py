@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import argparse
 import sys
-from pathlib import Path
 from typing import Any
 
 from idm_sumo.cli import options as shared
@@ -12,6 +11,7 @@ from idm_sumo.cli import outputs
 from idm_sumo.cli.console import note, progress_bar, say, study_module, text_table
 from idm_sumo.runtime import limits
 from idm_sumo.runtime.places import refuse_overlap
+from idm_sumo.sumo.surrogate import SURROGATE
 
 SHOWN = ["method", "ade_m", "ade_se_m", "fde_m", "fde_se_m", "collisions", "vehicles"]
 
@@ -68,7 +68,7 @@ def _add_replay(commands: Any) -> None:
     )
     parser.add_argument(
         "--drivers",
-        type=Path,
+        type=shared.path,
         action="append",
         metavar="FILE",
         help="parameters from `calibrate` or `predict`; may be repeated, each is driven beside the others "
@@ -76,7 +76,7 @@ def _add_replay(commands: Any) -> None:
     )
     parser.add_argument(
         "--model",
-        type=Path,
+        type=shared.path,
         metavar="FILE",
         help="extended model of `diagnose` (model.json), driven beside the plain one",
     )
@@ -88,11 +88,13 @@ def _add_reproduce(commands: Any) -> None:
     parser = shared.command(
         commands, "reproduce", reproduce, REPRODUCE, "idm-sumo reproduce RECORDING --quick --no-agents -o out/study"
     )
-    parser.add_argument("recording", metavar="RECORDING", nargs="*", help=shared.RECORDING_HELP)
+    parser.add_argument(
+        "recording", type=shared.recording_name, metavar="RECORDING", nargs="*", help=shared.RECORDING_HELP
+    )
     parser.add_argument(
         "-c",
         "--configuration-file",
-        type=Path,
+        type=shared.path,
         metavar="RUN.toml",
         help="a named run (default, without RECORDING: the paper's)",
     )
@@ -131,7 +133,7 @@ def _add_reproduce(commands: Any) -> None:
     learner = parser.add_mutually_exclusive_group()
     learner.add_argument(
         "--agents",
-        type=Path,
+        type=shared.path,
         metavar="DIR",
         help="drive by the agents of `irl train` there (default: train them, kept in the user's cache)",
     )
@@ -172,8 +174,6 @@ def reproduce(options: argparse.Namespace) -> None:
     ----------
     options : argparse.Namespace
     """
-    from idm_sumo.sumo.surrogate.builtin import SURROGATE
-
     settings_module, module = study_module("reproduce.settings"), study_module("reproduce.run")
     named = options.recording and options.recording != [SURROGATE]
     overrides = {

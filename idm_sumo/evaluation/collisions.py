@@ -39,11 +39,15 @@ from numba import njit
 
 from idm_sumo.evaluation.rectangles import overlap, rectangle, separation
 from idm_sumo.recordings.columns import FRAME_STEP
+from idm_sumo.runtime.threads import in_threads
 from idm_sumo.scenes.windows import LEADER_FROM_LANE, Scenes
 from idm_sumo.simulation.rollout import Trajectories
 
 REACTION_TIME = 1.0  # s, time that a follower needs to react to a cut-in
 REACTION_STEPS = round(REACTION_TIME / FRAME_STEP)
+
+ACROSS = 1.5  # rad, about a right angle: no vehicle of a recording is turned that far
+ROUNDING = 1e-6  # m, far more than rounding errors of positions
 
 NONE, FRONT, REAR, SIDE = range(4)
 EDGES = ("", "front", "rear", "side")
@@ -72,7 +76,8 @@ def first_contacts(scenes: Scenes, trajectories: Trajectories) -> pd.DataFrame:
     code, names = pd.factorize(t.vehicle)
     reach = float(np.hypot(t.length, 0.5 * t.width).max(initial=0.0))
     own = pd.Index(names).get_indexer(pd.Index(scenes.vehicle))
-    _first_contacts(
+    in_threads(
+        _first_contacts, n,
         trajectories.x, trajectories.y, trajectories.heading, scenes.length, scenes.width, own, cell, lanes, t.frames,
         t.offsets, t.x, t.y, t.heading, t.speed, t.length, t.width, code, len(names), reach,
         step, row, edge, fault,
@@ -249,22 +254,56 @@ def first_row_from(x, low, high, least):  # type: ignore[no-untyped-def]
 
 
 @njit(cache=True)
+def may_touch(x, y, heading, length, width, other_x, other_y, other_heading, other_length, other_width):  # type: ignore[no-untyped-def]
+    """Return whether two rectangles can overlap at all.
+
+    By bounds of how far each reaches across and along the road from its front bumper's middle, without a
+    sine: nearly all pairs are apart by more, and need none.
+
+    Parameters
+    ----------
+    x, y, heading, length, width : float
+        Front bumper's middle (m), heading (rad) and size (m).
+    other_x, other_y, other_heading, other_length, other_width : float
+        Those of the other one.
+
+    Returns
+    -------
+    bool
+        False only if they are apart.
+    """
+    turn, other_turn, breadth = abs(heading), abs(other_heading), 0.5 * (width + other_width) + ROUNDING
+    if max(turn, other_turn) > ACROSS:  # its rear may be ahead of its front
+        return True
+    if abs(other_y - y) > turn * length + other_turn * other_length + breadth:
+        return False
+    corners = 0.5 * (turn * width + other_turn * other_width) + ROUNDING
+    return not (other_x - x > other_length + corners or x - other_x > length + corners)
+
+
+@njit(cache=True, nogil=True)
 def _first_contacts(  # type: ignore[no-untyped-def]
-    x, y, heading, length, width, own, first_cell, lanes, frames,
+    first, last, x, y, heading, length, width, own, first_cell, lanes, frames,
     offsets, other_x, other_y, other_heading, other_speed, other_length, other_width, other_code, others, reach,
     step, row, edge, fault,
 ):  # fmt: skip
-    for i in range(x.shape[0]):
+    for i in range(first, last):
         since_start = np.full(others, -1)  # last step of an overlap that has lasted since the start, step 0
         mine = hypot(length[i], 0.5 * width[i]) + reach
         for k in range(x.shape[1]):
-            ego = rectangle(x[i, k], y[i, k], heading[i, k], length[i], width[i])
             for lane in range(lanes):
                 cell = first_cell[i] + lane * frames + k
                 j = first_row_from(other_x, offsets[cell], offsets[cell + 1], x[i, k] - mine)
                 while j < offsets[cell + 1] and other_x[j] <= x[i, k] + mine:
+                    if other_code[j] == own[i] or not may_touch(
+                        x[i, k], y[i, k], heading[i, k], length[i], width[i],
+                        other_x[j], other_y[j], other_heading[j], other_length[j], other_width[j],
+                    ):  # fmt: skip
+                        j += 1
+                        continue
+                    ego = rectangle(x[i, k], y[i, k], heading[i, k], length[i], width[i])
                     other = rectangle(other_x[j], other_y[j], other_heading[j], other_length[j], other_width[j])
-                    if other_code[j] != own[i] and overlap(ego, other):
+                    if overlap(ego, other):
                         if since_start[other_code[j]] == k - 1:
                             since_start[other_code[j]] = k
                         elif not fault[i]:

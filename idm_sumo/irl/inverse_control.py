@@ -96,7 +96,7 @@ class LearnedReward:
     Attributes
     ----------
     weights, standard_errors : float64, shape (features,)
-        0 for a feature that was left out.
+        0 for a feature that was left out; an error is NaN away from a maximum.
     covariance : float64, shape (features, features)
         Sandwich estimate.
     log_likelihood : float
@@ -182,7 +182,7 @@ def learn_wanted(expansion: Expansion, free: LearnedReward, progress: Progress =
         Weights of which none is negative.
     """
     learned = free
-    use: tuple[str, ...] = features.NAMES
+    use = tuple(name for name, weight in zip(features.NAMES, free.weights, strict=True) if weight != 0.0)
     while learned.weights.min() < 0.0:
         use = tuple(name for name in use if name != features.NAMES[int(np.argmin(learned.weights))])
         learned = learn(expansion, use=use, progress=progress)
@@ -354,7 +354,7 @@ def _result(expansion: Expansion, theta: Floats, free: Integers, converged: bool
     covariance[np.ix_(free, free)] = inverse @ (score.T @ score) @ inverse
     return LearnedReward(
         theta[:-1],
-        np.sqrt(np.diag(covariance)),
+        np.sqrt(np.where(np.diag(covariance) < 0.0, np.nan, np.diag(covariance))),
         covariance,
         float(_likelihoods(expansion, theta).mean()),
         len(expansion),

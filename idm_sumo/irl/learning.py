@@ -213,16 +213,30 @@ def learn_reward(
     drawn = np.random.default_rng(seed).permutation(moving)
     used = min(most, max(1, round(len(drawn) * (1 - HELD_OUT))))
     learned_from, unseen = drawn[:used], drawn[used : used + max(1, most // 3)]
-    expansion = _expansion(lessons.rows(learned_from), steps)
+    expansion = expansion_of(lessons.rows(learned_from), steps)
     free = learn(expansion, progress=progress)
     wanted = learn_wanted(expansion, free, progress)
-    held_out = log_likelihood(_expansion(lessons.rows(unseen), steps), wanted.weights, wanted.dummy)
+    held_out = log_likelihood(expansion_of(lessons.rows(unseen), steps), wanted.weights, wanted.dummy)
     recorded = step_features(lessons.demonstrations, lessons.episodes, lessons.around)
     reward = Reward.brought_to_scale(wanted.weights, recorded)
     return RewardReport(wanted, free, float(held_out.mean()), reward.scale, reward.shift, standing)
 
 
-def _expansion(lessons: Lessons, steps: int) -> Expansion:
+def expansion_of(lessons: Lessons, steps: int) -> Expansion:
+    """Return the features about demonstrations, to second order.
+
+    Parameters
+    ----------
+    lessons : Lessons
+        Drivers in their traffic.
+    steps : int
+        Of each, 0.1 s.
+
+    Returns
+    -------
+    Expansion
+        One row a driver.
+    """
     short = lessons.demonstrations.first(steps)
     return Expansion.of(*derivatives(short, lessons.episodes, lessons.around))
 

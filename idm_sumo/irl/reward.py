@@ -12,7 +12,7 @@ from idm_sumo.irl.simulation import RUNNING
 Floats = npt.NDArray[np.float64]
 
 ALIVE = 1.0  # mean reward of a recorded driver's step
-PENALTY = 25.0  # once, at the end of the episode by a collision or by leaving the road
+PENALTY = 25.0  # the reward of 2.5 s of a recorded driver
 WORST = -5.0  # least reward of a step: the boundary feature is unbounded, and no single step may dominate
 
 
@@ -29,11 +29,14 @@ class Reward(NamedTuple):
         Weights of the features.
     shift, scale : float
         The reward of a step is ``(weights . features - shift) / scale``.
+    penalty : float
+        Once, at the end of the episode by a collision or by leaving the road, in training only.
     """
 
     weights: Floats
     shift: float
     scale: float
+    penalty: float = PENALTY
 
     @classmethod
     def brought_to_scale(cls, weights: Floats, recorded: Floats) -> Reward:
@@ -85,4 +88,4 @@ class Reward(NamedTuple):
         float64, shape (...)
             Reward.
         """
-        return np.asarray(self.of(features) - PENALTY * (status != RUNNING))
+        return np.asarray(self.of(features) - self.penalty * (status != RUNNING))

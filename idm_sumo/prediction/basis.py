@@ -34,6 +34,30 @@ def _pooled_acceleration(v, rate, gap, theta, desired_speed, out):  # type: igno
         )
 
 
+def pooled_acceleration(
+    speed: Floats, rate: Floats, gap: Floats, pooled: idm.IDMParameters, desired_speed: float
+) -> Floats:
+    """Return what the pooled IDM would do in each state.
+
+    Parameters
+    ----------
+    speed, rate, gap : float64, any equal shape
+        m/s, own speed less the leader's (m/s), m.
+    pooled : IDMParameters
+    desired_speed : float
+        m/s.
+
+    Returns
+    -------
+    float64, same shape
+        m/s².
+    """
+    out = np.empty(speed.size)
+    v, dv, d = (np.ascontiguousarray(values).ravel() for values in (speed, rate, gap))
+    _pooled_acceleration(v, dv, d, np.asarray(pooled, dtype=np.float64), float(desired_speed), out)
+    return out.reshape(speed.shape)
+
+
 def plain(codes: Floats, pooled: idm.IDMParameters, desired_speed: float) -> Floats:
     r"""Return what is told apart in a first second.
 
@@ -61,10 +85,7 @@ def plain(codes: Floats, pooled: idm.IDMParameters, desired_speed: float) -> Flo
     d = np.maximum(gap, LEAST_GAP)
     root = np.sqrt(np.clip(v / desired_speed, 0.0, None))
     headway = np.clip((d - pooled.d0 - pooled.d1 * root) / np.maximum(v, SLOWEST), -1.0, MOST_HEADWAY)
-    expected = np.empty(len(v))
-    theta = np.asarray(pooled, dtype=np.float64)
-    _pooled_acceleration(np.ascontiguousarray(v), np.ascontiguousarray(rate), d, theta, float(desired_speed), expected)
-    imbalance = np.clip(acc - expected, -MOST_IMBALANCE, MOST_IMBALANCE)
+    imbalance = np.clip(acc - pooled_acceleration(v, rate, d, pooled, desired_speed), -MOST_IMBALANCE, MOST_IMBALANCE)
     return np.column_stack([
         v, np.log(d), headway, rate, acc, leader_acc, imbalance, at, lane, offset, lateral,
         np.abs(lateral), np.abs(offset),

@@ -8,8 +8,6 @@ from __future__ import annotations
 import numpy as np
 import pandas as pd
 
-from idm_sumo.prediction.moving_horizon import MovingHorizon, recent
-from idm_sumo.prediction.observation import first_second
 from idm_sumo.prediction.rollout_predictor import RolloutPredictor
 from idm_sumo.recordings import columns as c
 from idm_sumo.runtime.errors import InputError
@@ -17,18 +15,17 @@ from idm_sumo.scenes.windows import Scenes
 from idm_sumo.simulation.driver_parameters import DESIRED_SPEED
 
 LEARNING_STEP = 30  # frames between the windows that are learned from
-WATCHING_STEP = 60  # between those from which is learned how much a longer past counts
-SECOND = 10  # frames that are read off; more are driven again
+SECOND = 10  # frames that parameters are predicted from
 LIKELY = 0.9  # of the drivers lie between the columns `*_low` and `*_high`
 
 
-def predict_through_rollout(scenes: Scenes, predictor: RolloutPredictor | MovingHorizon) -> pd.DataFrame:
+def predict_through_rollout(scenes: Scenes, predictor: RolloutPredictor) -> pd.DataFrame:
     """Predict the drivers of ``scenes`` from their first frames.
 
     Parameters
     ----------
     scenes : Scenes
-    predictor : RolloutPredictor or MovingHorizon
+    predictor : RolloutPredictor
         Fitted. A driver it was fitted to is predicted by the fold that left it out.
 
     Returns
@@ -38,19 +35,13 @@ def predict_through_rollout(scenes: Scenes, predictor: RolloutPredictor | Moving
         90 % interval of every parameter (``a_low, a_high``, ...) and the first second.
     """
     prediction = predictor.predict_left_out(scenes)
-    if isinstance(predictor, MovingHorizon):
-        learned = predictor.predictor
-        seen = recent(scenes, learned.observed_)
-        counts = f", those before the last {learned.observed_} counting {predictor.strength_:g}"
-    else:
-        learned, seen, counts = predictor, scenes, ""
     table = prediction._replace(keys=scenes.keys()).to_pandas()
     based_on = (
-        f"{scenes.window.observed} frames, fit through the rollout of {learned.windows_} windows of "
-        f"{learned.drivers_} drivers{counts}"
+        f"{scenes.window.observed} frames, fit through the rollout of {predictor.windows_} windows of "
+        f"{predictor.drivers_} drivers"
     )
     table.insert(table.columns.get_loc("status") + 1, "based_on", based_on)
-    return table.join(first_second(seen))
+    return table.join(predictor.observe(scenes))
 
 
 def typical_desired_speed(drivers: pd.DataFrame) -> float | None:

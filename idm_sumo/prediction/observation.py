@@ -85,7 +85,7 @@ def first_second(scenes: Scenes, frames: int | None = None) -> pd.DataFrame:
         GAP: gap[:, -1],
         APPROACH_RATE: speed[:, -1] - leader.speed[:, -1],
         ACCELERATION: _slope(speed),
-        LEADER_ACCELERATION: _slope(np.where(_same_leader(x + gap, leader.speed), leader.speed, np.nan)),
+        LEADER_ACCELERATION: _slope(np.where(same_leader(x + gap, leader.speed), leader.speed, np.nan)),
         POSITION: x[:, -1],
         LANE: lane.astype(np.float64),
         OFFSET: y[:, -1] - scenes.road.lane_center(lane),
@@ -94,8 +94,18 @@ def first_second(scenes: Scenes, frames: int | None = None) -> pd.DataFrame:
     })  # fmt: skip
 
 
-def _same_leader(rear: Floats, speed: Floats) -> npt.NDArray[np.bool_]:
-    """Return the frames whose leader is the last frame's."""
+def same_leader(rear: Floats, speed: Floats) -> npt.NDArray[np.bool_]:
+    """Return the frames whose leader is the last frame's.
+
+    Parameters
+    ----------
+    rear, speed : float64, shape (vehicles, frames)
+        The leader's rear bumper (m) and speed (m/s); infinite and NaN without one.
+
+    Returns
+    -------
+    bool, shape (vehicles, frames)
+    """
     jump = np.abs(np.diff(rear, axis=1) - speed[:, :-1] * FRAME_STEP) > NEW_LEADER
     changed_later = np.cumsum(jump[:, ::-1], axis=1)[:, ::-1] > 0
     return np.isfinite(rear) & np.pad(~changed_later, ((0, 0), (0, 1)), constant_values=True)

@@ -7,22 +7,20 @@ from collections.abc import Sequence
 import numpy as np
 import numpy.typing as npt
 import pandas as pd
-from sklearn.base import BaseEstimator
 from sklearn.utils.validation import check_is_fitted
 
-from idm_sumo.calibration import pooled
 from idm_sumo.calibration.hierarchical import SHIFT
 from idm_sumo.calibration.kernel import from_search, sensitivities, slopes_at, to_search
-from idm_sumo.calibration.pooled import usable_windows
 from idm_sumo.calibration.problem import Problem, only, prepare
 from idm_sumo.models.idm import IDMParameters
 from idm_sumo.prediction import basis
+from idm_sumo.prediction.learned_by_driving import LearnedByDriving
 from idm_sumo.prediction.noise import ObservedScale, ResidualNoise
 from idm_sumo.prediction.observation import COLUMNS, first_second
 from idm_sumo.prediction.result import Prediction
 from idm_sumo.prediction.spread import remaining_covariance
+from idm_sumo.prediction.statuses import FEWEST_DRIVERS, OK, Familiar
 from idm_sumo.prediction.through_rollout import at, fit_weights
-from idm_sumo.recordings import columns as c
 from idm_sumo.recordings.columns import FRAME_STEP
 from idm_sumo.runtime.errors import InputError
 from idm_sumo.scenes.windows import Scenes
@@ -30,29 +28,19 @@ from idm_sumo.scenes.windows import Scenes
 Floats = npt.NDArray[np.float64]
 Integers = npt.NDArray[np.int64]
 
-OK, NO_LEADER, ONE_FRAME, STANDING, OUTSIDE, FEW = (
-    "ok", "population: no leader seen", "population: one frame only", "population: standing",
-    "population: outside the training range", "population: too few training drivers",
-)  # fmt: skip
-STANDING_SPEED = 0.5  # m/s
 FURTHEST = 3.0  # standard deviations: a standardised value counts as this at most
-OUTSIDE_MARGIN = 0.25  # of the training range, beyond its ends
-FEWEST_DRIVERS = 10
 SPREAD_WINDOWS = 600  # that the remaining covariance is learnt from
 NOISE = 0.2  # m, times the root of the seconds: what positions are uncertain by even if the parameters were known
 
 
-class RolloutPredictor(BaseEstimator):  # type: ignore[misc]
+class RolloutPredictor(LearnedByDriving):
     """Predict IDM parameters linearly from the first second.
 
     The weights are fitted so that the predicted drivers drive right, not so that their parameters look
     like fitted ones.
 
-    Of scikit-learn's protocol it follows what needs no arrays: parameters are set at construction and by
-    ``set_params``, ``clone`` copies them, ``fit`` returns the predictor and what is learned ends in an
-    underscore, ``predict`` takes rows of features. It is fitted to scenes, not to ``X, y``, because
-    drivers are learned by driving them; ``check_estimator``, pipelines and grid searches over arrays
-    therefore do not apply.
+    ``predict`` takes rows of features. For what it shares with scikit-learn's estimators, see
+    :class:`~idm_sumo.prediction.learned_by_driving.LearnedByDriving`.
 
     Parameters
     ----------
@@ -66,10 +54,12 @@ class RolloutPredictor(BaseEstimator):  # type: ignore[misc]
         Of the folds.
     one_for_all : IDMParameters, optional
         The pooled driver if it is known; fitted to the training windows otherwise.
+    past_only : bool
+        Whether the observed frames are smoothed by the past alone. Otherwise as the recording is, so that up to a
+        second of the future is in them.
 
     Attributes
     ----------
-    pooled_ : IDMParameters
     weights_ : float64, shape (29, 5)
         From the constant and standardised features to search coordinates.
     covariance_, population_covariance_ : float64, shape (5, 5)
@@ -78,12 +68,8 @@ class RolloutPredictor(BaseEstimator):  # type: ignore[misc]
         Of positions of drivers that were left out.
     observed_scale_ : ObservedScale
         How uncertain they are by the speed and the gap that were observed.
-    drivers_, windows_ : int
-        Learned from.
-    observed_ : int
-        Frames that were seen of them.
-    desired_speed_ : float
-        m/s, as given or the limit of the road that was learned from.
+    familiar_ : Familiar
+        What first seconds the training drivers had.
     """
 
     def __init__(
@@ -93,12 +79,14 @@ class RolloutPredictor(BaseEstimator):  # type: ignore[misc]
         desired_speed: float | None = None,
         seed: int = 1,
         one_for_all: IDMParameters | None = None,
+        past_only: bool = True,
     ) -> None:
         self.ridge = ridge
         self.folds = folds
         self.desired_speed = desired_speed
         self.seed = seed
         self.one_for_all = one_for_all
+        self.past_only = past_only
 
     def fit(self, scenes: Scenes | Sequence[Scenes], y: None = None) -> RolloutPredictor:
         """Learn from the windows of training drivers.
@@ -119,22 +107,30 @@ class RolloutPredictor(BaseEstimator):  # type: ignore[misc]
         InputError
             If no window can be driven.
         """
-        every = _driveable([scenes] if isinstance(scenes, Scenes) else list(scenes), self.desired_speed)
-        self.desired_speed_ = float(every[0].road.desired_speed(self.desired_speed))
+        every, drivers = self._begin(scenes)
         problems = [prepare(one, desired_speed=self.desired_speed) for one in every]
-        codes = [first_second(one)[list(COLUMNS)].to_numpy(np.float64) for one in every]
-        self.observed_ = every[0].window.observed
-        driver, self.keys_ = _drivers(every)
-        self.drivers_, self.windows_ = int(driver.max()) + 1, len(driver)
-        self.pooled_: IDMParameters = self.one_for_all or pooled(every, desired_speed=self.desired_speed)
+        codes = [self.observe(one).to_numpy(np.float64) for one in every]
         self.center_ = to_search(np.asarray(self.pooled_))
         self._standardise(np.concatenate(codes))
         features = [self._features(code) for code in codes]
         self.weights_ = self._fit_weights(problems, features)
-        parts = np.split(driver, np.cumsum([len(one) for one in every])[:-1])
-        left_out = self._left_out(problems, features, parts)
+        left_out = self._left_out(problems, features, drivers)
         self._learn_spread(problems, left_out, np.concatenate(codes))
         return self
+
+    def observe(self, scenes: Scenes) -> pd.DataFrame:
+        """Return the first seconds of drivers, as :meth:`predict` takes them.
+
+        Parameters
+        ----------
+        scenes : Scenes
+
+        Returns
+        -------
+        pandas.DataFrame
+            :func:`~idm_sumo.prediction.observation.first_second`, smoothed as at the fit.
+        """
+        return (self.past_.first_second(scenes) if self.past_only else first_second(scenes))[list(COLUMNS)]
 
     def predict(self, X: pd.DataFrame | npt.ArrayLike) -> Floats:
         """Return the predicted parameters of drivers.
@@ -142,7 +138,7 @@ class RolloutPredictor(BaseEstimator):  # type: ignore[misc]
         Parameters
         ----------
         X : pandas.DataFrame or array, shape (drivers, 10)
-            First seconds, see :func:`~idm_sumo.prediction.observation.first_second`.
+            First seconds, see :meth:`observe`.
 
         Returns
         -------
@@ -156,7 +152,7 @@ class RolloutPredictor(BaseEstimator):  # type: ignore[misc]
         """
         code = self._codes(X)
         theta = from_search(at(self.center_, self._features(code), self.weights_))
-        return np.asarray(np.where(self._known(code)[:, None], theta, np.asarray(self.pooled_)))
+        return np.asarray(np.where(self.familiar_.known(code)[:, None], theta, np.asarray(self.pooled_)))
 
     def predict_with_spread(self, X: pd.DataFrame | npt.ArrayLike) -> Prediction:
         """Return predicted parameters and how uncertain they are.
@@ -164,7 +160,7 @@ class RolloutPredictor(BaseEstimator):  # type: ignore[misc]
         Parameters
         ----------
         X : pandas.DataFrame or array, shape (drivers, 10)
-            First seconds, see :func:`~idm_sumo.prediction.observation.first_second`.
+            First seconds, see :meth:`observe`.
 
         Returns
         -------
@@ -195,11 +191,9 @@ class RolloutPredictor(BaseEstimator):  # type: ignore[misc]
         -------
         Prediction
         """
-        code = first_second(scenes)
+        code = self.observe(scenes)
         prediction = self.predict_with_spread(code)
-        own = pd.MultiIndex.from_arrays([scenes.period, scenes.vehicle])
-        number = self.keys_.get_indexer(own)
-        fold = np.where(number >= 0, self.fold_of_driver_[number], -1)
+        fold = self._fold(scenes)
         features, theta = self._features(self._codes(code)), prediction.theta.copy()
         for k, weights in enumerate(self.fold_weights_):
             mine = (fold == k) & (prediction.status == OK)
@@ -212,7 +206,7 @@ class RolloutPredictor(BaseEstimator):  # type: ignore[misc]
         Parameters
         ----------
         X : pandas.DataFrame or array, shape (drivers, 10)
-            First seconds, see :func:`~idm_sumo.prediction.observation.first_second`.
+            First seconds, see :meth:`observe`.
 
         Returns
         -------
@@ -223,9 +217,7 @@ class RolloutPredictor(BaseEstimator):  # type: ignore[misc]
         InputError
             If a column is missing.
         """
-        code = self._codes(X)
-        reasons = self._reasons(code)
-        return np.asarray(np.select(list(reasons.values()), list(reasons), default=OK), dtype=np.str_)
+        return self.familiar_.status(self._codes(X))
 
     def scale(self, scenes: Scenes, prediction: Prediction) -> Floats:
         """Return how uncertain (m) the predicted positions are.
@@ -245,7 +237,7 @@ class RolloutPredictor(BaseEstimator):  # type: ignore[misc]
             What :attr:`noise_` multiplies.
         """
         problem = prepare(scenes, desired_speed=self.desired_speed)
-        factor = self.observed_scale_.factor(self._scaling(self._codes(first_second(scenes))))
+        factor = self.observed_scale_.factor(self._scaling(self._codes(self.observe(scenes))))
         return _scale(problem, prediction.theta, prediction.covariance) * factor
 
     def _codes(self, X: pd.DataFrame | npt.ArrayLike) -> Floats:
@@ -266,9 +258,7 @@ class RolloutPredictor(BaseEstimator):  # type: ignore[misc]
         self.mean_, self.deviation_ = values.mean(axis=0), np.maximum(values.std(axis=0), 1e-6)
         more = basis.expand(self._standard(values))
         self.more_mean_, self.more_deviation_ = more.mean(axis=0), np.maximum(more.std(axis=0), 1e-6)
-        low, high = np.nanmin(code[usual], axis=0), np.nanmax(code[usual], axis=0)
-        margin = OUTSIDE_MARGIN * (high - low) + 1e-9  # what never varied differs by rounding
-        self.range_ = np.stack([low - margin, high + margin])
+        self.familiar_ = Familiar.fit(code[usual], self.drivers_)
 
     def _standard(self, values: Floats) -> Floats:
         return np.asarray(np.clip((values - self.mean_) / self.deviation_, -FURTHEST, FURTHEST))
@@ -279,7 +269,7 @@ class RolloutPredictor(BaseEstimator):  # type: ignore[misc]
         0, the training mean, for drivers that get the population's parameters.
         """
         values = self._standard(basis.plain(code, self.pooled_, self.desired_speed_))[:, [basis.V, basis.LOG_GAP]]
-        return np.asarray(np.where(self._known(code)[:, None], values, 0.0))
+        return np.asarray(np.where(self.familiar_.known(code)[:, None], values, 0.0))
 
     def _features(self, code: Floats) -> Floats:
         """Return the constant and the standardised features.
@@ -300,8 +290,7 @@ class RolloutPredictor(BaseEstimator):  # type: ignore[misc]
 
         By models that have not seen its driver.
         """
-        fold = np.random.default_rng(self.seed).permutation(self.drivers_) % self.folds
-        self.fold_of_driver_: Integers = fold
+        fold = self.fold_of_driver_
         self.fold_weights_: list[Floats] = []
         found = [np.empty((len(phi), len(self.center_))) for phi in features]
         for k in range(self.folds):
@@ -330,36 +319,6 @@ class RolloutPredictor(BaseEstimator):  # type: ignore[misc]
         off, scale, seen = np.concatenate(residuals), np.concatenate(scales), self._scaling(codes)
         self.observed_scale_ = ObservedScale.fit(seen, off, scale)
         self.noise_ = ResidualNoise.fit(off, scale * self.observed_scale_.factor(seen))
-
-    def _reasons(self, code: Floats) -> dict[str, npt.NDArray[np.bool_]]:
-        outside = (np.nan_to_num(code) < np.minimum(self.range_[0], 0.0)) | (np.nan_to_num(code) > self.range_[1])
-        return {
-            FEW: np.full(len(code), self.drivers_ < FEWEST_DRIVERS),
-            NO_LEADER: ~np.isfinite(code[:, 1]),
-            ONE_FRAME: ~np.isfinite(code[:, 3]),
-            STANDING: code[:, 0] < STANDING_SPEED,
-            OUTSIDE: outside.any(axis=1),
-        }
-
-    def _known(self, code: Floats) -> npt.NDArray[np.bool_]:
-        return np.asarray(~np.any(list(self._reasons(code).values()), axis=0))
-
-
-def _driveable(every: list[Scenes], desired_speed: float | None) -> list[Scenes]:
-    found = [one.subset(usable_windows(prepare(one, desired_speed=desired_speed), one)) for one in every]
-    if not sum(map(len, found)):
-        raise InputError("prediction: no training window can be driven; see `idm-sumo inspect` for why")
-    return [one for one in found if len(one)]
-
-
-def _drivers(every: list[Scenes]) -> tuple[Integers, pd.MultiIndex]:
-    """Return every window's driver, and all drivers' keys.
-
-    Drivers are numbered from 0 over all periods; the keys are their periods and vehicles.
-    """
-    keys = pd.concat([one.keys() for one in every])[[c.PERIOD, c.VEHICLE]]
-    number, found = pd.factorize(pd.MultiIndex.from_frame(keys))
-    return np.asarray(number, dtype=np.int64), pd.MultiIndex.from_tuples(list(found))
 
 
 def _scale(problem: Problem, theta: Floats, covariance: Floats) -> Floats:

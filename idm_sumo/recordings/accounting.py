@@ -89,6 +89,7 @@ class Ledger:
         self.dropped: dict[str, int] = {}
         self.notes: list[str] = []
         self.added: dict[str, int] = {}
+        self.layout = ""  # what the rows were read as, where a reader says it
 
     def count(self, reason: str, rows: int) -> None:
         """Book ``rows`` rows as dropped for ``reason``."""

@@ -22,6 +22,10 @@ LANE = "lane"  # 1 leftmost; side lanes by their numbers of the recording's road
 LEADER = "leader"  # number of the recorded leader, 0 for none or not recorded
 HEADWAY = "headway"  # m, own front to the leader's front, NaN for none or not recorded
 
+# Beside them in the table of a smoothed recording: positions (m) before smoothing, so that what was seen at a frame can
+# be told without what came after it.
+RAW_X, RAW_Y = "raw_x", "raw_y"
+
 FRAME_STEP = 0.1  # s between frames
 
 MOTORCYCLE, CAR, TRUCK = 1, 2, 3  # vehicle classes, as in NGSIM

@@ -36,6 +36,7 @@ from idm_sumo.roads import DEFAULT, Road, road_at
 from idm_sumo.runtime import inputs, parquet
 from idm_sumo.runtime.errors import InputError
 from idm_sumo.runtime.files import new_file
+from idm_sumo.runtime.memory import Handed
 
 PARQUET = b"PAR1"
 ZIP = b"PK\x03\x04"
@@ -123,8 +124,19 @@ def read_recording(
     InputError
         If the file is absent, empty, damaged, of no known layout, in the wrong units, or of another road.
     """
-    types = fcd_on_network.read_types([Path(file) for file in route_files])
-    source = _Source(Path(path), Ledger(0), location, road, any_length, types)
+    files = [Path(file) for file in route_files]
+    source = _Source(Path(path), Ledger(0), location, road, any_length, fcd_on_network.read_types(files))
+    recording = _read(source)
+    if files and source.ledger.layout != fcd.FCD:
+        raise InputError(
+            f"{source.path}: is no SUMO floating car data, so that {files[0]} says nothing about its vehicles; leave "
+            "out --route-files"
+        )
+    return recording
+
+
+def _read(source: _Source) -> Recording:
+    """Read a file of any layout, or a folder of Parquet parts."""
     if os.path.isdir(source.path):  # of a name too long, too
         return _from_parquet(source)
     start = _start_of(source.path)
@@ -186,8 +198,8 @@ def _from_delimited(source: _Source, head: header.Header) -> Recording:
         floats, texts = (
             [n for n in names if layouts.bare(n) in kind] for kind in (layouts.FCD_NUMBERS, layouts.FCD_TEXTS)
         )
-        frame = delimited.read_table(path, head.plain, floats, texts)
-        return _accounted(*fcd.from_table(frame, ledger, **how, types=source.types))
+        rows = Handed(delimited.read_table(path, head.plain, floats, texts))
+        return _accounted(*fcd.from_table(rows, ledger, **how, types=source.types))
     if columns := pair_names.pair_columns(names):
         frame = source.opened("", head).columns(columns, PAIR_TEXTS)
         return _of_pairs(frame, columns, source)
@@ -223,19 +235,24 @@ def _noted(recording: Recording, notice: str) -> Recording:
 def _from_parquet(source: _Source) -> Recording:
     table = parquet.read_table(source.path, lambda names: _wanted(names, source))
     notice = (table.schema.metadata or {}).get(NOTICE, b"").decode("utf-8", errors="replace")
-    return _noted(_from_arrow(table, source), notice)
+    held = Handed(table)
+    del table
+    return _noted(_from_arrow(held, source), notice)
 
 
-def _from_arrow(table: pa.Table, source: _Source) -> Recording:
+def _from_arrow(held: Handed[pa.Table], source: _Source) -> Recording:
+    table = held.take()
     names, path, ledger = list(table.column_names), source.path, source.ledger
     how = source.how
     if layouts.is_own(names):
         return _own(parquet.to_frame(table, categories=(c.PERIOD,)), _kept(table, path), source)
     if (layout := datasets.layout_of(opened := source.opened("", names=tuple(names)))) is not None:
         return _accounted(*layout.recording(opened))
-    frame = parquet.to_frame(table)
     if layouts.is_fcd(names):
-        return _accounted(*fcd.from_table(frame, ledger, **how, types=source.types))
+        rows = Handed(parquet.to_frame(table))
+        del table
+        return _accounted(*fcd.from_table(rows, ledger, **how, types=source.types))
+    frame = parquet.to_frame(table)
     if columns := pair_names.pair_columns(names):
         return _of_pairs(pd.DataFrame({new: frame[old] for new, old in columns.items()}), columns, source)
     raw = frame.set_axis(header.check_names([header.canonical(name) for name in names], path), axis=1)

@@ -4,8 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import dataclass, field, replace
-from functools import cache
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
 import pandas as pd
@@ -15,9 +14,6 @@ from idm_sumo.recordings.accounting import Accounting
 from idm_sumo.recordings.coercion import BOUNDS, FRAMES, HIGHEST_SPEED, LARGEST, numbers, whole
 from idm_sumo.roads import Road
 from idm_sumo.runtime.errors import InputError, shown
-
-if TYPE_CHECKING:
-    import pandera.pandas as pa
 
 DTYPES = {
     c.PERIOD: "category", c.VEHICLE: "int64", c.FRAME: "int64", c.TIME: "float64",
@@ -30,29 +26,12 @@ DTYPES = {
 SURROGATE_NOTICE = "Surrogate recording: simulated with SUMO in NGSIM's layout. Not measured."
 
 
-@cache
-def schema(last_lane: int) -> pa.DataFrameSchema:
-    """Return the schema of a table of a road with lanes 1 to ``last_lane``; checked once, where a table enters."""
-    import pandera.pandas as pa
-
-    finite = pa.Check(lambda s: np.isfinite(s), error="must be finite")
-    positive = pa.Check(lambda s: s > 0, error="must be positive")
-    plausible_speed = pa.Check.in_range(0, HIGHEST_SPEED)
-    bounded = {name: pa.Check.in_range(*ends) for name, ends in BOUNDS.items()}
-    checks: dict[str, list[Any]] = {
-        c.TIME: [finite, bounded[c.TIME]], c.X: [finite, bounded[c.X]], c.Y: [finite, bounded[c.Y]],
-        c.SPEED: [plausible_speed], c.ACCELERATION: [finite, bounded[c.ACCELERATION]],
-        c.HEADING: [finite, bounded[c.HEADING]], c.LENGTH: [positive],
-        c.WIDTH: [positive], c.CLASS: [pa.Check.isin([0, 1, 2, 3])], c.LANE: [pa.Check.in_range(1, last_lane)],
-        c.HEADWAY: [positive],
-    }  # fmt: skip
-    nullable = {c.LENGTH, c.WIDTH, c.HEADWAY}
-    fields = {
-        name: pa.Column(None if dtype == "category" else dtype, checks.get(name, []), nullable=name in nullable)
-        for name, dtype in DTYPES.items()
-    }
-    return pa.DataFrameSchema(fields, strict=True)
-
+POSITIVE = (float(np.nextafter(0.0, 1.0)), np.inf)
+RANGES: Mapping[str, tuple[float, float]] = {
+    **BOUNDS, c.SPEED: (0.0, HIGHEST_SPEED), c.CLASS: (0, c.TRUCK), c.LENGTH: POSITIVE, c.WIDTH: POSITIVE,
+    c.HEADWAY: POSITIVE,
+}  # fmt: skip
+NULLABLE = (c.LENGTH, c.WIDTH, c.HEADWAY)
 
 NOT_COUNTED = Accounting(total=0, used=0)
 
@@ -112,7 +91,7 @@ class Recording:
         notes: tuple[str, ...] = (),
         has_leader_rows: bool = True,
     ) -> Recording:
-        """Check a table against the schema, sort it and wrap it.
+        """Check a table's values, sort it and wrap it.
 
         Parameters
         ----------
@@ -128,8 +107,6 @@ class Recording:
         InputError
             If a column is missing or a value is impossible; names column and first row.
         """
-        import pandera.errors
-
         missing = [name for name in c.ALL if name not in table.columns]
         if missing:
             raise InputError(
@@ -140,10 +117,7 @@ class Recording:
                 f"{source or 'recording'}: no rows left to work on; see `idm-sumo inspect` for why rows were dropped"
             )
         ordered = _typed(table, source or "recording").sort_values(list(c.KEYS), kind="stable", ignore_index=True)
-        try:
-            schema(road.last_lane).validate(ordered)
-        except pandera.errors.SchemaError as error:
-            raise InputError(_one_line(error, ordered, source)) from None
+        _check_values(ordered, road, source or "recording")
         if (duplicated := ordered.duplicated(list(c.KEYS))).any():
             row = ordered[duplicated].iloc[0]
             raise InputError(
@@ -166,8 +140,11 @@ class Recording:
         InputError
             If there is no such period.
         """
-        if absent := [period for period in wanted if period not in self.periods]:
-            raise InputError(f"{self.source or 'recording'}: no period {absent[0]!r}; it has {', '.join(self.periods)}")
+        periods = self.periods
+        if absent := [period for period in wanted if period not in periods]:
+            raise InputError(f"{self.source or 'recording'}: no period {absent[0]!r}; it has {', '.join(periods)}")
+        if set(wanted) == set(periods):
+            return self  # and no copy of it
         part = self.with_table(self.table[self.table[c.PERIOD].isin(wanted)].reset_index(drop=True))
         if self.vehicles is None:
             return part
@@ -231,13 +208,16 @@ def _labels(values: pd.Series, source: str) -> pd.Categorical[str]:
     return pd.Categorical(values.astype(str))
 
 
-def _one_line(error: Any, table: pd.DataFrame, source: str) -> str:
-    """Say in one line which value of which row broke the schema."""
-    name = getattr(error.schema, "name", None)
-    cases = error.failure_cases
-    if isinstance(cases, pd.DataFrame) and "index" in cases and cases["index"].notna().any():
-        row = table.loc[int(cases["index"].dropna().iloc[0])]
-        where = f"vehicle {row[c.VEHICLE]}, frame {row[c.FRAME]}, period {row[c.PERIOD]}"
-        value = row.get(name, "")
-        return f"{source or 'recording'}: {where}: {name} = {value} is impossible; check units and columns"
-    return f"{source or 'recording'}: {name}: {error!s}".splitlines()[0]
+def _check_values(table: pd.DataFrame, road: Road, source: str) -> None:
+    """Raise for a value that no recording of the road holds; names the first column that has one, and its row."""
+    ranges = {**RANGES, c.LANE: (1, road.last_lane)}
+    for name in (name for name in DTYPES if name in ranges):
+        values, (low, high) = table[name].to_numpy(), ranges[name]
+        with np.errstate(invalid="ignore"):
+            good = (values >= low) & (values <= high)
+        if name in NULLABLE:
+            good |= np.isnan(values)
+        if not good.all():
+            row = table.iloc[int((~good).argmax())]
+            where = f"vehicle {row[c.VEHICLE]}, frame {row[c.FRAME]}, period {row[c.PERIOD]}"
+            raise InputError(f"{source}: {where}: {name} = {row[name]} is impossible; check units and columns")

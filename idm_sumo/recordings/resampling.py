@@ -14,7 +14,6 @@ from dataclasses import dataclass
 import numpy as np
 import numpy.typing as npt
 import pandas as pd
-from scipy.interpolate import make_interp_spline
 
 from idm_sumo.recordings import columns as c
 from idm_sumo.recordings.accounting import Ledger
@@ -159,6 +158,8 @@ def _spline(times: Floats, values: Floats, at: Floats) -> Floats:
     """Return values on the cubic spline through a run; who never drove backwards does not do so in between."""
     if len(times) == 1:
         return np.repeat(values, len(at), axis=0)
+    from scipy.interpolate import make_interp_spline  # here: slow to load, and seldom needed
+
     found = np.asarray(make_interp_spline(times, values, k=min(CUBIC, len(times) - 1))(at))
     if (np.diff(values[:, 0]) >= 0).all():
         found[:, 0] = np.maximum.accumulate(found[:, 0])

@@ -8,7 +8,6 @@ from dataclasses import replace
 import numpy as np
 import numpy.typing as npt
 import pandas as pd
-from scipy.signal import savgol_filter
 
 from idm_sumo.recordings import columns as c
 from idm_sumo.recordings.columns import FRAME_STEP
@@ -35,7 +34,7 @@ def smooth(recording: Recording, *, already_smooth: bool = False) -> Recording:
     plain differences. Speed is cut off below at 0. Heading is the direction of motion, with
     a longitudinal speed of at least 5 m/s so that noise at standstill does not turn a car.
 
-    ``headway`` stays as recorded.
+    ``headway`` stays as recorded, and the positions before smoothing as ``raw_x, raw_y``.
 
     Parameters
     ----------
@@ -62,6 +61,8 @@ def smooth(recording: Recording, *, already_smooth: bool = False) -> Recording:
         c.SPEED: np.maximum(speed, 0.0),
         c.ACCELERATION: acceleration,
         c.HEADING: np.arctan2(lateral, np.maximum(speed, STEERING_SPEED)),
+        c.RAW_X: table[c.X].to_numpy(),
+        c.RAW_Y: table[c.Y].to_numpy(),
     }
     return recording.with_table(table.assign(**motion), "positions smoothed (Savitzky-Golay, 21 frames, order 3)")
 
@@ -167,6 +168,8 @@ def _savgol(values: Floats, length: int, deriv: int) -> Floats:
     window = min(WINDOW, length - 1 + length % 2, values.shape[-1] - 1 + values.shape[-1] % 2)
     if window < SHORTEST:
         return np.zeros_like(values)  # redone by differences
+    from scipy.signal import savgol_filter  # here: it takes longer to load than all else that reads a recording
+
     filtered: Floats = savgol_filter(values, window, ORDER, deriv=deriv, delta=FRAME_STEP, mode="interp")
     return filtered
 

@@ -121,6 +121,8 @@ def _numbered(table: pd.DataFrame, notes: list[str], source: str) -> pd.DataFram
     out = table.assign(**{c.VEHICLE: table[c.VEHICLE].map(number).astype(np.int64)})
     if c.LEADER in table:
         out[c.LEADER] = table[c.LEADER].map(number).fillna(0).astype(np.int64)
+    if isinstance(table[c.PERIOD].dtype, pd.CategoricalDtype):
+        return out
     return out.assign(**{c.PERIOD: pd.Categorical(table[c.PERIOD].astype(str))})
 
 
@@ -165,7 +167,8 @@ def _complete(table: pd.DataFrame, road: Road, notes: list[str]) -> pd.DataFrame
     same = _follows(table)
     for name, origin in ((c.SPEED, c.X), (c.ACCELERATION, c.SPEED)):
         if name not in table:
-            rate = pd.Series(np.gradient(table[origin].to_numpy(), FRAME_STEP), table.index)
+            values = table[origin].to_numpy(np.float64)
+            rate = pd.Series(np.gradient(values, FRAME_STEP) if len(values) > 1 else 0.0, table.index)
             edge = ~same | ~np.append(same[1:], False)
             back = (table[origin].diff() / FRAME_STEP).where(same).bfill(limit=1).fillna(0.0)
             table = table.assign(**{name: rate.where(~edge, back)})

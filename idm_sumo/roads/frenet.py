@@ -4,16 +4,19 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 from functools import cached_property
-from typing import NamedTuple
+from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 import numpy.typing as npt
-from scipy.spatial import cKDTree
+
+if TYPE_CHECKING:
+    from scipy.spatial import cKDTree
 
 Floats = npt.NDArray[np.float64]
 
 SPACING = 5.0  # m between the points by which the nearest piece of a line is found
-STEPS = 8  # of Newton's method, which halves the digits that are missing each time
+STEPS = 8  # of Newton's method at most, which halves the digits that are missing each time
+SMALLEST_STEP = 1e-9  # m
 BEYOND = 1e4  # m by which both ends go on straight
 
 
@@ -88,6 +91,8 @@ class Line:
 
     @cached_property
     def _tree(self) -> tuple[cKDTree, Floats]:
+        from scipy.spatial import cKDTree  # here: slow to load, and roads of their own are seldom
+
         s = np.unique(np.concatenate([self.s, np.arange(0.0, self.length, SPACING)]))
         return cKDTree(self.at(s)), s
 
@@ -106,7 +111,10 @@ class Line:
             k = np.clip(np.searchsorted(self.s, s, side="right") - 1, 0, len(self.s) - 2)
             normal = self._normal(k, (s - self.s[k]) / (self.s[k + 1] - self.s[k]))
             away = position - self.at(s)
-            s = s + away[:, 0] * normal[:, 1] - away[:, 1] * normal[:, 0]
+            step = away[:, 0] * normal[:, 1] - away[:, 1] * normal[:, 0]
+            s = s + step
+            if np.abs(step).max(initial=0.0) < SMALLEST_STEP:
+                break
         away = position - self.at(s)
         k = np.clip(np.searchsorted(self.s, s, side="right") - 1, 0, len(self.s) - 2)
         normal = self._normal(k, (s - self.s[k]) / (self.s[k + 1] - self.s[k]))

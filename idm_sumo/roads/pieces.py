@@ -13,6 +13,7 @@ from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 import numpy.typing as npt
+import pandas as pd
 
 from idm_sumo.roads.frenet import Line, line_through
 
@@ -119,11 +120,12 @@ def locate(
     """
     rows = len(lanes)
     out = Located(np.full(rows, np.nan), np.zeros(rows, dtype=np.int64), np.zeros(rows), np.zeros(rows))
-    known, codes = by_lane(road), np.unique(lanes.astype(str), return_inverse=True)
-    for code, name in enumerate(codes[0].tolist()):
+    known = by_lane(road)
+    codes, names = pd.factorize(lanes)
+    for code, name in enumerate(names.tolist()):
         if (piece := known.get(name)) is None:
             continue
-        here = np.flatnonzero(codes[1] == code)
+        here = np.flatnonzero(codes == code)
         line = _line(piece)
         along = None if x is None or y is None else line.project(x[here], y[here])
         if position is not None:

@@ -16,7 +16,10 @@ import sys
 import tempfile
 from pathlib import Path
 
+from idm_sumo.runtime.errors import InputError
+
 BLAS_THREADS = ("OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS", "BLIS_NUM_THREADS", "VECLIB_MAXIMUM_THREADS")
+NUMBA_THREADS = "NUMBA_NUM_THREADS"
 NUMBA_CACHE, MATPLOTLIB_CACHE = "NUMBA_CACHE_DIR", "MPLCONFIGDIR"
 SHIPPED = ("analysis", "network", "runs")
 KERNEL = re.compile(rb"^\s*@njit\b", re.MULTILINE)
@@ -34,6 +37,27 @@ def one_blas_thread() -> None:
     """
     for name in BLAS_THREADS:
         os.environ.setdefault(name, "1")
+
+
+def draw_into_files() -> None:
+    """Let matplotlib draw into files, whatever windows the user has chosen for other programs.
+
+    The command line shows none, and a backend that is not installed would stop it.
+    """
+    os.environ["MPLBACKEND"] = "agg"
+
+
+def check_threads() -> None:
+    """Refuse numbers of threads that numba refuses with a traceback.
+
+    Raises
+    ------
+    InputError
+        If ``NUMBA_NUM_THREADS`` is a whole number below 1.
+    """
+    text = os.environ.get(NUMBA_THREADS, "").strip()
+    if re.fullmatch(r"[+-]?\d+", text) and int(text) < 1:
+        raise InputError(f"{NUMBA_THREADS}: {text} is no number of threads; give 1 or more, or unset it")
 
 
 def find_places_for_caches(package: Path) -> None:

@@ -12,24 +12,31 @@ from typing import Any
 from idm_sumo.runtime.errors import InputError
 
 MANIFEST = "manifest.json"
+HIDDEN_MANIFEST = "_manifest.json"  # the same in a Parquet data set, where readers skip such names
 FILES = "files"  # the manifest's key: path below the folder -> SHA-256
 NAMED = 3  # files of somebody else that a message names
 
 
+def manifest_of(folder: Path) -> Path:
+    """Return the place of a folder's manifest."""
+    hidden = folder / HIDDEN_MANIFEST
+    return hidden if hidden.is_file() else folder / MANIFEST
+
+
 def seal(folder: Path) -> None:
     """Bring every file of a folder to the disk and list it, with its SHA-256, in the folder's manifest."""
-    manifest = folder / MANIFEST
+    manifest = manifest_of(folder)
     record = json.loads(manifest.read_text(encoding="utf-8")) if manifest.is_file() else {}
-    record[FILES] = {name: sha256(folder / name, settle=True) for name in _files(folder) if name != MANIFEST}
+    record[FILES] = {name: sha256(folder / name, settle=True) for name in _files(folder) if name != manifest.name}
     manifest.write_text(json.dumps(record, indent=2) + "\n", encoding="utf-8")
     sha256(manifest, settle=True)
 
 
 def strangers(folder: Path) -> list[str]:
     """Return what in a folder is not as its manifest lists it: added or changed by somebody else."""
-    listed = _listed(folder)
-    return [name for name in _files(folder) if (name != MANIFEST and not _is_listed(folder / name, listed.get(name)))
-            or (name == MANIFEST and not listed)]  # fmt: skip
+    listed, own = _listed(folder), manifest_of(folder).name
+    return [name for name in _files(folder) if (name != own and not _is_listed(folder / name, listed.get(name)))
+            or (name == own and not listed)]  # fmt: skip
 
 
 def refuse_strangers(path: Path | str, folder: Path) -> None:
@@ -47,7 +54,13 @@ def refuse_strangers(path: Path | str, folder: Path) -> None:
     InputError
         Names the first of the files.
     """
-    if folder.is_dir() and (others := strangers(folder)):
+    if folder.is_dir():
+        refuse(path, strangers(folder))
+
+
+def refuse(path: Path | str, others: list[str]) -> None:
+    """Raise if there are strangers in a folder, naming the first of them."""
+    if others:
         names = ", ".join(others[:NAMED]) + (f" and {len(others) - NAMED} more" if len(others) > NAMED else "")
         raise InputError(
             f"{path}: is not empty and no earlier result as it was written ({names}); "
@@ -76,7 +89,7 @@ def _is_listed(path: Path, expected: Any) -> bool:
 def _listed(folder: Path) -> dict[str, Any]:
     """Return what the manifest lists; nothing if there is none that can be read."""
     try:
-        files = json.loads((folder / MANIFEST).read_text(encoding="utf-8"))[FILES]
+        files = json.loads(manifest_of(folder).read_text(encoding="utf-8"))[FILES]
     except (OSError, ValueError, KeyError, TypeError, RecursionError):
         return {}
     return files if isinstance(files, dict) else {}

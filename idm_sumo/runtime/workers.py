@@ -67,13 +67,14 @@ def end_with(parent: int) -> None:
     """End this process when ``parent``, whose child it is, has gone, however that ended.
 
     A worker of a killed program would finish its task and then wait for the next one: joblib's
-    for minutes, those of :mod:`concurrent.futures` for ever. A worker that is nobody's child
-    here, as dask's, stays. An interrupt from the keyboard is the parent's to handle.
+    for minutes, those of :mod:`concurrent.futures` for ever. A worker that was not started by
+    ``parent``, as dask's, stays. An interrupt from the keyboard is the parent's to handle.
     """
-    if os.getppid() != parent:
-        if not _exists(parent):
-            os._exit(1)
+    started_by = multiprocessing.parent_process()
+    if started_by is None or started_by.pid != parent:
         return
+    if os.getppid() != parent:  # killed before our first task; until somebody asks for its end its number exists
+        os._exit(1)
     if threading.current_thread() is threading.main_thread():
         signal.signal(signal.SIGINT, signal.SIG_IGN)
     threading.Thread(target=_watch, args=(parent,), daemon=True, name="end with the parent").start()
@@ -95,13 +96,3 @@ def _watch(parent: int) -> None:
     while os.getppid() == parent:
         time.sleep(LOOK)
     os._exit(1)
-
-
-def _exists(process: int) -> bool:
-    try:
-        os.kill(process, 0)
-    except ProcessLookupError:
-        return False
-    except PermissionError:
-        pass
-    return True

@@ -63,12 +63,42 @@ def leaders_along(scenes: Scenes, x: Floats, y: Floats, first: int) -> LeadersAl
     return LeadersAlong(gap, speed)
 
 
+def leader_rows_along(scenes: Scenes, x: Floats, y: Floats, first: int) -> npt.NDArray[np.int64]:
+    """Return the traffic's rows of the paths' leaders.
+
+    -1 for none.
+
+    Parameters
+    ----------
+    scenes : Scenes
+    x, y : float64, shape (vehicles, steps)
+        Front bumper (m).
+    first : int
+        Frame of the window that column 0 belongs to.
+
+    Returns
+    -------
+    int64, shape (vehicles, steps)
+    """
+    rows, t = np.empty(x.shape, dtype=np.int64), scenes.traffic
+    cells = _cells_along(scenes, y, first)
+    _leader_rows(np.ascontiguousarray(x), cells, scenes.vehicle, t.offsets, t.x, t.vehicle, rows)
+    return rows
+
+
 def _cells_along(scenes: Scenes, y: Floats, first: int) -> npt.NDArray[np.int64]:
     """Return the cell that holds each point of the paths."""
     steps = first + np.arange(y.shape[1])
     if scenes.leader_source == LEADER_FROM_LANE:
         return scenes.cells(scenes.road.lane_at(y), steps)
     return scenes.cell[:, None] + steps
+
+
+@njit(cache=True)
+def _leader_rows(x, cells, own, offsets, traffic_x, traffic_vehicle, rows):  # type: ignore[no-untyped-def]
+    for i in range(x.shape[0]):
+        for k in range(x.shape[1]):
+            rows[i, k] = leader_row(offsets, traffic_x, traffic_vehicle, cells[i, k], x[i, k], own[i])
 
 
 @njit(cache=True)

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, replace
+from typing import Any
 
 import numpy as np
 import numpy.typing as npt
@@ -34,6 +35,8 @@ class Traffic:
         The frame of every lane's first cell.
     frames : int
         Cells per lane of a period.
+    raw_x : float64, shape (rows,), or None
+        Front bumper before smoothing (m); None where nothing was smoothed.
     """
 
     offsets: npt.NDArray[np.int64]
@@ -46,6 +49,12 @@ class Traffic:
     vehicle: npt.NDArray[np.int64]
     first_frame: int
     frames: int
+    raw_x: npt.NDArray[np.float64] | None = None
+
+    def _columns(self, which: slice | npt.NDArray[np.bool_]) -> dict[str, Any]:
+        raw = () if self.raw_x is None else ("raw_x",)
+        names = ("x", "y", "heading", "speed", "length", "width", "vehicle", *raw)
+        return {name: getattr(self, name)[which] for name in names}
 
     def part(self, first: int, last: int) -> Traffic:
         """Return some of the cells, numbered from 0.
@@ -60,14 +69,12 @@ class Traffic:
         Traffic
         """
         rows = slice(int(self.offsets[first]), int(self.offsets[last]))
-        names = ("x", "y", "heading", "speed", "length", "width", "vehicle")
-        columns = {name: getattr(self, name)[rows] for name in names}
-        return replace(self, offsets=self.offsets[first : last + 1] - rows.start, **columns)
+        return replace(self, offsets=self.offsets[first : last + 1] - rows.start, **self._columns(rows))
 
     def without(self, vehicles: npt.ArrayLike) -> Traffic:
         """Return the traffic without some of its vehicles.
 
-        Return the traffic as if some vehicles had not been recorded.
+        It is as if they had not been recorded.
 
         Parameters
         ----------
@@ -79,9 +86,7 @@ class Traffic:
         Traffic
         """
         keep = ~np.isin(self.vehicle, vehicles)
-        names = ("x", "y", "heading", "speed", "length", "width", "vehicle")
-        columns = {name: getattr(self, name)[keep] for name in names}
-        return replace(self, offsets=np.append(0, np.cumsum(keep))[self.offsets], **columns)
+        return replace(self, offsets=np.append(0, np.cumsum(keep))[self.offsets], **self._columns(keep))
 
     def cell(self, lane: npt.ArrayLike, frame: npt.ArrayLike) -> npt.NDArray[np.int64]:
         """Return cells of the first period.
@@ -122,6 +127,8 @@ def build_traffic(recording: Recording) -> Traffic:
     period, periods = period_numbers(table)
     cell = (period * road.main_lanes + road.lane_at(table[c.Y]) - 1) * frames + frame - first
     columns = {name: table[name].to_numpy(np.float64) for name in (c.X, c.Y, c.HEADING, c.SPEED)}
+    if c.RAW_X in table:
+        columns[c.RAW_X] = table[c.RAW_X].to_numpy()
     columns[c.LENGTH] = table[c.LENGTH].fillna(road.car_length).to_numpy()
     columns[c.WIDTH] = table[c.WIDTH].fillna(road.car_width).to_numpy()
     vehicle = table[c.VEHICLE].to_numpy()
@@ -163,7 +170,7 @@ def sort_into_cells(
     cells : int
         How many cells there are, empty ones included.
     columns : dict of float64 arrays, shape (rows,)
-        ``x, y, heading, speed, length, width`` by name (m, rad, m/s).
+        ``x, y, heading, speed, length, width`` by name (m, rad, m/s), and ``raw_x`` if there is one.
     vehicle : int64, shape (rows,)
     first_frame : int
         The frame of every lane's first cell.

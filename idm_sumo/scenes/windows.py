@@ -96,6 +96,8 @@ class Scenes:
         ``"lane"``: whoever is ahead in the lane; ``"twin"``: the recorded vehicle's own leader.
     excluded : pandas.DataFrame
         Vehicles that are not modelled: ``period, vehicle, reason``.
+    raw_x, raw_y : float64, shape (vehicles, frames), or None
+        Front bumper before smoothing (m); None where nothing was smoothed.
     """
 
     period: npt.NDArray[np.str_]
@@ -117,6 +119,8 @@ class Scenes:
     traffic: Traffic
     leader_source: str
     excluded: pd.DataFrame = field(default_factory=_nobody)
+    raw_x: Floats | None = None
+    raw_y: Floats | None = None
 
     def __len__(self) -> int:
         """Return the number of windows."""
@@ -208,8 +212,10 @@ class Scenes:
         -------
         Scenes
         """
+        per_vehicle: tuple[str, ...]
         per_vehicle = ("period", "vehicle", "first_frame", "lane", "x", "y", "heading", "speed", "headway",
                        "length", "width", "vehicle_class", "size_known", "cell")  # fmt: skip
+        per_vehicle += () if self.raw_x is None else (c.RAW_X, c.RAW_Y)
         return replace(self, **{name: getattr(self, name)[which] for name in per_vehicle})
 
     def keys(self) -> pd.DataFrame:
@@ -305,6 +311,8 @@ def _cut(recording: Recording, window: Window, starts: Integers) -> Scenes:
     table = recording.table
     rows = starts[:, None] + np.arange(window.frames)
     path = {name: table[name].to_numpy(np.float64)[rows] for name in (c.X, c.Y, c.HEADING, c.SPEED, c.HEADWAY)}
+    if c.RAW_X in table:
+        path |= {name: table[name].to_numpy(np.float64)[rows] for name in (c.RAW_X, c.RAW_Y)}
     lane = recording.road.lane_at(path[c.Y][:, window.start])
     first_frame = table[c.FRAME].to_numpy()[starts]
     if recording.has_leader_rows:
@@ -337,5 +345,7 @@ def _private_traffic(recording: Recording, rows: Integers) -> tuple[Traffic, Int
         c.X: leader.x[taken], c.Y: y, c.SPEED: leader.speed[taken], c.HEADING: np.zeros(len(taken)),
         c.LENGTH: leader_lengths(recording)[taken], c.WIDTH: np.full(len(taken), recording.road.car_width),
     }  # fmt: skip
+    if c.RAW_X in recording.table:
+        columns[c.RAW_X] = (recording.table[c.RAW_X] + recording.table[c.HEADWAY]).to_numpy()[taken]
     traffic = sort_into_cells(cell, windows * frames, columns, np.zeros(len(taken), dtype=np.int64), 0, frames)
     return traffic, np.arange(windows) * frames

@@ -1,6 +1,6 @@
 """The SUMO network of a road.
 
-The SUMO network of a road that is a corridor of a user's own network.
+The road is a corridor of a user's own network.
 """
 
 from __future__ import annotations
@@ -13,7 +13,7 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 
-from idm_sumo.roads.pieces import Piece, by_lane, shown, strip_of
+from idm_sumo.roads.pieces import Piece, by_lane, locate, shown, strip_of
 from idm_sumo.runtime.errors import InputError
 from idm_sumo.sumo.network import Place, RoadNetwork
 
@@ -56,6 +56,10 @@ class CorridorNetwork(RoadNetwork):
             A running simulation.
         """
         return self.road.reach[0], self.road.reach[1]
+
+    def mainline_start(self) -> float:
+        """Return where the main road begins, ``x`` (m)."""
+        return self.road.reach[0]
 
     def mainline_ends(self) -> tuple[float, ...]:
         """Return where each edge of the main road ends.
@@ -108,11 +112,9 @@ class CorridorNetwork(RoadNetwork):
         """
         edge, index, position = np.broadcast_arrays(*where)
         lanes = [f"{one}_{number}" for one, number in zip(edge.ravel(), index.ravel(), strict=True)]
-        pieces = [by_lane(self.road)[lane] for lane in lanes]
-        at = position.ravel().tolist()
-        x = [_x_at(piece, one) for piece, one in zip(pieces, at, strict=True)]
-        lane = np.array([piece.number for piece in pieces], dtype=np.int64).reshape(edge.shape)
-        return np.array(x).reshape(edge.shape), self.road.lane_center(lane), lane
+        found = locate(self.road, np.array(lanes, dtype=object), position.ravel().astype(np.float64), None, None)
+        lane = found.number.reshape(edge.shape)
+        return found.x.reshape(edge.shape), self.road.lane_center(lane), lane
 
     def recorded_lane(self, edge: str, lane_index: int) -> int:
         """Return the recorded number of a SUMO lane.
@@ -171,7 +173,7 @@ class CorridorNetwork(RoadNetwork):
     def seen(self, sumo: Any, names: Sequence[str]) -> Floats:
         """Return where SUMO has vehicles on the straightened road.
 
-        Return where SUMO has vehicles, ``x, y`` (m) on the straightened road; shape ``(names, 2)``.
+        ``x, y`` (m), shape ``(names, 2)``.
 
         Parameters
         ----------
@@ -180,21 +182,11 @@ class CorridorNetwork(RoadNetwork):
         names : sequence of str
             Vehicles.
         """
-        out = np.empty((len(names), 2))
-        for row, name in enumerate(names):
-            piece = by_lane(self.road)[sumo.vehicle.getLaneID(name)]
-            aside = sumo.vehicle.getLateralLanePosition(name)
-            y = float(self.road.lane_center(piece.number)) + aside
-            out[row] = _x_at(piece, sumo.vehicle.getLanePosition(name)), y
-        return out
-
-
-def _x_at(piece: Piece, position: float) -> float:
-    """Return the ``x`` (m) of a position on a piece.
-
-    As SUMO counts it.
-    """
-    return piece.start + position / piece.length * (piece.end - piece.start)
+        lanes = np.array([sumo.vehicle.getLaneID(name) for name in names], dtype=object)
+        position = np.array([sumo.vehicle.getLanePosition(name) for name in names], dtype=np.float64)
+        aside = [sumo.vehicle.getLateralLanePosition(name) for name in names]
+        where = locate(self.road, lanes, position, None, None)
+        return np.column_stack([where.x, self.road.lane_center(where.number) + aside]).reshape(-1, 2)
 
 
 def _edge(piece: Piece) -> str:

@@ -7,7 +7,7 @@ which edge, lane and position along it they belong to.
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cache
 from pathlib import Path
 from typing import Any, NamedTuple
@@ -69,7 +69,7 @@ def of(road: Road) -> RoadNetwork:
             f"road {road.name!r} is a street with traffic lights, and its signals are not recorded: there is no SUMO "
             "network on which its traffic could run; calibrate, predict and diagnose who follows"
         )
-    return RoadNetwork(road, straight_network.LAYOUT)
+    return RoadNetwork(replace(road, network=""), straight_network.layout_of(road))
 
 
 @dataclass(frozen=True)
@@ -114,7 +114,7 @@ class RoadNetwork:
     def reach(self, sumo: Any) -> tuple[float, float]:
         """Return the first and last ``x`` (m) of the network.
 
-        Return the first and last ``x`` (m) of the network that a simulation has loaded.
+        It is the one that a simulation has loaded.
 
         Parameters
         ----------
@@ -143,7 +143,7 @@ class RoadNetwork:
     def seen(self, sumo: Any, names: Sequence[str]) -> npt.NDArray[np.float64]:
         """Return where SUMO has vehicles on the straightened road.
 
-        Return where SUMO has vehicles, ``x, y`` (m) on the straightened road; shape ``(names, 2)``.
+        ``x, y`` (m), shape ``(names, 2)``.
 
         Parameters
         ----------
@@ -165,7 +165,7 @@ class RoadNetwork:
         InputError
             If it is in neither place.
         """
-        if self.layout is straight_network.LAYOUT:
+        if not self.road.network:
             return straight_network.network_of(self.road)
         package = Path(__file__).resolve().parents[1]
         for folder in (package, package.parent):
@@ -176,6 +176,10 @@ class RoadNetwork:
     def load(self) -> Any:
         """Return the :class:`sumolib.net.Net`, read once."""
         return _load(self.file)
+
+    def mainline_start(self) -> float:
+        """Return where the main road begins, ``x`` (m)."""
+        return float(self.load().getEdge(self.mainline[0]).getShape()[0][0])
 
     def mainline_ends(self) -> tuple[float, ...]:
         """Return where each edge of the main road ends.
@@ -231,8 +235,9 @@ class RoadNetwork:
         segment = np.searchsorted(starts, x, side="right") - 1
         edge = np.array(self.mainline)[np.maximum(segment, 0)]
         right, weave = lane > self.road.main_lanes, self.mainline.index(self.layout.weave)
-        ramp = np.where(segment < weave, self.layout.on_ramp, np.where(segment > weave, self.layout.off_ramp, edge))
-        edge = np.where(right, ramp, edge)
+        if self.layout.on_ramp:
+            ramp = np.where(segment < weave, self.layout.on_ramp, np.where(segment > weave, self.layout.off_ramp, edge))
+            edge = np.where(right, ramp, edge)
         count = [_lane_count(self, str(name)) for name in edge.ravel()]
         index = np.where(right.ravel(), 0, count - lane.ravel()).reshape(lane.shape)
         position = np.full(x.shape, np.nan)

@@ -14,8 +14,8 @@ from typing import Any, NamedTuple
 from idm_sumo.roads import Road, SideLane
 from idm_sumo.roads.pieces import Piece
 from idm_sumo.runtime.errors import InputError
-
-SHOWN = 12  # names of edges in a message
+from idm_sumo.sumo.corridor import carries_cars, edges_between, only_road, plain_edges
+from idm_sumo.sumo.net_check import read_net
 
 
 class _Part(NamedTuple):
@@ -63,8 +63,21 @@ def road_of(path: Path | str, corridor: Sequence[str] = ()) -> Road:
     InputError
         If it is no network, an edge is absent, there is no way along the corridor, or no lane goes all along.
     """
-    net = read_net(Path(path))
-    edges = _between(net, path, corridor) if corridor else _only_road(net, path)
+    net = read_net(Path(path), internal=True)
+    if not plain_edges(net):
+        raise InputError(f"{path}: has no edge that cars drive on; is it a network that netconvert made?")
+    try:
+        return _road(net, path, corridor)
+    except InputError:
+        raise
+    except (ArithmeticError, AttributeError, LookupError, TypeError, ValueError) as error:  # names that nothing bears
+        raise InputError(
+            f"{path}: not a sound SUMO network ({type(error).__name__}: {error}); build it again with netconvert"
+        ) from None
+
+
+def _road(net: Any, path: Path | str, corridor: Sequence[str]) -> Road:
+    edges = edges_between(net, path, corridor) if corridor else only_road(net, path)
     parts = _parts(net, edges, path)
     common = set(parts[0].numbers).intersection(*(part.numbers for part in parts))
     if not common:
@@ -85,103 +98,10 @@ def road_of(path: Path | str, corridor: Sequence[str] = ()) -> Road:
     )  # fmt: skip
 
 
-def read_net(path: Path) -> Any:
-    """Return the :class:`sumolib.net.Net` of a file.
-
-    Parameters
-    ----------
-    path : Path
-
-
-    Raises
-    ------
-    InputError
-        If there is none.
-    """
-    from sumolib.net import readNet
-
-    if not path.is_file():
-        raise InputError(f"{path}: no such network")
-    try:
-        net = readNet(str(path), withInternal=True)
-    except Exception as error:  # sumolib raises errors of its parser
-        raise InputError(f"{path}: not a SUMO network ({(str(error).splitlines() or ['?'])[0]})") from None
-    if not _plain_edges(net):
-        raise InputError(f"{path}: has no edge; is it a network that netconvert made?")
-    return net
-
-
-def _plain_edges(net: Any) -> list[Any]:
-    """Return the edges that cars drive on.
-
-    Without those within junctions.
-    """
-    return [edge for edge in net.getEdges(withInternal=False) if edge.getFunction() == "" and _lanes_of_cars(edge)]
-
-
-def _lanes_of_cars(edge: Any) -> bool:
-    return any(lane.allows("passenger") for lane in edge.getLanes())
-
-
-def _between(net: Any, path: Path | str, corridor: Sequence[str]) -> list[Any]:
-    for name in corridor:
-        if not net.hasEdge(name):
-            there = ", ".join(sorted(edge.getID() for edge in _plain_edges(net))[:SHOWN])
-            raise InputError(f"{path}: has no edge {name!r}; it has {there}, ...")
-    edges = [net.getEdge(corridor[0])]
-    for one, following in pairwise(corridor):
-        way, _ = net.getShortestPath(net.getEdge(one), net.getEdge(following))
-        if not way:
-            raise InputError(f"{path}: no way from edge {one!r} to {following!r}; give --corridor in driving order")
-        edges += way[1:]
-    return edges
-
-
-def _only_road(net: Any, path: Path | str) -> list[Any]:
-    """Return the edges of the network's one road.
-
-    The way with most lane length, all others being its ramps.
-    """
-    edges = _plain_edges(net)
-    ways = [way for edge in edges if not _neighbours(edge.getIncoming()) for way in _ways(edge, ())]
-    best = max(ways, key=_lane_length, default=[])
-    off = [edge for edge in edges if edge not in best]
-    nodes = {node.getID() for edge in best for node in (edge.getFromNode(), edge.getToNode())}
-    loose = [edge for edge in off if {edge.getFromNode().getID(), edge.getToNode().getID()}.isdisjoint(nodes)]
-    lights = any(edge.getToNode().getType() == "traffic_light" for edge in best)
-    if not best or loose or (lights and off) or _lane_length(best) < _lane_length(off):
-        names = ", ".join(edge.getID() for edge in sorted(edges, key=lambda edge: -edge.getLength())[:SHOWN])
-        raise InputError(
-            f"{path}: is more than one road ({len(edges)} edges, longest {names}); name the road's with "
-            "--corridor EDGE..."
-        )
-    return list(best)
-
-
-def _ways(edge: Any, before: tuple[Any, ...]) -> list[list[Any]]:
-    """Return every way from an edge to the end.
-
-    Return every way from an edge to the network's end that meets no edge twice, at most a thousand.
-    """
-    way = (*before, edge)
-    onward = [one for one in _neighbours(edge.getOutgoing()) if one not in way]
-    if not onward:
-        return [list(way)]
-    return [found for one in onward for found in _ways(one, way)][:1000]
-
-
-def _neighbours(edges: Any) -> list[Any]:
-    return [edge for edge in edges if edge.getFunction() == "" and _lanes_of_cars(edge)]
-
-
-def _lane_length(edges: Sequence[Any]) -> float:
-    return sum(float(edge.getLength()) * int(edge.getLaneNumber()) for edge in edges)
-
-
 def _parts(net: Any, edges: Sequence[Any], path: Path | str) -> list[_Part]:
     """Return the edges with their starts and lanes.
 
-    Return the edges with their starts and the numbers of their lanes, which go on along connections.
+    Lanes keep their numbers along connections.
     """
     parts = [_Part(edges[0], 0.0, 0)]
     for one, following in pairwise(edges):
@@ -209,6 +129,8 @@ def _via(net: Any, link: Any) -> list[Any]:
     found, name = [], link.getViaLaneID()
     while name:
         lane = net.getLane(name)
+        if lane in found:
+            raise ValueError(f"the way through a junction comes back to lane {name!r}")
         found.append(lane)
         onward = [one for one in lane.getOutgoing() if one.getViaLaneID() or one.getToLane()]
         name = onward[0].getViaLaneID() if onward else ""
@@ -267,7 +189,7 @@ def _beside(net: Any, parts: Sequence[_Part], main: dict[int, int]) -> tuple[lis
 def _ramps(net: Any, parts: Sequence[_Part], used: int) -> tuple[list[SideLane], list[Piece]]:
     """Return the edges beside the corridor as ramps.
 
-    Return the edges that lead onto the corridor or off it, as ramps, and their pieces.
+    They lead onto the corridor or off it; their pieces come with them.
     """
     corridor = {part.edge.getID() for part in parts}
     lanes, pieces = [], []
@@ -277,7 +199,7 @@ def _ramps(net: Any, parts: Sequence[_Part], used: int) -> tuple[list[SideLane],
             [edge for edge in part.edge.getOutgoing() if edge.getID() not in corridor] if place + 1 < len(parts) else []
         )
         for edge, kind in [(one, "on-ramp") for one in joins] + [(one, "off-ramp") for one in leaves]:
-            if edge.getFunction() != "" or not _lanes_of_cars(edge):
+            if edge.getFunction() != "" or not carries_cars(edge):
                 continue
             used += 1
             strip = _ramp(net, edge, part, kind, used)

@@ -1,28 +1,24 @@
-"""A recording on a user's own network.
-
-Kept as one file that names its road.
-"""
+"""A recording kept with the user's network as its road."""
 
 from __future__ import annotations
 
-import hashlib
-import json
 from collections.abc import Sequence
 from dataclasses import replace
 from pathlib import Path
 
 from idm_sumo.recordings.reading import read_recording, write_parquet
 from idm_sumo.recordings.recording import Recording
-from idm_sumo.runtime.cache import cache_folder
+from idm_sumo.runtime.cache import kept
+from idm_sumo.runtime.environment import fingerprint
 from idm_sumo.sumo.own_network import road_of
+
+PACKAGE = Path(__file__).parents[1]
 
 
 def read_on_network(
     recording: Path, net: Path, *, corridor: Sequence[str] = (), route_files: Sequence[Path] = (), location: str
 ) -> Recording:
-    """Read a recording on edges of a network.
-
-    Return a recording of the road that edges of a network make up.
+    """Read a recording on the edges of a network.
 
     Parameters
     ----------
@@ -44,10 +40,10 @@ def read_on_network(
 def kept_on_network(
     recording: Path, net: Path, *, corridor: Sequence[str] = (), route_files: Sequence[Path] = (), location: str
 ) -> Path:
-    """Return a file of a recording on a network.
+    """Return the file of a recording on a network.
 
-    Return a file of the recording that :func:`read_on_network` returns, made if the cache lacks it.
-
+    It holds what :func:`read_on_network` returns and is made if the cache lacks it; other sources of the
+    program, which may read it another way, make their own.
     Whatever reads it knows the road, so that programs which pass on the path of a recording need not.
 
     Parameters
@@ -60,10 +56,10 @@ def kept_on_network(
     """
     files = [recording, net, *route_files]
     told = [[str(path.resolve()), path.stat().st_size, path.stat().st_mtime_ns] for path in files if path.exists()]
-    name = hashlib.sha256(json.dumps([told, list(corridor), location]).encode()).hexdigest()[:12]
-    path = cache_folder() / "networks" / f"{recording.name.partition('.')[0][:40]}-{name}.parquet"
-    if not path.is_file():
+
+    def write(path: Path) -> None:
         found = read_on_network(recording, net, corridor=corridor, route_files=route_files, location=location)
-        path.parent.mkdir(parents=True, exist_ok=True)
         write_parquet(found, path)
-    return path
+
+    stem = recording.name.partition(".")[0][:40]
+    return kept(f"networks/{stem}", ".parquet", [fingerprint(PACKAGE), told, list(corridor), location], write)

@@ -52,7 +52,7 @@ def check_name(path: Path) -> None:
 def plain(net: Path, options: Sequence[str]) -> Iterator[tuple[str, list[str]]]:
     """Yield a network and options with plain paths.
 
-    Yield a network and options whose paths SUMO reads as they are meant.
+    SUMO reads them as they are meant.
 
     Parameters
     ----------

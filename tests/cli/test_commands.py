@@ -6,7 +6,9 @@ import json
 import subprocess
 import sys
 from pathlib import Path
+from xml.etree import ElementTree
 
+import numpy as np
 import pandas as pd
 import pytest
 
@@ -17,9 +19,10 @@ from idm_sumo.roads.us101 import US101
 from tests.helpers.ngsim_files import official
 from tests.helpers.platoons import platoon_recording
 
-METHODS = ["constant_velocity", "idm_average", "idm_prediction", "idm_rollout", "idm_first_gap", "idm_pooled",
-    "idm_typical",
-           "idm_hierarchical", "idm_oracle"]  # fmt: skip
+METHODS = [
+    "constant_velocity", "idm_average", "idm_prediction", "idm_rollout", "idm_residual", "idm_first_gap", "idm_pooled",
+    "idm_typical", "idm_hierarchical", "idm_oracle",
+]  # fmt: skip
 
 
 @pytest.fixture(scope="module")
@@ -175,7 +178,7 @@ def test_several_driver_tables_are_driven_in_one_replay(
 def test_export_writes_types_and_a_run_that_sumo_takes(
     drivers: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
-    main(["export", str(drivers), "-o", str(tmp_path / "fleet.rou.xml")])
+    main(["export", str(drivers), "--parameters", "fitted", "-o", str(tmp_path / "fleet.rou.xml")])
     said = capsys.readouterr().out
     assert "linearised" in said  # what each choice costs
     assert "departures are late" in said
@@ -396,3 +399,26 @@ def test_drivers_of_an_idm_are_refused_where_the_model_follows_another_law(
     assert "krauss" in line
     assert "leave --drivers out" in line
     assert not (tmp_path / "no").exists()
+
+
+def test_export_takes_the_types_that_are_asked_for(drivers: Path, tmp_path: Path) -> None:
+    table = pd.read_parquet(drivers)
+    table["T_whole"] = table["T_whole"].fillna(table["T_refit"])  # of those whom no window tells anything
+    for name, more, column in (
+        ("whole", ["--parameters", "whole"], "T_whole"),
+        ("fitted", ["--parameters", "fitted"], "T_refit"),
+    ):
+        target = tmp_path / f"{name}.rou.xml"
+        main(["export", str(drivers), "--no-check", *more, "-o", str(target)])
+        tau = {one.get("id"): float(one.get("tau", "nan")) for one in ElementTree.parse(target).getroot().iter("vType")}
+        expected = {f"{row.period}.{row.vehicle}": getattr(row, column) for row in table.itertuples()}
+        assert tau == pytest.approx(expected)
+    assert not np.allclose(table["T_whole"], table["T_refit"])
+
+
+def test_types_of_all_windows_have_no_d1(drivers: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    asked = ["--parameters", "whole", "--without-d1", "linearised", "-o", str(tmp_path / "x.rou.xml")]
+    assert "leave out --without-d1" in refused(["export", str(drivers), *asked], capsys)
+    pd.read_parquet(drivers).drop(columns="T_whole").to_parquet(tmp_path / "less.parquet")
+    less = ["export", str(tmp_path / "less.parquet"), "--parameters", "whole", "-o", str(tmp_path / "x.rou.xml")]
+    assert "less.parquet: column" in refused(less, capsys)

@@ -25,6 +25,7 @@ CODES = [
     (PermissionError(errno.EACCES, "Permission denied", "/x/y"), BAD_INPUT, "/x/y"),
     (OSError(errno.EMFILE, "Too many open files"), BAD_INPUT, "ulimit"),
     (OSError(errno.EROFS, "Read-only file system", b"/x"), BAD_INPUT, "/x"),
+    (FileNotFoundError(errno.ENOENT, "No such file or directory"), BAD_INPUT, "the current folder"),
     (MemoryError("Unable to allocate 7 TiB"), BAD_INPUT, "7 TiB"),
     (UnicodeEncodeError("utf-8", "\udcff", 0, 1, "surrogates not allowed"), BAD_INPUT, "encoding"),
     (KeyboardInterrupt(), INTERRUPTED, "interrupted"),
@@ -148,3 +149,22 @@ def test_a_limit_on_memory_ends_in_one_line(recording: Path, tmp_path: Path) -> 
     assert done.returncode == BAD_INPUT, done.stderr
     assert len([line for line in done.stderr.splitlines() if not line.endswith(" ...")]) == 1
     assert list(tmp_path.iterdir()) == []
+
+
+def test_settings_of_other_programs_stop_none_of_ours(tmp_path: Path) -> None:
+    for name in ("one.parquet", "other.parquet"):
+        platoon_recording().to_parquet(tmp_path / name)
+    command = [sys.executable, "-m", "idm_sumo", "compare", "one.parquet", "other.parquet", "-o", "out"]
+    environment = {**os.environ, "PYTHONPATH": str(ROOT), "MPLBACKEND": "no_such_windows", "SUMO_HOME": "/nowhere"}
+    done = subprocess.run(command, cwd=tmp_path, env=environment, capture_output=True, text=True, check=False)
+    assert done.returncode == 0, done.stderr
+    assert (tmp_path / "out" / "report.html").is_file()
+
+
+def test_no_threads_are_refused_in_one_line(tmp_path: Path) -> None:
+    command = [sys.executable, "-m", "idm_sumo", "inspect", "surrogate"]
+    environment = {**os.environ, "PYTHONPATH": str(ROOT), "NUMBA_NUM_THREADS": "0"}
+    done = subprocess.run(command, cwd=tmp_path, env=environment, capture_output=True, text=True, check=False)
+    assert done.returncode == BAD_INPUT
+    assert done.stderr.startswith("idm-sumo: NUMBA_NUM_THREADS: 0")
+    assert len(done.stderr.splitlines()) == 1

@@ -10,7 +10,7 @@ from pathlib import Path
 
 import pytest
 
-from idm_sumo.cli import main
+from idm_sumo.cli import main, options
 from idm_sumo.cli.parser import build_parser
 from idm_sumo.recordings.fetch import fetch
 from tests.helpers.platoons import platoon_recording
@@ -102,7 +102,7 @@ def test_a_mistyped_word_is_one_line_that_names_what_was_meant(
 
 def test_options_may_be_cut_short_and_files_may_begin_with_a_dash(capsys: pytest.CaptureFixture[str]) -> None:
     parsed = build_parser().parse_args(["calibrate", "--seed=3", "--out", "d.csv", "--", "--odd.txt"])
-    assert (parsed.seed, parsed.output, parsed.recording) == (3, Path("d.csv"), "--odd.txt")
+    assert (parsed.seed, parsed.output, parsed.recording) == (3, Path("d.csv"), ["--odd.txt"])
 
 
 @pytest.mark.parametrize("shell", ["bash", "zsh"])
@@ -122,3 +122,12 @@ def test_version(capsys: pytest.CaptureFixture[str]) -> None:
     with pytest.raises(SystemExit):
         main(["--version"])
     assert capsys.readouterr().out.startswith("idm-sumo ")
+
+
+def test_no_path_may_be_empty() -> None:
+    with pytest.raises(argparse.ArgumentTypeError, match="not set"):
+        options.path("")
+    with pytest.raises(argparse.ArgumentTypeError, match="not set"):
+        options.recording_name("")
+    plain = [(name, action.dest) for name, one in COMMANDS.items() for action in one._actions if action.type is Path]
+    assert plain == []

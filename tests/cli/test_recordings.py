@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+from collections.abc import Callable
 from pathlib import Path
 
 import pandas as pd
@@ -10,6 +11,7 @@ import pytest
 
 from idm_sumo.cli import main
 from idm_sumo.cli.console import progress_bar
+from idm_sumo.cli.parser import build_parser
 from idm_sumo.recordings.recording import SURROGATE_NOTICE
 from idm_sumo.sumo.surrogate.make import write_layout
 from tests.helpers.platoons import platoon_recording
@@ -127,6 +129,59 @@ def test_the_built_in_recording_is_taken_by_its_word(
     main(["interactive", *given, "--types", "default-idm", "--replay-bias", "0", "-o", "loop"])
     assert len(pd.read_csv("drivers.csv")) == len(pd.read_csv("predicted.csv"))
     assert len(list((tmp_path / "cache").iterdir())) == 1  # made once
+
+
+NAMED = (
+    ["inspect", "surrogate"],
+    ["calibrate", "surrogate", "-o", "d.csv"],
+    ["compare", "mine.csv", "surrogate", "-o", "out"],
+    ["interactive", "surrogate", "-o", "out"],
+    ["reproduce", "surrogate", "-o", "out"],
+    ["irl", "train", "mine.csv", "surrogate", "-o", "out"],
+)
+
+
+@pytest.mark.parametrize("command", NAMED, ids=lambda command: command[0])
+@pytest.mark.parametrize("make", [Path.touch, Path.mkdir], ids=["file", "folder"])
+def test_the_word_is_refused_where_something_of_that_name_lies(
+    command: list[str],
+    make: Callable[[Path], None],
+    tmp_path: Path,
+    monkeypatch: pytest.MonkeyPatch,
+    capsys: pytest.CaptureFixture[str],
+) -> None:
+    monkeypatch.chdir(tmp_path)
+    make(Path("surrogate"))
+    with pytest.raises(SystemExit) as stop:
+        main(command)
+    (line,) = capsys.readouterr().err.splitlines()
+    assert stop.value.code == 2
+    assert "give ./surrogate to read that" in line
+    assert [path.name for path in tmp_path.iterdir()] == ["surrogate"]
+
+
+def test_a_file_of_the_words_name_is_read_by_its_path(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    monkeypatch.chdir(tmp_path)
+    platoon_recording(periods=1, platoons=1, cars=2).to_csv("surrogate", index=False)
+    main(["inspect", "./surrogate"])
+    assert capsys.readouterr().out.splitlines()[0] == "surrogate"
+
+
+def test_options_of_several_values_may_be_repeated() -> None:
+    given = ["inspect", "r.csv", "--corridor", "a", "b", "--corridor", "c", "--route-files", "x", "--route-files", "y"]
+    options = build_parser().parse_args(given)
+    assert options.corridor == ["a", "b", "c"]
+    assert options.route_files == [Path("x"), Path("y")]
+    assert build_parser().parse_args(["inspect", "r.csv"]).corridor == []
+
+
+def test_nobody_is_refused_who_does_not_name_it(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.chdir(tmp_path)
+    Path("surrogate").mkdir()
+    assert build_parser().parse_args(["interactive", "-o", "out"]).recording is None
+    assert build_parser().parse_args(["reproduce", "-o", "out"]).recording == []
 
 
 def test_a_log_file_gets_one_line_a_stage_with_its_number(capsys: pytest.CaptureFixture[str]) -> None:

@@ -5,7 +5,7 @@ import pytest
 from hypothesis import assume, given, settings
 from hypothesis import strategies as st
 
-from idm_sumo.evaluation.collisions import first_contacts
+from idm_sumo.evaluation.collisions import first_contacts, may_touch
 from idm_sumo.evaluation.rectangles import overlap, rectangle, separation
 from idm_sumo.models.idm import TEXTBOOK
 from idm_sumo.recordings.cleaning import clean
@@ -54,6 +54,18 @@ def clearance(one, other):
     """Return the largest distance on the four edge normals: near 0 the answer hangs on rounding."""
     a, b = rectangle(*one), rectangle(*other)
     return max(separation(a, b, r[2], r[3]) for r in (a, b)), max(separation(a, b, -r[3], r[2]) for r in (a, b))
+
+
+@given(rectangles, rectangles)
+def test_whoever_overlaps_may_touch(one, other):
+    if overlap(rectangle(*one), rectangle(*other)):
+        assert may_touch(*one, *other)
+
+
+def test_neighbours_on_their_lanes_need_no_sine():
+    assert not may_touch(0.0, 0.0, 0.02, 5.0, 2.0, 1.0, 3.7, -0.03, 5.0, 2.0)
+    assert not may_touch(0.0, 0.0, 0.02, 5.0, 2.0, 9.0, 0.1, -0.03, 5.0, 2.0)
+    assert not may_touch(9.0, 0.0, 0.02, 5.0, 2.0, 0.0, 0.1, -0.03, 5.0, 2.0)
 
 
 @given(rectangles, rectangles)

@@ -6,7 +6,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 from scipy.stats import ks_2samp, wasserstein_distance
 
-from idm_sumo.evaluation.comparison import compare, matched_periods
+from idm_sumo.evaluation.comparison import compare, geh, matched_periods
 from idm_sumo.evaluation.distances import Sample, distance
 from idm_sumo.evaluation.traffic_measures import following
 from idm_sumo.recordings import columns as c
@@ -68,6 +68,7 @@ def test_a_recording_is_as_near_to_itself_as_can_be_and_another_one_farther() ->
     by_name = found.summary.set_index("recording")
     assert by_name.loc["same", "gap_wasserstein_m"] == 0.0
     assert by_name.loc["same", ["speed_rmse_m_s", "flow_rmse_veh_h", "density_rmse_veh_km"]].eq(0.0).all()
+    assert by_name.loc["same", "geh_below_5_share"] == 1.0
     assert by_name.loc["b", "gap_wasserstein_m"] == pytest.approx(6.0, abs=0.3)
     assert by_name.loc["b", "density_rmse_veh_km"] > 5.0
     assert np.isnan(by_name.loc["a", "gap_wasserstein_m"])
@@ -95,3 +96,8 @@ def test_periods_match_by_label_or_else_by_order() -> None:
 def test_one_recording_cannot_be_compared() -> None:
     with pytest.raises(InputError, match="two recordings"):
         compare({"a": recording(Car(1))})
+
+
+def test_the_geh_has_the_value_of_a_hand_calculation_and_none_where_nobody_drives() -> None:
+    assert geh([100.0, 0.0], [120.0, 0.0]) == pytest.approx([np.sqrt(2.0 * 400.0 / 220.0), 0.0])
+    assert geh(500.0, 700.0) == geh(700.0, 500.0)

@@ -7,12 +7,14 @@ import os
 import subprocess
 import sys
 from pathlib import Path
+from typing import Any, Protocol
 
 from idm_sumo.runtime.siblings import PREFIX
 from tests.helpers.platoons import platoon_recording
 
 ROOT = Path(__file__).parents[2]
 RECORDING, DRIVERS = "inputs/platoons.parquet", "inputs/drivers.parquet"
+LONGER = "inputs/longer.parquet"  # what a diagnosis needs to look for causes at all
 OUT = "out"
 WINDOW = ("--observed", "10", "--horizon", "40")
 COMMANDS: dict[str, tuple[str, ...]] = {
@@ -20,22 +22,28 @@ COMMANDS: dict[str, tuple[str, ...]] = {
     "calibrate": ("calibrate", RECORDING, *WINDOW, "-o", f"{OUT}/d.parquet"),
     "predict": ("predict", RECORDING, "--drivers", DRIVERS, "-o", f"{OUT}/p.parquet"),
     "export": ("export", DRIVERS, "-o", f"{OUT}/e.rou.xml"),
-    "replay": ("replay", RECORDING, "--vehicle", "3", *WINDOW, "-o", f"{OUT}/r"),
+    "replay": ("replay", RECORDING, "--vehicle", "3", "--horizon", "10", "-o", f"{OUT}/r"),
     "compare": ("compare", RECORDING, "inputs/again.parquet", "-o", f"{OUT}/c"),
     "interactive": ("interactive", RECORDING, "--drivers", DRIVERS, "--types", "drivers", "--types", "krauss",
                     "--replay-bias", "5", "-o", f"{OUT}/i"),
-    "diagnose": ("diagnose", RECORDING, "-o", f"{OUT}/g"),
+    "diagnose": ("diagnose", LONGER, "-o", f"{OUT}/g"),
     "reproduce": ("reproduce", RECORDING, "--quick", "--no-agents", "-o", f"{OUT}/q"),
 }  # fmt: skip
 
 
 def prepare(folder: Path) -> None:
     """Write the inputs of all commands below ``folder/inputs``."""
-    inputs = folder / "inputs"
-    inputs.mkdir(parents=True)
-    platoon_recording().to_parquet(inputs / "platoons.parquet")
-    platoon_recording(seed=4).to_parquet(inputs / "again.parquet")
+    (folder / "inputs").mkdir(parents=True)
+    platoon_recording().to_parquet(folder / RECORDING)
+    platoon_recording(frames=700).to_parquet(folder / LONGER)
+    platoon_recording(seed=4).to_parquet(folder / "inputs" / "again.parquet")
     ended(start(folder, ("calibrate", RECORDING, *WINDOW, "-o", DRIVERS)))
+
+
+def prepare_short(folder: Path) -> None:
+    """Write the recording alone, of four cars in six seconds: a command ends within seconds."""
+    (folder / "inputs").mkdir(parents=True)
+    platoon_recording(periods=1, platoons=1, cars=4, frames=60).to_parquet(folder / RECORDING)
 
 
 def start(folder: Path, arguments: tuple[str, ...], **environment: str) -> subprocess.Popen[bytes]:
@@ -47,7 +55,17 @@ def start(folder: Path, arguments: tuple[str, ...], **environment: str) -> subpr
     )  # fmt: skip
 
 
-def ended(process: subprocess.Popen[bytes]) -> None:
+class Running(Protocol):
+    """What is needed of a command that runs."""
+
+    pid: int
+    returncode: Any  # an int once it has ended
+
+    def communicate(self) -> tuple[bytes, bytes]:
+        """Wait for its end; return its standard output and error."""
+
+
+def ended(process: Running) -> None:
     """Wait for a command that must succeed."""
     _, said = process.communicate()
     assert process.returncode == 0, said.decode(errors="replace")

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import json
 import random
 import shutil
 import time
@@ -20,6 +21,8 @@ from idm_sumo.recordings.cleaning import clean
 from idm_sumo.recordings.reading import read_recording
 from idm_sumo.recordings.smoothing import smooth
 from idm_sumo.runtime.errors import InputError
+from idm_sumo.sumo.own_network import road_of
+from idm_sumo.sumo.own_recording import read_on_network
 from tests.fuzz import mutate, seeds
 
 SLOW = 30.0  # s of computing that no small input may take
@@ -70,6 +73,31 @@ def _beside_highd(path: Path) -> None:
     _recording(beside / "07_tracks.csv")
 
 
+def _xml_on_network(draw: random.Random) -> bytes:
+    steps = "".join(
+        f'<timestep time="{r.timestep_time:.2f}">\n<vehicle id="{r.vehicle_id}" x="{r.vehicle_x}" y="{r.vehicle_y}" '
+        f'angle="90" type="truck" speed="20" pos="{r.vehicle_pos}" lane="{r.vehicle_lane}"/>\n</timestep>\n'
+        for r in seeds.fcd_on_network().itertuples()
+    )
+    return mutate.of_xml(f"<fcd-export>\n{steps}</fcd-export>", draw)
+
+
+def _on_network(path: Path, *, net: Path = seeds.NETWORK, types: tuple[Path, ...] = ()) -> None:
+    smooth(clean(read_on_network(path, net, route_files=types, location="us-101")))
+
+
+def _beside_network(path: Path, **given: Any) -> None:
+    """Read sound floating car data with a malformed file beside them."""
+    sound = path.parent / "sound_fcd.csv"
+    if not sound.is_file():
+        seeds.fcd_on_network().to_csv(sound, sep=";", index=False)
+    _on_network(sound, **given)
+
+
+def _network_text() -> str:
+    return seeds.NETWORK.read_text(encoding="utf-8")
+
+
 KINDS = (
     Kind("official.txt", lambda d: mutate.of_text_table(seeds.ngsim(), d, " ", header=False), _recording),
     Kind("portal.csv", lambda d: mutate.of_text_table(seeds.ngsim(), d, ","), _recording),
@@ -79,6 +107,16 @@ KINDS = (
     Kind("fcd.xml", _xml, _recording),
     Kind("fcd.csv", lambda d: mutate.of_text_table(seeds.fcd(), d, ";"), _recording),
     Kind("fcd.parquet", lambda d: mutate.of_parquet(seeds.fcd(), d), _recording),
+    Kind("network_fcd.xml", _xml_on_network, _on_network),
+    Kind("network_fcd.csv", lambda d: mutate.of_text_table(seeds.fcd_on_network(), d, ";"), _on_network),
+    Kind("network_fcd.parquet", lambda d: mutate.of_parquet(seeds.fcd_on_network(), d), _on_network),
+    Kind("own.net.xml", lambda d: mutate.of_xml(_network_text(), d), lambda path: _beside_network(path, net=path)),
+    Kind("types.rou.xml", lambda d: mutate.of_xml(seeds.types(), d), lambda path: _beside_network(path, types=(path,))),
+    Kind(
+        "corridor.json",
+        lambda d: mutate.of_corridor(seeds.corridor(), d),
+        lambda path: road_of(seeds.NETWORK, json.loads(path.read_bytes())),
+    ),
     Kind("pairs.csv", lambda d: mutate.of_text_table(seeds.pairs(), d, ","), _recording),
     Kind("pairs.parquet", lambda d: mutate.of_parquet(seeds.pairs(), d), _recording),
     Kind("drivers.csv", lambda d: mutate.of_text_table(seeds.drivers(), d, ","), read_drivers),

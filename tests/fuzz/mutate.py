@@ -2,11 +2,13 @@
 
 from __future__ import annotations
 
+import bz2
 import decimal
 import gzip
 import io
 import json
 import random
+import re
 from typing import Any
 
 import numpy as np
@@ -29,6 +31,8 @@ VALUES: tuple[Any, ...] = (
     None, True, [], {}, [[]], "", "x", -1, 0, 10**30, 1e300, float("nan"), float("inf"), 2.5, 99,
     [99], [2.5], "8", ["a"],
 )  # fmt: skip
+XML_VALUES = ("0.00,0.00", "1,2 3", "0", "-1", "1e9", ":b_0_0", "in", "out")
+ELEMENTS = ("net", "edge", "lane", "junction", "connection", "routes", "vType", "fcd-export", "additional", "a:b")
 
 
 def of_bytes(data: bytes, draw: random.Random) -> bytes:
@@ -134,6 +138,42 @@ def of_json(values: Any, draw: random.Random) -> bytes:
     if draw.random() < 0.1:
         data = draw.choice((b"[", b'{"a":')) * 20_000
     return of_bytes(data, draw) if draw.random() < 0.3 else data
+
+
+def of_xml(text: str, draw: random.Random) -> bytes:
+    """Return XML with attributes replaced, elements gone, doubled or renamed, or with bad bytes; packed or not."""
+    lines = text.splitlines()
+    for _ in range(draw.choice((1, 1, 2, 5))):
+        whole = [number for number, line in enumerate(lines) if line.endswith("/>")]
+        row = draw.choice(whole or [0]) if draw.random() < 0.9 else draw.randrange(len(lines))
+        attributes = list(re.finditer(r'([\w:]+)="([^"]*)"', lines[row]))
+        bad = re.sub(
+            r'[<&"\x00]', "", draw.choice((*CELLS, "0.00,0.00", "1,2 3", "0", "-1", "1e9", ":b_0_0", "in", "out"))
+        )
+        match draw.randrange(7):
+            case 0 | 1 | 2 if attributes:
+                one = draw.choice(attributes)
+                lines[row] = f'{lines[row][: one.start()]}{one[1]}="{bad}"{lines[row][one.end() :]}'
+            case 3 if attributes:
+                one = draw.choice(attributes)
+                lines[row] = lines[row][: one.start()] + lines[row][one.end() :]
+            case 4:
+                lines[row] = ""
+            case 5:
+                lines.insert(draw.randrange(len(lines)), lines[row])
+            case _:
+                lines[row] = re.sub(r"^(\s*</?)\w+", rf"\1{draw.choice(ELEMENTS)}", lines[row])
+    data = draw.choice(("\n", "")).join(lines).encode("utf-8", "replace")
+    if draw.random() < 0.1:
+        data = data.replace(b">", b">" + draw.choice((b"<a>", b'<a b="', b"<!-- ")) * draw.choice((1, 300_000)), 1)
+    data = of_bytes(data, draw) if draw.random() < 0.2 else data
+    return draw.choice((gzip.compress, bz2.compress))(data, 1) if draw.random() < 0.1 else data
+
+
+def of_corridor(names: list[str], draw: random.Random) -> bytes:
+    """Return names of edges, one a line, with wrong ones, none, or in another order."""
+    more = [*names * 8, "ramp", "in", "-in", ":b_0", ":b_0_0", "nowhere", "", "in out", *CELLS]
+    return json.dumps([draw.choice(more) for _ in range(draw.choice((1, 1, 2, 2, 3, 40)))]).encode()
 
 
 def of_toml(text: str, draw: random.Random) -> bytes:

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from pathlib import Path
+
 import numpy as np
 import pandas as pd
 
@@ -12,6 +14,7 @@ from idm_sumo.roads.us101 import US101
 from tests.helpers import ngsim_files
 
 FRAMES = 30
+NETWORK = Path(__file__).with_name("ramp.net.xml")  # two edges, a lane more on the second, a ramp; made by netconvert
 
 
 def ngsim() -> pd.DataFrame:
@@ -27,6 +30,30 @@ def fcd() -> pd.DataFrame:
         "vehicle_x": raw["Local_Y"] * 0.3048, "vehicle_y": -raw["Local_X"] * 0.3048, "vehicle_angle": 90.0,
         "vehicle_speed": raw["v_Vel"] * 0.3048, "vehicle_lane": "entry_3", "vehicle_length": 4.5,
     })  # fmt: skip
+
+
+def fcd_on_network() -> pd.DataFrame:
+    """Return two cars on the network of :data:`NETWORK`, across its junction."""
+    return pd.concat([pd.DataFrame({
+        "timestep_time": time, "vehicle_id": f"car.{vehicle}", "vehicle_x": x + 70.0, "vehicle_y": 38.4,
+        "vehicle_angle": 90.0, "vehicle_type": "truck", "vehicle_speed": 20.0, "vehicle_pos": x + 70.0,
+        "vehicle_lane": "in_1",
+    }) for vehicle, time, x in cars(0.1)]).sort_values("timestep_time")  # fmt: skip
+
+
+def corridor() -> list[str]:
+    """Return edges in driving order."""
+    return ["in", "out"]
+
+
+def types() -> str:
+    """Return a route file with vehicle types."""
+    return (
+        '<routes>\n<vType id="truck" vClass="truck" length="12.5" width="2.5"/>\n'
+        '<vTypeDistribution id="all">\n<vType id="car" length="4.5"/>\n<vType id="van" vClass="delivery"/>\n'
+        '</vTypeDistribution>\n<route id="r" edges="in out"/>\n<vehicle id="car.1" type="truck" depart="0"/>\n'
+        "</routes>\n"
+    )
 
 
 def pairs() -> pd.DataFrame:

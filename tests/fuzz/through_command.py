@@ -17,8 +17,14 @@ from tests.fuzz.campaign import KINDS, LONGEST, Kind
 ROOT = Path(__file__).parents[2]
 PROGRESS = " ..."  # a line of progress ends so
 PATIENCE = 300.0  # s
+NET = str(seeds.NETWORK)
 INSPECT = ("inspect", "INPUT")
+ON_NETWORK = ("inspect", "sound_fcd.csv", "--net-file")
 COMMANDS = {
+    **dict.fromkeys(("network_fcd.xml", "network_fcd.csv", "network_fcd.parquet"), (*INSPECT, "--net-file", NET)),
+    "own.net.xml": (*ON_NETWORK, "INPUT"),
+    "types.rou.xml": (*ON_NETWORK, NET, "--route-files", "INPUT"),
+    "corridor.json": (*ON_NETWORK, NET, "--corridor", "INPUT"),
     "drivers.csv": ("export", "INPUT", "--distribution", "-o", "OUT/x.add.xml"),
     "drivers.parquet": ("export", "INPUT", "--distribution", "-o", "OUT/x.add.xml"),
     "model.json": ("export", "sound.csv", "--model", "INPUT", "--no-check", "-o", "OUT/x.rou.xml"),
@@ -36,6 +42,7 @@ def run(kind: Kind, number: int, folder: Path) -> str:
     given.mkdir(parents=True)
     (folder / "out").mkdir()
     seeds.drivers().to_csv(folder / "sound.csv", index=False)
+    seeds.fcd_on_network().to_csv(folder / "sound_fcd.csv", sep=";", index=False)
     path = given / NAMES.get(kind.name, kind.name)
     path.write_bytes(kind.make(random.Random(f"command {kind.name} {number}")))
     before = path.read_bytes()

@@ -3,11 +3,13 @@
 from __future__ import annotations
 
 import io
+import shutil
 from contextlib import redirect_stdout
 from pathlib import Path
 from typing import TYPE_CHECKING
 
 from idm_sumo.cli import main
+from tests.helpers.hostile import HOSTILE_NAME
 from tests.helpers.platoons import platoon_recording
 
 if TYPE_CHECKING:
@@ -27,8 +29,9 @@ def calibrate(folder: Path, recording: Path) -> None:
 
 
 def reproduce(folder: Path, recording: Path) -> None:
-    """Make the tables of the study in small, driven in SUMO."""
-    main(["reproduce", str(recording), "-o", str(folder / "study"), "--quick", "--no-agents"])
+    """Make the tables of the study in small, driven in SUMO; the recording's name tries to become markup."""
+    named = shutil.copy(recording, folder / f"{HOSTILE_NAME}.parquet")
+    main(["reproduce", str(named), "-o", str(folder / "study"), "--quick", "--no-agents"])
 
 
 def slow_place() -> Plan:

@@ -13,7 +13,7 @@ from idm_sumo.calibration.problem import prepare
 from idm_sumo.evaluation.metrics import displacement
 from idm_sumo.models.idm import LOWER, UPPER
 from idm_sumo.prediction import RolloutPredictor, first_second
-from idm_sumo.prediction import rollout_predictor as rp
+from idm_sumo.prediction import statuses as rp
 from idm_sumo.prediction.driver_prediction import drivers_of, predict_through_rollout
 from idm_sumo.prediction.noise import ObservedScale, ResidualNoise
 from idm_sumo.prediction.observation import ACCELERATION, APPROACH_RATE, GAP, LATERAL_SPEED, LEADER_ACCELERATION, SPEED
@@ -116,7 +116,7 @@ def test_a_handful_of_drivers_is_not_learned_from():
 
 
 def test_training_drivers_are_predicted_by_weights_that_have_not_seen_them(predictor, training):
-    apart, whole = predictor.predict_left_out(training).theta, predictor.predict(first_second(training))
+    apart, whole = predictor.predict_left_out(training).theta, predictor.predict(predictor.observe(training))
     assert (np.abs(apart - whole).max(axis=1) > 1e-9).mean() > 0.9
     stranger = replace(training, period=np.full(len(training), "another"))
     np.testing.assert_array_equal(predictor.predict_left_out(stranger).theta, whole)

@@ -23,6 +23,13 @@ def refused(path: Path, message: str, **how: Any) -> None:
     assert path.name in str(caught.value)
 
 
+def test_route_files_say_nothing_about_a_file_that_is_no_fcd(tmp_path: Path) -> None:
+    routes = tmp_path / "a.rou.xml"
+    routes.write_text('<routes><vType id="car" length="4.5"/></routes>')
+    path = official(tmp_path / "trajectories.txt", ngsim_files.table())
+    refused(path, r"trajectories.txt: is no SUMO floating car data.*a\.rou\.xml.*--route-files", route_files=[routes])
+
+
 @pytest.mark.parametrize("blank", [" ", "      ", "\t", " \t "])
 def test_official_text(tmp_path: Path, blank: str) -> None:
     result = read_recording(official(tmp_path / "trajectories.txt", ngsim_files.table(), blank))

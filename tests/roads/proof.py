@@ -15,15 +15,17 @@ from pathlib import Path
 import numpy as np
 import pandas as pd
 
-from idm_sumo.calibration import calibrate
-from idm_sumo.calibration.without_d1 import refit_table
+from idm_sumo.calibration import calibrate, integrators
+from idm_sumo.calibration.problem import prepare
+from idm_sumo.calibration.type_fit import fit_types
+from idm_sumo.models.idm import TEXTBOOK
 from idm_sumo.recordings import columns as c
 from idm_sumo.recordings.cleaning import clean
 from idm_sumo.recordings.reading import read_recording
 from idm_sumo.recordings.recording import Recording
 from idm_sumo.recordings.smoothing import smooth, smoothness
 from idm_sumo.runtime.files import new_file
-from idm_sumo.scenes.windows import Window, build_scenes
+from idm_sumo.scenes.windows import Scenes, Window, build_scenes
 from idm_sumo.sumo.own_network import road_of
 from tests.roads import networks, traffic
 
@@ -33,6 +35,7 @@ DRIVERS = 60
 WINDOWS = 300  # at most, of a network, step, noise and length
 SETTLED = 200.0  # m, by which a vehicle follows: where it enters, SUMO may brake it harder than any IDM
 PARAMETERS = ("a", "b", "T", "d0")
+ADES = {"ADE (m)": "ade_m", "ADE of types (m)": "ade_type_m"}
 
 
 @dataclass(frozen=True)
@@ -95,7 +98,7 @@ def errors(one: networks.Network, truth: Truth, recording: Recording, seconds: i
     scenes = build_scenes(recording, Window(observed=10, horizon=10 * seconds - 10, every=100))
     scenes = scenes.subset(np.unique(np.linspace(0, len(scenes) - 1, WINDOWS).astype(np.int64)))
     fits = calibrate(scenes)
-    fits = fits.join(refit_table(fits, scenes)[["a_refit", "b_refit", "T_refit", "d0_refit", "ade_refit_m"]])
+    fits = fits.join(_types(fits, scenes))
     name = fits["vehicle"].map(named(recording, truth))
     known = truth.drivers.iloc[name.map(truth.driver).to_numpy()].reset_index(drop=True)
     fits = fits.join(known.add_suffix("_true"))
@@ -107,13 +110,28 @@ def errors(one: networks.Network, truth: Truth, recording: Recording, seconds: i
     ]
 
 
+def _types(fits: pd.DataFrame, scenes: Scenes) -> pd.DataFrame:
+    """Return the vehicle type of each window, and its ADE as SUMO integrates."""
+    problem = prepare(scenes, desired_speed=fits["desired_speed_m_s"].to_numpy())
+    start = fits[["a", "b", "T", "d0", "d1"]].fillna(dict(zip(TEXTBOOK._fields, TEXTBOOK, strict=True)))
+    types = fit_types(problem, np.arange(len(fits) + 1), start.to_numpy(), integration="euler")
+    table = pd.DataFrame(types[:, :4], fits.index, [f"{name}_type" for name in PARAMETERS])
+    return table.assign(ade_type_m=integrators.ades(problem, types, "euler"))
+
+
 def summary(fits: pd.DataFrame) -> dict[str, float]:
-    """Return mean ADE, and per parameter the median relative error, log-correlation and coverage."""
-    row: dict[str, float] = {"windows": len(fits), "ADE (m)": fits["ade_m"].mean() if len(fits) else np.nan}
+    """Return mean ADEs, and per parameter the median relative error, log-correlation and coverage.
+
+    The first ADE is of five parameters under the calibration's integration, the second of the vehicle types: four
+    parameters under SUMO's.
+    """
+    row: dict[str, float] = {"windows": len(fits)}
+    for name, column in ADES.items():
+        row[name] = fits[column].mean() if len(fits) else np.nan
     for name in PARAMETERS:
         sure = ~fits["undetermined"].str.split(",").map(lambda names, one=name: one in names)
-        some = fits[sure & fits[f"{name}_refit"].notna()]
-        found, true = some[f"{name}_refit"], some[f"{name}_true"]
+        some = fits[sure & fits[f"{name}_type"].notna()]
+        found, true = some[f"{name}_type"], some[f"{name}_true"]
         enough = len(some) > 4
         row[f"{name}: determined"] = sure.mean() if len(fits) else np.nan
         row[f"{name}: error"] = float(((found - true).abs() / true).median()) if enough else np.nan
@@ -121,7 +139,16 @@ def summary(fits: pd.DataFrame) -> dict[str, float]:
     return row
 
 
-def table(*, seed: int = 1, which: tuple[str, ...] = ()) -> pd.DataFrame:
+@dataclass(frozen=True)
+class Grid:
+    """What is varied: steps (s), noise (m), lengths of windows (s)."""
+
+    steps: tuple[float, ...] = STEPS
+    noises: tuple[float, ...] = NOISES
+    lengths: tuple[int, ...] = LENGTHS
+
+
+def table(*, seed: int = 1, which: tuple[str, ...] = (), grid: Grid = Grid()) -> pd.DataFrame:
     """Return the errors on every network, step, noise and length of windows."""
     rows = []
     for one in networks.EVERY:
@@ -129,10 +156,10 @@ def table(*, seed: int = 1, which: tuple[str, ...] = ()) -> pd.DataFrame:
             continue
         with tempfile.TemporaryDirectory() as place:
             truth = make(one, Path(place), seed=seed)
-            for step in STEPS:
-                for noise in NOISES:
+            for step in grid.steps:
+                for noise in grid.noises:
                     recording = recorded(one, truth, Path(place), step=step, noise=noise, seed=seed)
-                    for seconds in LENGTHS:
+                    for seconds in grid.lengths:
                         found = summary(errors(one, truth, recording, seconds))
                         rows.append(
                             {"network": one.name, "step (s)": step, "noise (m)": noise, "window (s)": seconds} | found
@@ -143,8 +170,8 @@ def table(*, seed: int = 1, which: tuple[str, ...] = ()) -> pd.DataFrame:
 
 def markdown(found: pd.DataFrame) -> str:
     """Return the table as Markdown: errors in percent, correlations of logarithms."""
-    head = ["network", "step (s)", "noise (m)", "window (s)", "windows", "ADE (m)"]
-    shown = found[head].astype(str).assign(**{"ADE (m)": found["ADE (m)"].map("{:.4f}".format)})
+    head = ["network", "step (s)", "noise (m)", "window (s)", "windows", *ADES]
+    shown = found[head].astype(str).assign(**{name: found[name].map("{:.4f}".format) for name in ADES})
     for name in PARAMETERS:
         told = (found[f"{name}: {what}"] for what in ("determined", "error", "log-correlation"))
         shown[name] = [_told(*one) for one in zip(*told, strict=True)]
@@ -162,9 +189,13 @@ def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__)
     parser.add_argument("-o", "--output", type=Path, required=True)
     parser.add_argument("--seed", type=int, default=1)
-    parser.add_argument("--only", nargs="*", default=[])
+    parser.add_argument("--only", nargs="*", default=[], metavar="WORD", help="of the networks' names")
+    parser.add_argument("--steps", nargs="+", type=float, default=STEPS, metavar="S")
+    parser.add_argument("--noises", nargs="+", type=float, default=NOISES, metavar="M")
+    parser.add_argument("--lengths", nargs="+", type=int, default=LENGTHS, metavar="S")
     options = parser.parse_args()
-    found = table(seed=options.seed, which=tuple(options.only))
+    grid = Grid(tuple(options.steps), tuple(options.noises), tuple(options.lengths))
+    found = table(seed=options.seed, which=tuple(options.only), grid=grid)
     found.to_csv(options.output.with_suffix(".csv"), index=False)
     with new_file(options.output) as part:
         part.write_text(markdown(found), encoding="utf-8")

@@ -12,6 +12,7 @@ from tests.roads.networks import Network
 
 LENGTH = 4.6  # m
 STAY = 'lcStrategic="-1" lcSpeedGain="0" lcKeepRight="0" lcCooperative="0"'
+BESIDE = 'lcOvertakeRight="1"'  # else SUMO brakes a driver above 60 km/h behind a slower vehicle on its left
 FIRST = "first."  # begins the names of vehicles that drive a pattern
 
 
@@ -37,7 +38,7 @@ def write_routes(one: Network, drivers: pd.DataFrame, path: Path, seconds: float
                 types.append(
                     f'<vType id="{vehicle}" carFollowModel="IDM" accel="{driver.a:.6f}" decel="{driver.b:.6f}" '
                     f'emergencyDecel="9" tau="{driver["T"]:.6f}" minGap="{driver.d0:.6f}" length="{LENGTH}" '
-                    f'maxSpeed="{one.limit}" speedFactor="1" speedDev="0" stepping="0.1" {change}/>'
+                    f'maxSpeed="{one.limit}" speedFactor="1" speedDev="0" stepping="0.1" {BESIDE} {change}/>'
                 )
                 text = f'<vehicle id="{vehicle}" type="{vehicle}" route="{name}" depart="{depart:.1f}" '
                 vehicles.append((depart, f'{text}departLane="{lane}" departSpeed="max" departPos="0"/>'))

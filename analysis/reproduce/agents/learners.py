@@ -229,10 +229,7 @@ def fingerprint(train: Drivers, settings: Settings) -> str:
 
 
 def _check_same(folder: Path, identity: dict[str, str]) -> None:
-    """Raise if a folder was learned from something else.
-
-    Raise if what a folder holds was learned from something else.
-    """
+    """Raise if what a folder holds was learned otherwise."""
     mark, reward = folder / MARK, folder / "reward.json"
     if not mark.is_file() and not reward.is_file():
         return
@@ -245,7 +242,7 @@ def _learn_reward(
 ) -> None:
     """Learn the reward and write it with its origin.
 
-    Learn the reward and write it together with what it was learned from.
+    Its file says what it was learned from.
     """
     path = folder / "reward.json"
     if path.is_file():

@@ -13,14 +13,13 @@ from sklearn.model_selection import GroupKFold, cross_val_predict
 from idm_sumo.calibration.kernel import to_search
 from idm_sumo.evaluation.metrics import recorded_from_start
 from idm_sumo.models.idm import IDMParameters
-from idm_sumo.prediction import first_second
 from idm_sumo.prediction.basis import plain
 from idm_sumo.recordings import columns as c
 from idm_sumo.scenes.windows import Scenes
 from idm_sumo.simulation.rollout import Trajectories
 
 from ..drivers import Drivers
-from .learned import Learned, first_seconds, window_ade
+from .learned import Learned, window_ade
 
 Floats = npt.NDArray[np.float64]
 TREES, SMALLEST_LEAF = 60, 5
@@ -48,7 +47,7 @@ def explained(learned: Learned, fits: pd.DataFrame, drivers: Drivers) -> pd.Data
         ``parameter, r2, drivers``; NaN with fewer than two drivers.
     """
     theta = fits[list(IDMParameters._fields)].to_numpy(np.float64)
-    seen = first_seconds(drivers).to_numpy(np.float64)
+    seen = learned.first_seconds(drivers).to_numpy(np.float64)
     usable = np.isfinite(theta).all(axis=1) & np.isfinite(seen).all(axis=1)
     keys = drivers.keys()[usable].groupby([c.PERIOD, c.VEHICLE]).ngroup().to_numpy()
     parts = min(FOLDS, len(np.unique(keys)))
@@ -64,15 +63,15 @@ def explained(learned: Learned, fits: pd.DataFrame, drivers: Drivers) -> pd.Data
     return pd.DataFrame({"parameter": IDMParameters._fields, "r2": r2, "drivers": len(z)})
 
 
-def black_box_ade(train: Drivers, test: Drivers, pooled: IDMParameters, *, with_leader: bool) -> Floats:
+def black_box_ade(learned: Learned, test: Drivers, *, with_leader: bool) -> Floats:
     """Return the ADE of a pooled rollout corrected by trees.
 
     Parameters
     ----------
-    train, test : Drivers
-        Windows to learn from and to correct.
-    pooled : IDMParameters
-        The pooled set.
+    learned : Learned
+        Windows to learn from, and the pooled set.
+    test : Drivers
+        Windows to correct.
     with_leader : bool
         Whether the trees also know the leader's future path.
 
@@ -82,9 +81,9 @@ def black_box_ade(train: Drivers, test: Drivers, pooled: IDMParameters, *, with_
         ADE of the test windows (m).
     """
     model = ExtraTreesRegressor(TREES, min_samples_leaf=SMALLEST_LEAF, max_features=0.5, random_state=0)
-    features, targets, _ = _inputs(train, pooled, with_leader)
+    features, targets, _ = _inputs(learned.windows, learned, with_leader)
     model.fit(features, targets)
-    features, _, driven = _inputs(test, pooled, with_leader)
+    features, _, driven = _inputs(test, learned, with_leader)
     found = []
     for scenes, trajectories, part in zip(test.scenes, driven, test.parts(model.predict(features)), strict=True):
         steps = np.arange(trajectories.x.shape[1])
@@ -97,10 +96,10 @@ def _moments(scenes: Scenes) -> npt.NDArray[np.int64]:
     return np.append(np.arange(0, scenes.window.horizon, 10), scenes.window.horizon)
 
 
-def _inputs(drivers: Drivers, pooled: IDMParameters, with_leader: bool) -> tuple[Floats, Floats, list[Trajectories]]:
+def _inputs(drivers: Drivers, learned: Learned, with_leader: bool) -> tuple[Floats, Floats, list[Trajectories]]:
     """Return inputs, targets (m every second) and the pooled rollout."""
-    driven = drivers.drive(pooled)
-    features = [_plain(s, pooled, drivers.desired_speed) for s in drivers.scenes]
+    driven = drivers.drive(learned.predictor.pooled_)
+    features = [_plain(s, learned) for s in drivers.scenes]
     targets = [
         (recorded_from_start(s, s.x) - t.x)[:, _moments(s)[1:]] for s, t in zip(drivers.scenes, driven, strict=True)
     ]
@@ -110,9 +109,9 @@ def _inputs(drivers: Drivers, pooled: IDMParameters, with_leader: bool) -> tuple
     return np.concatenate(features), np.concatenate(targets), driven
 
 
-def _plain(scenes: Scenes, pooled: IDMParameters, desired_speed: float | None) -> Floats:
-    limit = float(scenes.road.desired_speed(desired_speed))
-    return plain(first_second(scenes).to_numpy(np.float64), pooled, limit)
+def _plain(scenes: Scenes, learned: Learned) -> Floats:
+    predictor = learned.predictor
+    return plain(predictor.observe(scenes).to_numpy(np.float64), predictor.pooled_, predictor.desired_speed_)
 
 
 def _leaders_path(scenes: Scenes, driven: Trajectories) -> Floats:

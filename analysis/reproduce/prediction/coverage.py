@@ -14,14 +14,14 @@ from idm_sumo.simulation.rollout import Trajectories, drive_constant_velocity
 
 from ..drivers import Drivers
 from .intervals import share_interval
-from .learned import Learned, first_seconds
+from .learned import Learned
 
 Floats = npt.NDArray[np.float64]
 SECONDS = (1, 3, 5, 10)
 
 
 def coverage_of(learned: Learned, test: Drivers, driven: dict[str, list[Trajectories]]) -> pd.DataFrame:
-    """Return CRPS and coverage of prediction and two baselines.
+    """Return CRPS and coverage of predictions and two baselines.
 
     All have fitted noise along the road.
 
@@ -40,13 +40,19 @@ def coverage_of(learned: Learned, test: Drivers, driven: dict[str, list[Trajecto
         One row a method and time.
     """
     predictor, train = learned.predictor, learned.windows
-    first = predictor.predict_with_spread(first_seconds(test))
+    first = predictor.predict_with_spread(learned.first_seconds(test))
     bounds = np.cumsum([0] + [len(s) for s in test.scenes])
     scales = [
         predictor.scale(s, Prediction(first.theta[a:b], first.covariance[a:b], first.status[a:b]))
         for s, a, b in zip(test.scenes, bounds[:-1], bounds[1:], strict=True)
     ]
+    residual = learned.residual
     known = {"idm_rollout": (predictor.noise_, _residuals(test, driven["idm_rollout"]), np.concatenate(scales))}
+    known["idm_residual"] = (
+        residual.noise_,
+        _residuals(test, driven["idm_residual"]),
+        np.concatenate([residual.scale(s) for s in test.scenes]),
+    )
     still = [drive_constant_velocity(s) for s in train.scenes], [drive_constant_velocity(s) for s in test.scenes]
     for name, (seen, unseen) in {
         "constant_velocity": still,

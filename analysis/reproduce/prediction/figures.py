@@ -10,7 +10,7 @@ import pandas as pd
 from matplotlib.figure import Figure
 
 from idm_sumo.calibration.hierarchical import to_parameters
-from idm_sumo.prediction import Prediction, first_second
+from idm_sumo.prediction import Prediction
 from idm_sumo.prediction.spread import logarithms
 from idm_sumo.recordings.columns import FRAME_STEP
 from idm_sumo.scenes.windows import Scenes
@@ -18,7 +18,8 @@ from idm_sumo.simulation.rollout import drive_idm
 
 from ...page.style import METHOD_COLOURS, METHOD_NAMES, RECORDED, new_figure
 from ..study import Study
-from .seconds import ORACLE, OWN_PAST, POOLED, SECONDS, WATCHED
+from .for_whom import METHODS, PREDICTED
+from .seconds import ORACLE, OWN_PAST, POOLED, RESIDUAL, SECONDS
 
 QUARTILES = (0.25, 0.5, 0.75)
 DRAWN = 20  # rollouts with drawn parameters for each driver
@@ -41,7 +42,7 @@ def fan(study: Study) -> Figure:
         One panel a driver.
     """
     scenes, predictor = max(study.test.scenes, key=len), study.learned.predictor
-    found = predictor.predict_with_spread(first_second(scenes))
+    found = predictor.predict_with_spread(predictor.observe(scenes))
     own = slice(scenes.start, scenes.start + scenes.window.horizon + 1)
     off = scenes.x[:, own] - drive_idm(scenes, found.theta, desired_speed=predictor.desired_speed_).x
     order = np.argsort(np.abs(off).mean(axis=1), kind="stable")
@@ -78,7 +79,7 @@ def seconds(table: pd.DataFrame) -> Figure:
         ADE on the left, share of the way from pooled to oracle on the right.
     """
     figure, (left, right) = new_figure(9.0, 3.6, columns=2)
-    for name in (WATCHED, OWN_PAST):
+    for name in (RESIDUAL, OWN_PAST):
         rows = table[table["method"] == name]
         if rows.empty:
             continue
@@ -104,6 +105,40 @@ def seconds(table: pd.DataFrame) -> Figure:
     right.set(ylabel="share of the way from pooled to oracle")
     if left.lines:
         left.legend(fontsize=8)
+    return figure
+
+
+def for_whom(distances: pd.DataFrame, gains: pd.DataFrame) -> Figure:
+    """Draw what prediction is worth in metres, and for whom.
+
+    Parameters
+    ----------
+    distances, gains : pandas.DataFrame
+        As :mod:`analysis.reproduce.prediction.for_whom` returns them.
+
+    Returns
+    -------
+    matplotlib.figure.Figure
+        Distances after some seconds on the left, gains by group with 95 % intervals on the right.
+    """
+    figure, (left, right) = new_figure(10.0, 4.4, columns=2)
+    width = 0.8 / len(METHODS)
+    for number, name in enumerate(METHODS):
+        at = np.arange(len(distances)) + (number - (len(METHODS) - 1) / 2) * width
+        left.bar(at, distances[name], 0.9 * width, color=METHOD_COLOURS[name], label=METHOD_NAMES[name])
+    left.set_xticks(np.arange(len(distances)), [f"{s:g} s" for s in distances["seconds"]])
+    left.set(xlabel="after", ylabel="mean distance from the recorded vehicle (m)")
+    left.legend(fontsize=8)
+    labels = (gains["by"] + ": " + gains["group"]).drop_duplicates().tolist()
+    for number, name in enumerate(PREDICTED):
+        rows = gains[gains["method"] == name]
+        at = len(labels) - np.arange(len(rows)) + 0.15 - 0.3 * number
+        ends = np.abs(rows[["gain_low_m", "gain_high_m"]].to_numpy() - rows[["gain_m"]].to_numpy()).T
+        right.errorbar(rows["gain_m"], at, xerr=ends, fmt="o", markersize=4, capsize=2, color=METHOD_COLOURS[name],
+                       label=METHOD_NAMES[name])  # fmt: skip
+    right.set_yticks(len(labels) - np.arange(len(labels)), labels)
+    right.axvline(0.0, color=METHOD_COLOURS[POOLED], linestyle="--", linewidth=1)
+    right.set(xlabel="gain on the pooled driver, ADE (m)")
     return figure
 
 

@@ -53,10 +53,8 @@ def prediction_tables(source: Source, study: Study) -> dict[str, pd.DataFrame]:
         Tables by name.
     """
     windows = prediction_share.test_windows(source, study.settings)
-    share, coverage = prediction_share.tables(windows, study.settings, study.learned, study.neighbours)
     return {
-        "prediction_share": share,
-        "prediction_coverage": coverage,
+        **prediction_share.tables(windows, study.settings, study.learned, study.neighbours),
         "prediction_explained": explained(study.learned, study.train_fits, study.train),
         "prediction_reasons": reasons(study, windows),
         "prediction_seconds": prediction_seconds.table(source, study.settings, study.learned),

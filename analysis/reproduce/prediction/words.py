@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import pandas as pd
 
-from .seconds import OWN_PAST, WATCHED
+from .seconds import OWN_PAST, RESIDUAL
 
 ENTRY, ALONG, IN_LANE = "entry", "every 6 s", "every 6 s, in lane"
 
@@ -33,6 +33,7 @@ def describe(tables: dict[str, pd.DataFrame]) -> dict[str, object]:
             _on_the_papers_gain(numbers, share),
         ),
         "prediction_limits": _on_limits(numbers, share, seconds),
+        "prediction_for_whom_caption": on_groups(tables["prediction_distances"], tables["prediction_for_whom"]),
         "prediction_seconds_caption": caption(seconds),
         "prediction_coverage_text": _oncoverage_of(tables["prediction_coverage"]),
     }
@@ -122,9 +123,11 @@ def _on_the_papers_gain(n: pd.Series, share: pd.DataFrame) -> str:
 def _on_limits(n: pd.Series, share: pd.DataFrame, seconds: pd.DataFrame) -> str:
     along = share.loc[ALONG]["share"]
     said = [
-        f"On windows along the whole way the prediction closes {along['idm_rollout']:.0%} of the distance from "
-        f"pooled to oracle, a black box on the same second {along['black_box_first_second']:.0%}, one that also "
-        f"knows the leader's future path {along['black_box_with_leaders_path']:.0%}."
+        f"On windows along the whole way predicted parameters close {along['idm_rollout']:.0%} of the distance from "
+        f"pooled to oracle, a predicted residual beside the pooled set {along['idm_residual']:.0%} (with the observed "
+        f"second smoothed with what follows, as recordings usually are, {along['idm_residual_ahead']:.0%}; what that "
+        f"is better by is the future), a black box on the same second {along['black_box_first_second']:.0%}, one that "
+        f"also knows the leader's future path {along['black_box_with_leaders_path']:.0%}."
     ]
     hindsight = "one set a driver in hindsight: share"
     if hindsight in n:
@@ -134,16 +137,48 @@ def _on_limits(n: pd.Series, share: pd.DataFrame, seconds: pd.DataFrame) -> str:
             f"drivers): lasting parameters of a driver can hardly do better, and the other {1.0 - n[hindsight]:.0%} "
             "are variation of a driver between windows."
         )
-    own, watched = (seconds[seconds["method"] == name] for name in (OWN_PAST, WATCHED))
+    own, seen = (seconds[seconds["method"] == name] for name in (OWN_PAST, RESIDUAL))
     if len(own):
         longest = own.iloc[-1]
         off = " (below 0: worse than the pooled set)" if longest["share"] < 0.0 else ""
         said.append(
             f"Parameters fitted to a driver's own last {longest['observed_s']:g} s close "
-            f"{longest['share']:.0%}{off}. Weighed as learned from training drivers and added to the prediction "
-            f"from the last second, they close {watched.iloc[-1]['share']:.0%}."
+            f"{longest['share']:.0%}{off}. A residual that is predicted from as long closes "
+            f"{seen.iloc[-1]['share']:.0%}."
         )
     return " ".join(said)
+
+
+def on_groups(distances: pd.DataFrame, gains: pd.DataFrame) -> str:
+    """Say what prediction is worth, and for whom.
+
+    Parameters
+    ----------
+    distances, gains : pandas.DataFrame
+        As :mod:`analysis.reproduce.prediction.for_whom` returns them.
+
+    Returns
+    -------
+    str
+        A caption.
+    """
+    if distances.empty or gains.empty:
+        return ""
+    last = distances.iloc[-1]
+    said = (
+        f"After {last['seconds']:g} s the pooled driver is {last['idm_pooled']:.1f} m off, one with predicted "
+        f"parameters {last['idm_rollout']:.1f} m, one with a residual {last['idm_residual']:.1f} m, the oracle "
+        f"{last['idm_oracle']:.1f} m. "
+    )
+    rows = gains[gains["method"] == "idm_rollout"]
+    most, least = rows.loc[rows["gain_m"].idxmax()], rows.loc[rows["gain_m"].idxmin()]
+    unsure = rows[rows["gain_low_m"] <= 0.0]
+    names = ", ".join(f"{by} {group}" for by, group in unsure[["by", "group"]].to_numpy())
+    return (
+        f"{said}Predicted parameters gain most for {most['by']} {most['group']} ({most['gain_m']:.2f} m of ADE), "
+        f"least for {least['by']} {least['group']} ({least['gain_m']:.2f} m). "
+        + (f"No gain is shown (95 % interval over drivers) for {names}." if names else "Every group gains.")
+    )
 
 
 def caption(seconds: pd.DataFrame) -> str:
@@ -159,46 +194,32 @@ def caption(seconds: pd.DataFrame) -> str:
     str
         A caption.
     """
-    watched = seconds[seconds["method"] == WATCHED].set_index("observed_s")
-    if watched.empty:
+    seen = seconds[seconds["method"] == RESIDUAL].set_index("observed_s")
+    if seen.empty:
         return "No driver is recorded for long enough to be observed for longer."
-    first, last = watched.loc[1.0], watched.iloc[-1]
-    strength = first["strength"]
-    believed = (
-        f"after {watched.index[-1]:g} s {last['ade_m']:.2f} m and {last['share']:.0%} ({last['share_low']:.0%} to "
-        f"{last['share_high']:.0%}), a gain of {100.0 * last['on_1s_m']:.1f} cm ({100.0 * last['on_1s_low_m']:.1f} "
-        f"to {100.0 * last['on_1s_high_m']:.1f}, paired). Learned from held-out training drivers, the past has "
-        f"{strength:g} times the weight that independent errors would give it."
-        if strength
-        else "which does not change: learned from held-out training drivers, the past gets no weight at all."
-    )
+    first, last = seen.loc[1.0], seen.iloc[-1]
     return (
         "ADE of what follows (left) and share of the way from pooled to oracle (right, 95 % bootstrap intervals "
         f"over drivers) against the seconds observed; {last['number']:.0f} windows of {last['drivers']:.0f} test "
         f"drivers, the same at every point. After one second {first['ade_m']:.2f} m and {first['share']:.0%} "
-        f"({first['share_low']:.0%} to {first['share_high']:.0%}), {believed}{_on_short(watched)}"
-    )
-
-
-def _on_short(watched: pd.DataFrame) -> str:
-    shortest = watched.iloc[0]
-    if watched.index[0] >= 1.0 or shortest["share"] <= watched.loc[1.0, "share"]:
-        return ""
-    return (
-        f" That {watched.index[0]:g} s seem to be worth more than one second ({shortest['share']:.0%}) is at least "
-        "in part an effect of smoothing: it uses up to one second of later positions, so that the rates of the "
-        "last frames contain a little of the future, which a whole second averages out."
+        f"({first['share_low']:.0%} to {first['share_high']:.0%}), after {seen.index[-1]:g} s {last['ade_m']:.2f} m "
+        f"and {last['share']:.0%} ({last['share_low']:.0%} to {last['share_high']:.0%}), a gain of "
+        f"{100.0 * last['on_1s_m']:.1f} cm ({100.0 * last['on_1s_low_m']:.1f} to {100.0 * last['on_1s_high_m']:.1f}, "
+        "paired)."
     )
 
 
 def _oncoverage_of(coverage: pd.DataFrame) -> str:
-    own = coverage[coverage["method"] == "idm_rollout"]
-    said = "; ".join(
+    return (
+        "Intervals along the road; the noise and its dependence on speed and gap are learned from held-out training "
+        f"drivers. The 90 % intervals of predicted parameters contain {_contained(coverage, 'idm_rollout')}; those of "
+        f"the residual {_contained(coverage, 'idm_residual')}; in brackets 95 % bootstrap intervals over drivers."
+    )
+
+
+def _contained(coverage: pd.DataFrame, method: str) -> str:
+    return "; ".join(
         f"{row['coverage_90%']:.1%} at {row['seconds']:g} s ({row['coverage_90%_low']:.1%} to "
         f"{row['coverage_90%_high']:.1%})"
-        for _, row in own.iterrows()
-    )
-    return (
-        "Intervals along the road; the noise and its dependence on speed and gap are learned from held-out "
-        f"training drivers. The 90 % intervals contain {said}; in brackets 95 % bootstrap intervals over drivers."
+        for _, row in coverage[coverage["method"] == method].iterrows()
     )

@@ -13,6 +13,7 @@ from numba import njit
 from idm_sumo.models.effects import slots
 from idm_sumo.models.effects.form import Floats, Form, Moments
 from idm_sumo.models.effects.record import Effect, Parameter
+from idm_sumo.models.effects.telling import Median, Telling, Values
 
 
 @njit(cache=True, error_model="numpy")
@@ -38,6 +39,10 @@ def _lost(see: Moments) -> Floats:
     return np.minimum(-see.acceleration, 0.0)
 
 
+def _size(values: Values, _one: Median) -> str:
+    return f"{1.0 - values['gamma']:.0%} of the model's acceleration"
+
+
 EFFECT = Effect(
     name="acceleration_asymmetry",
     summary="accelerates more weakly than it brakes",
@@ -46,4 +51,14 @@ EFFECT = Effect(
     confusable_with=("lane_change_relaxation", "hysteresis", "perception_threshold"),
     source="Newell (1965); Yeo and Skabardonis (2009), Understanding stop-and-go traffic",
     forms=(Form(slots.ASYMMETRY, _lost),),
+    told=(
+        Telling(
+            "gamma",
+            more="accelerate more weakly than the model, and brake as it does",
+            less="accelerate more strongly than the model, and brake as it does",
+            when="whenever they accelerate",
+            size=_size,
+            advice="Calibrate on windows that hold both braking and accelerating.",
+        ),
+    ),
 )

@@ -14,6 +14,7 @@ from numba import njit
 from idm_sumo.models.effects import slots
 from idm_sumo.models.effects.form import Floats, Form, Moments
 from idm_sumo.models.effects.record import Effect, Parameter
+from idm_sumo.models.effects.telling import Median, Telling, Values
 
 BESIDE = 30.0  # m, ahead and behind: vehicles within it are nearby
 AHEAD = 60.0  # m, largest distance of the next vehicle ahead
@@ -46,6 +47,10 @@ def _beside_next(see: Moments) -> Floats:
     return -np.nan_to_num(np.maximum(see.speed - see.next_adjacent_speed, 0.0))
 
 
+def _size(values: Values, _one: Median) -> str:
+    return f"{abs(5.0 * values['k']):.2f} m/s² beside a lane that is 5 m/s slower"
+
+
 EFFECT = Effect(
     name="adjacent_lane_friction",
     summary="slows beside a slower lane",
@@ -59,5 +64,16 @@ EFFECT = Effect(
     forms=(
         Form(slots.FRICTION, _beside),
         Form(slots.FRICTION, _beside_next, fixed=((slots.FRICTION_NEXT, 1.0),)),
+    ),
+    told=(
+        Telling(
+            "k",
+            more="slow down beside a slower lane",
+            less="speed up beside a slower lane",
+            when="where the next lane is slower",
+            size=_size,
+            advice="Leave stretches beside a queue out of calibration, or keep the next lane's speed in the model.",
+            situation={"adjacent_speed": 5.0, "next_adjacent_speed": 5.0},
+        ),
     ),
 )

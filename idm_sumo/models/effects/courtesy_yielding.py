@@ -15,6 +15,7 @@ from numba import njit
 from idm_sumo.models.effects import slots
 from idm_sumo.models.effects.form import Floats, Form, Moments
 from idm_sumo.models.effects.record import Effect, Parameter
+from idm_sumo.models.effects.telling import Telling, of_acceleration, of_headway
 
 NOTICE, SHOWN = 5.0, 3.0  # s before the cut-in, in which the headway changes and the driver brakes
 
@@ -77,5 +78,25 @@ EFFECT = Effect(
     forms=(
         Form(slots.COURTESY, _of_headway, selection=0.06),
         Form(slots.COURTESY_BRAKING, _braking, selection=0.07),
+    ),
+    told=(
+        Telling(
+            "c",
+            more="make room before another vehicle cuts in",
+            less="close up before another vehicle cuts in",
+            when="in the last five seconds before the cut-in",
+            size=of_headway("c"),
+            advice="Leave the last five seconds before a cut-in out of calibration.",
+            situation={"until_cut_in": 2.0},
+        ),
+        Telling(
+            "beta",
+            more="brake a little before another vehicle cuts in",
+            less="accelerate a little before another vehicle cuts in",
+            when="in the last three seconds before the cut-in",
+            size=of_acceleration("beta", -1.0),
+            advice="Leave the last three seconds before a cut-in out of calibration.",
+            situation={"until_cut_in": 2.0},
+        ),
     ),
 )

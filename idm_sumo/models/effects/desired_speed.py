@@ -13,6 +13,7 @@ from numba import njit
 from idm_sumo.models.effects import slots
 from idm_sumo.models.effects.form import LANE, Floats, Form, Moments
 from idm_sumo.models.effects.record import Effect, Parameter
+from idm_sumo.models.effects.telling import Telling, of_desired_speed
 
 FALLS_OVER = 3  # lanes from which on a fall from lane to lane is more than one lane's
 
@@ -88,4 +89,15 @@ EFFECT = Effect(
         Form(slots.DESIRED_SPEED, _across_lanes, of_recording=((slots.DESIRED_SPEED_ACROSS, "lanes"),)),
     ),
     between=True,
+    told=(
+        Telling(
+            "delta",
+            more="want to drive faster than the model's desired speed",
+            less="want to drive slower than the model's desired speed",
+            when="most clearly on a free road",
+            size=of_desired_speed("delta"),
+            advice="Calibrate with `--desired-speed auto`, or give the desired speed that was measured on a free road.",
+            situation={"lane": 1.0},
+        ),
+    ),
 )

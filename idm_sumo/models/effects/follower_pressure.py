@@ -11,6 +11,7 @@ from numba import njit
 from idm_sumo.models.effects import slots
 from idm_sumo.models.effects.form import Floats, Form, Moments
 from idm_sumo.models.effects.record import Effect, Parameter
+from idm_sumo.models.effects.telling import Median, Telling, Values
 
 REACH = 15.0  # m, rear gap from which on there is no pressure
 
@@ -39,6 +40,10 @@ def _pressed(see: Moments) -> Floats:
     return np.where(near, np.minimum(1.0 - np.where(near, see.rear_gap, 0.0) / REACH, 1.0), 0.0)
 
 
+def _size(values: Values, _one: Median) -> str:
+    return f"{abs(pressed(5.0, values['c'])):.2f} m/s² with a follower 5 m behind"
+
+
 EFFECT = Effect(
     name="follower_pressure",
     summary="accelerates when pressed from behind",
@@ -47,4 +52,15 @@ EFFECT = Effect(
     confusable_with=("location", "courtesy_yielding"),
     source="Herman, Montroll, Potts and Rothery (1959), backward-looking drivers",
     forms=(Form(slots.PRESSURE, _pressed, selection=0.1),),
+    told=(
+        Telling(
+            "c",
+            more="accelerate when a follower comes close",
+            less="slow down when a follower comes close",
+            when="with a follower closer than 15 m",
+            size=_size,
+            advice="Calibrate where nobody follows closely, or keep the follower in the model.",
+            situation={"rear_gap": 5.0},
+        ),
+    ),
 )

@@ -16,6 +16,7 @@ from numba import njit
 from idm_sumo.models.effects import slots
 from idm_sumo.models.effects.form import Floats, Form, Moments
 from idm_sumo.models.effects.record import Effect, Parameter
+from idm_sumo.models.effects.telling import Median, Telling, Values
 from idm_sumo.recordings.columns import FRAME_STEP
 
 SATURATION = 0.5  # m/s^2, acceleration of the leader at which the hyperbolic tangent bends
@@ -50,6 +51,11 @@ def _of_late(see: Moments) -> Floats:
     return see.by_headway * np.tanh(np.nan_to_num(see.leader_acceleration_mean) / SATURATION)
 
 
+def _size(values: Values, one: Median) -> str:
+    braking, accelerating = (one.headway * (1.0 + sign * values["h"]) for sign in (-1.0, 1.0))
+    return f"time headway {braking:.2f} s as the leader brakes, {accelerating:.2f} s as it accelerates"
+
+
 EFFECT = Effect(
     name="hysteresis",
     summary="keeps larger gaps when accelerating than when braking",
@@ -63,5 +69,15 @@ EFFECT = Effect(
     forms=(
         Form(slots.HYSTERESIS, _at_once),
         Form(slots.HYSTERESIS, _of_late, fixed=((slots.HYSTERESIS_OF_LATE, 1.0),)),
+    ),
+    told=(
+        Telling(
+            "h",
+            more="keep longer headways while their leader accelerates than while it brakes",
+            less="keep shorter headways while their leader accelerates than while it brakes",
+            when="through every wave of braking and accelerating",
+            size=_size,
+            advice="Calibrate on windows that hold a whole wave, braking and accelerating.",
+        ),
     ),
 )

@@ -24,6 +24,7 @@ from numba import njit
 from idm_sumo.models.effects import slots
 from idm_sumo.models.effects.form import Form
 from idm_sumo.models.effects.record import Effect, Parameter
+from idm_sumo.models.effects.telling import Median, Telling, Values
 
 LARGEST_JUMP = 40.0  # m; a larger one comes from a leader that vanished, not from an accepted gap
 STANDING, SLOWEST = 2.0, 2.0  # m, part of the gap kept at standstill; m/s, least speed of a time headway
@@ -121,6 +122,11 @@ def headway_after(gap, speed):  # type: ignore[no-untyped-def]
     return np.maximum(gap - STANDING, 0.0) / np.maximum(speed, SLOWEST)
 
 
+def _size(values: Values, _one: Median) -> str:
+    within = f", given back within about {values['tau_r']:.0f} s" if "tau_r" in values else ""
+    return f"{values['kappa']:.0%} of the lost gap accepted{within}"
+
+
 EFFECT = Effect(
     name="lane_change_relaxation",
     summary="accepts a short gap after a leader change and recovers slowly",
@@ -141,4 +147,15 @@ EFFECT = Effect(
         Form(slots.RELAXATION, size=0.5, fixed=((slots.RELAXATION_TIME, 16.0), (slots.CREDIT_LIMITED, 1.0))),
     ),
     between=True,
+    told=(
+        Telling(
+            "kappa",
+            more="accept the short gap after a change of leader, and let it grow back slowly",
+            less="open the gap after a change of leader faster than the model",
+            when="after a change of leader that shortened the gap",
+            size=_size,
+            advice="Leave the half minute after such a change of leader out of calibration.",
+            situation={"jump": 15.0, "since_change": 2.0, "accepted_headway": 0.6},
+        ),
+    ),
 )

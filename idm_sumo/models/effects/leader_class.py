@@ -15,6 +15,7 @@ from numba import njit
 from idm_sumo.models.effects import slots
 from idm_sumo.models.effects.form import Floats, Form, Moments
 from idm_sumo.models.effects.record import Effect, Parameter
+from idm_sumo.models.effects.telling import Median, Telling, Values, of_headway
 from idm_sumo.recordings.columns import TRUCK
 
 
@@ -60,6 +61,10 @@ def _behind_truck(see: Moments) -> Floats:
     return np.where(see.leader_class == TRUCK, see.by_headway, 0.0)
 
 
+def _longer(values: Values, one: Median) -> str:
+    return f"gap at standstill {one.jam_distance:.1f} → {one.jam_distance + values['ell']:.1f} m"
+
+
 EFFECT = Effect(
     name="leader_class",
     summary="keeps more distance behind trucks",
@@ -73,4 +78,24 @@ EFFECT = Effect(
         Form(slots.LEADER_CLASS_DISTANCE, size=3.0),
     ),
     between=True,
+    told=(
+        Telling(
+            "theta",
+            more="keep a longer time headway behind trucks",
+            less="keep a shorter time headway behind trucks",
+            when="behind a truck",
+            size=of_headway("theta"),
+            advice="Calibrate followers of trucks apart from followers of cars.",
+            situation={"leader_class": 3.0},
+        ),
+        Telling(
+            "ell",
+            more="keep a longer distance behind trucks, at every speed",
+            less="keep a shorter distance behind trucks, at every speed",
+            when="behind a truck",
+            size=_longer,
+            advice="Calibrate followers of trucks apart from followers of cars, and check the lengths of trucks.",
+            situation={"leader_class": 3.0},
+        ),
+    ),
 )

@@ -16,6 +16,7 @@ from numba import njit
 from idm_sumo.models.effects import slots
 from idm_sumo.models.effects.form import POSITION, Floats, Form, Moments
 from idm_sumo.models.effects.record import Effect, Parameter
+from idm_sumo.models.effects.telling import Telling, of_acceleration, of_headway
 
 
 @njit(cache=True, error_model="numpy")
@@ -65,4 +66,22 @@ EFFECT = Effect(
         Form(slots.PLACE_HEADWAY, _of_headway, along=POSITION, bounds=(slots.PLACE_BEGIN, slots.PLACE_END)),
     ),
     between=True,
+    told=(
+        Telling(
+            "alpha",
+            more="push on",
+            less="hold back",
+            when="",
+            size=of_acceleration("alpha"),
+            advice="Leave this stretch out of calibration: parameters fitted there are those of the place.",
+        ),
+        Telling(
+            "theta",
+            more="keep a longer time headway",
+            less="keep a shorter time headway",
+            when="",
+            size=of_headway("theta"),
+            advice="Leave this stretch out of calibration: parameters fitted there are those of the place.",
+        ),
+    ),
 )

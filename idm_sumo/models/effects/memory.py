@@ -11,6 +11,7 @@ from numba import njit
 
 from idm_sumo.models.effects import slots
 from idm_sumo.models.effects.record import Effect, Parameter
+from idm_sumo.models.effects.telling import Median, Telling, Values
 
 
 @njit(cache=True, error_model="numpy")
@@ -34,6 +35,10 @@ def resigned(mean_speed: float, desired_speed: float, share: float) -> float:
     return 1.0 + share * max(0.0, 1.0 - mean_speed / desired_speed) if share != 0.0 else 1.0
 
 
+def _size(values: Values, one: Median) -> str:
+    return f"time headway {one.headway:.2f} → up to {one.headway * (1.0 + values['m']):.2f} s"
+
+
 EFFECT = Effect(
     name="memory",
     summary="keeps larger headways after a long time in a jam",
@@ -42,4 +47,15 @@ EFFECT = Effect(
     confusable_with=("time_of_day", "speed_dependent_headway"),
     source="Treiber and Helbing (2003), Physical Review E 68, 046119",
     untestable="windows of seconds cannot tell a slow trend from time_of_day and speed_dependent_headway",
+    told=(
+        Telling(
+            "m",
+            more="keep longer headways the longer they have been in a jam",
+            less="keep shorter headways the longer they have been in a jam",
+            when="after minutes in slow traffic",
+            size=_size,
+            advice="Calibrate jams and free traffic apart.",
+            situation={"mean_speed": 3.0},
+        ),
+    ),
 )

@@ -17,6 +17,7 @@ from numba import njit
 from idm_sumo.models.effects import slots
 from idm_sumo.models.effects.form import Form
 from idm_sumo.models.effects.record import Effect, Parameter
+from idm_sumo.models.effects.telling import Median, Telling, Values
 
 
 @njit(cache=True, error_model="numpy")
@@ -57,6 +58,10 @@ def shared_rate(first: float, second: float, weight: float) -> float:
     return first + weight * (second - first)
 
 
+def _size(values: Values, _one: Median) -> str:
+    return f"{values['w']:.0%} of the reaction is to the second leader"
+
+
 EFFECT = Effect(
     name="multi_leader_anticipation",
     summary="reacts to the second leader too",
@@ -72,5 +77,15 @@ EFFECT = Effect(
     forms=(
         Form(slots.SECOND_LEADER, size=0.2),
         Form(slots.SECOND_LEADER, size=0.2, fixed=((slots.SECOND_SPEED_ONLY, 1.0),)),
+    ),
+    told=(
+        Telling(
+            "w",
+            more="look past their leader and react to the one before it, too",
+            less="",
+            when="",
+            size=_size,
+            advice="Keep the second leader in the model: with the first alone, parameters absorb the anticipation.",
+        ),
     ),
 )

@@ -15,6 +15,7 @@ from numba import njit
 from idm_sumo.models.effects import slots
 from idm_sumo.models.effects.form import Form
 from idm_sumo.models.effects.record import Effect, Parameter
+from idm_sumo.models.effects.telling import Median, Telling, Values
 
 
 @njit(cache=True, error_model="numpy")
@@ -38,6 +39,10 @@ def perceived(approach_rate: float, band: float, taken: float) -> float:
     return 0.0 if abs(approach_rate) < band else approach_rate - copysign(taken, approach_rate)
 
 
+def _size(values: Values, _one: Median) -> str:
+    return f"approach rates below {values['delta']:.2f} m/s have no effect"
+
+
 EFFECT = Effect(
     name="perception_threshold",
     summary="ignores small approach rates",
@@ -53,5 +58,15 @@ EFFECT = Effect(
         Form(slots.BAND, size=0.4),
         Form(slots.BAND, size=0.9),
         Form(slots.BAND, size=0.5, fixed=((slots.BAND_TAKEN, 1.0),)),
+    ),
+    told=(
+        Telling(
+            "delta",
+            more="do not notice that they approach, or fall back, slowly",
+            less="",
+            when="while the approach rate is small",
+            size=_size,
+            advice="Calibrate on windows with clear braking: small approach rates say little about these drivers.",
+        ),
     ),
 )

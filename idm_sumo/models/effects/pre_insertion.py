@@ -16,6 +16,7 @@ from idm_sumo.models.effects import slots
 from idm_sumo.models.effects.courtesy_yielding import NOTICE, SHOWN, before_cut_in
 from idm_sumo.models.effects.form import Floats, Form, Moments
 from idm_sumo.models.effects.record import Effect, Parameter
+from idm_sumo.models.effects.telling import Telling, of_acceleration, of_headway
 
 
 @njit(cache=True, error_model="numpy")
@@ -57,5 +58,25 @@ EFFECT = Effect(
     forms=(
         Form(slots.PRE_INSERTION, _of_headway),
         Form(slots.PRE_INSERTION_BRAKING, _braking),
+    ),
+    told=(
+        Telling(
+            "c",
+            more="open their gap before their own lane change",
+            less="close up before their own lane change",
+            when="in the last five seconds before the lane change",
+            size=of_headway("c"),
+            advice="Leave the last five seconds before a lane change out of calibration.",
+            situation={"until_own_change": 2.0},
+        ),
+        Telling(
+            "beta",
+            more="brake a little before their own lane change",
+            less="accelerate before their own lane change",
+            when="in the last three seconds before the lane change",
+            size=of_acceleration("beta", -1.0),
+            advice="Leave the last three seconds before a lane change out of calibration.",
+            situation={"until_own_change": 2.0},
+        ),
     ),
 )

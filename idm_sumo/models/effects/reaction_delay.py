@@ -25,6 +25,7 @@ from numba import njit
 from idm_sumo.models.effects import slots
 from idm_sumo.models.effects.form import Form
 from idm_sumo.models.effects.record import Effect, Parameter
+from idm_sumo.models.effects.telling import Median, Telling, Values
 from idm_sumo.models.idm import SMALLEST_GAP
 from idm_sumo.recordings.columns import FRAME_STEP
 
@@ -239,6 +240,10 @@ def knows_new_leader(m):  # type: ignore[no-untyped-def]
     return m[slots.DELAY] > 0.0 and m[slots.NEW_LEADER_KNOWN] > 0.5
 
 
+def _size(values: Values, _one: Median) -> str:
+    return f"{values['tau']:.2f} s after what they react to"
+
+
 EFFECT = Effect(
     name="reaction_delay",
     summary="acts on past values of gap and speed",
@@ -263,6 +268,16 @@ EFFECT = Effect(
             slots.DELAY,
             size=0.5,
             fixed=((slots.OWN_SPEED_KNOWN, 1.0), (slots.NEW_LEADER_KNOWN, 1.0), (slots.OWN_SPEED_IN_RATE, 1.0)),
+        ),
+    ),
+    told=(
+        Telling(
+            "tau",
+            more="react late",
+            less="",
+            when="",
+            size=_size,
+            advice="Simulate with this delay: without it, a calibration absorbs it in the other parameters.",
         ),
     ),
 )

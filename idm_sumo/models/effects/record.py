@@ -10,6 +10,7 @@ import numpy as np
 import numpy.typing as npt
 
 from idm_sumo.models.effects.form import Form
+from idm_sumo.models.effects.telling import Telling
 
 
 def format_quantity(value: float, unit: str, digits: int = 3) -> str:
@@ -94,6 +95,8 @@ class Effect:
         Whether it differs between drivers more than within one, so that fitted drivers carry part of it.
     untestable : str
         Why recordings of this kind cannot show it, if they cannot.
+    told : tuple of Telling
+        How it is told to a person, one for each magnitude.
     """
 
     name: str
@@ -108,6 +111,7 @@ class Effect:
     forms: tuple[Form, ...] = ()
     between: bool = False
     untestable: str = ""
+    told: tuple[Telling, ...] = ()
 
     @property
     def all_parameters(self) -> tuple[Parameter, ...]:

@@ -12,6 +12,7 @@ from numba import njit
 from idm_sumo.models.effects import slots
 from idm_sumo.models.effects.form import Floats, Form, Moments
 from idm_sumo.models.effects.record import Effect, Parameter
+from idm_sumo.models.effects.telling import KMH, Median, Telling, Values
 
 SPEED_UNIT = 10.0  # m/s
 LEAST_FACTOR = 0.1  # least factor of the headway, which stays positive
@@ -40,6 +41,13 @@ def _of_speed(see: Moments) -> Floats:
     return see.by_headway * ((see.speed - see.mean_speed) / SPEED_UNIT)
 
 
+def _size(values: Values, one: Median) -> str:
+    middle = values.get("v_mean", SPEED_UNIT)
+    faster = one.headway * at_speed(middle + SPEED_UNIT, middle, values["gamma"])
+    slow, fast = KMH * middle, KMH * (middle + SPEED_UNIT)
+    return f"time headway {one.headway:.2f} s at {slow:.0f} km/h, {faster:.2f} s at {fast:.0f} km/h"
+
+
 EFFECT = Effect(
     name="speed_dependent_headway",
     summary="keeps another time headway at another speed",
@@ -52,4 +60,14 @@ EFFECT = Effect(
     source="Treiber, Kesting and Helbing (2006), Understanding widely scattered traffic flows",
     forms=(Form(slots.SPEED_HEADWAY, _of_speed, of_recording=((slots.PIVOT_SPEED, "mean_speed"),)),),
     between=True,
+    told=(
+        Telling(
+            "gamma",
+            more="keep a longer time headway the faster they drive",
+            less="keep a shorter time headway the faster they drive",
+            when="",
+            size=_size,
+            advice="Calibrate slow and fast traffic apart, or let the time headway depend on speed.",
+        ),
+    ),
 )

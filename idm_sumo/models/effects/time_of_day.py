@@ -15,6 +15,7 @@ from numba import njit
 from idm_sumo.models.effects import slots
 from idm_sumo.models.effects.form import TIME, Floats, Form, Moments
 from idm_sumo.models.effects.record import Effect, Parameter
+from idm_sumo.models.effects.telling import Median, Telling, Values, of_headway
 
 
 @njit(cache=True, error_model="numpy")
@@ -71,6 +72,11 @@ def _drift(see: Moments) -> Floats:
     return see.by_headway * np.clip(2.0 * along - 1.0, -1.0, 1.0)
 
 
+def _drift(values: Values, one: Median) -> str:
+    before, after = (one.headway * (1.0 + sign * values["delta"]) for sign in (-1.0, 1.0))
+    return f"time headway {before:.2f} s in the beginning, {after:.2f} s in the end"
+
+
 EFFECT = Effect(
     name="time_of_day",
     summary="drives differently at another time of the recording",
@@ -93,4 +99,22 @@ EFFECT = Effect(
         ),
     ),
     between=True,
+    told=(
+        Telling(
+            "theta",
+            more="keep a longer time headway for a part of the recording",
+            less="keep a shorter time headway for a part of the recording",
+            when="",
+            size=of_headway("theta"),
+            advice="Calibrate this part of the recording apart from the rest.",
+        ),
+        Telling(
+            "delta",
+            more="keep longer and longer time headways as the recording goes on",
+            less="keep shorter and shorter time headways as the recording goes on",
+            when="",
+            size=_drift,
+            advice="Calibrate the beginning and the end of the recording apart.",
+        ),
+    ),
 )

@@ -9,6 +9,7 @@ from numba import njit
 
 from idm_sumo.models.effects import slots
 from idm_sumo.models.effects.record import Effect, Parameter
+from idm_sumo.models.effects.telling import Telling, of_headway
 from idm_sumo.recordings.columns import TRUCK
 
 
@@ -40,4 +41,15 @@ EFFECT = Effect(
     source="Ossen and Hoogendoorn (2011), Heterogeneity in car-following behavior, Transportation Research C 19",
     sumo="one vType a class",
     untestable="own class is part of the drivers' distribution, which is fitted driver by driver",
+    told=(
+        Telling(
+            "theta",
+            more="of trucks keep a longer time headway than those of cars",
+            less="of trucks keep a shorter time headway than those of cars",
+            when="",
+            size=of_headway("theta"),
+            advice="Calibrate trucks apart from cars.",
+            situation={"own_class": 3.0},
+        ),
+    ),
 )

@@ -4,8 +4,7 @@ from __future__ import annotations
 
 from array import array
 from pathlib import Path
-from typing import IO, Any
-from xml.parsers import expat
+from typing import Any
 
 import numpy as np
 import numpy.typing as npt
@@ -24,25 +23,27 @@ from idm_sumo.recordings.recording import Recording
 from idm_sumo.recordings.resampling import resample
 from idm_sumo.roads import Road
 from idm_sumo.runtime.errors import InputError, shown
-from idm_sumo.runtime.inputs import BROKEN, open_plain
+from idm_sumo.runtime.memory import Handed
+from idm_sumo.runtime.xml import scan
 
 NUMBERS = FCD_NUMBERS[1:]
 NO_TYPES = VehicleTypes()
 STEP_TOLERANCE = 1e-3  # s
-BLOCK = 65536  # bytes
-LONGEST_ELEMENT = 2**20  # bytes
+ROOTS = {"fcd-export": "a SUMO FCD file"}
 REQUIRED = ("x", "y", "angle", "speed")  # beside id and time
-PERIOD = "fcd"
+PERIOD = FCD = "fcd"
 
 
 def from_table(
-    raw: pd.DataFrame, ledger: Ledger, *, road: Road, source: str, types: VehicleTypes = NO_TYPES
+    held: Handed[pd.DataFrame], ledger: Ledger, *, road: Road, source: str, types: VehicleTypes = NO_TYPES
 ) -> tuple[Recording, Accounting]:
     """Turn a table that SUMO wrote, as CSV or Parquet, into a recording."""
+    raw = held.take()
     raw = raw.set_axis(check_names([bare(name) for name in raw.columns], source), axis=1)
     ledger.total += len(raw)
-    known = {name: numbers(raw[name], name, source) for name in FCD_NUMBERS if name in raw}
-    return _to_recording(raw.assign(**known), ledger, road, types, source)
+    held = Handed(raw.assign(**{name: numbers(raw[name], name, source) for name in FCD_NUMBERS if name in raw}))
+    del raw
+    return _to_recording(held, ledger, road, types, source)
 
 
 def read_xml(
@@ -56,45 +57,18 @@ def read_xml(
         If the XML is malformed (names the line), has no vehicles, or holds a text where a number belongs.
     """
     collector = _Collector()
-    parser = expat.ParserCreate()
-    parser.StartElementHandler = collector.start
-    parser.EntityDeclHandler = _no_entities
-    try:
-        with open_plain(path) as stream:
-            _parse(parser, stream)
-    except expat.ExpatError as error:
-        raise InputError(f"{source}: line {error.lineno}: malformed XML ({error}); was the run cut short?") from None
-    except (ValueError, LookupError) as error:  # LookupError: an encoding that nobody knows
-        raise InputError(f"{source}: line {parser.CurrentLineNumber}: {error}") from None
-    except BROKEN as error:
-        raise InputError(f"{source}: cannot be unpacked ({error})") from None
-    if collector.root != "fcd-export":
-        raise InputError(f"{source}: root element is <{collector.root}>; a SUMO FCD file has <fcd-export>")
+    scan(path, source, collector.start, roots=ROOTS, advice="was the run cut short?")
     ledger.total += len(collector.time)
     ledger.notes += [f"{collector.persons} rows of persons are skipped"] if collector.persons else []
-    return _to_recording(collector.table(), ledger, road, types, source)
-
-
-def _parse(parser: expat.XMLParserType, stream: IO[bytes]) -> None:
-    """Feed a stream to a parser as long as no element is longer than any that SUMO writes."""
-    fed = 0
-    while block := stream.read(BLOCK):
-        parser.Parse(block)
-        fed += len(block)
-        if fed - parser.CurrentByteIndex > LONGEST_ELEMENT:
-            raise ValueError(f"an element of more than {LONGEST_ELEMENT >> 20} MB; SUMO writes none of that length")
-    parser.Parse(b"", True)
-
-
-def _no_entities(name: str, *_: object) -> None:
-    raise ValueError(f"declares an entity {shown(name)}, which SUMO never does")
+    held = Handed(collector.table())
+    del collector
+    return _to_recording(held, ledger, road, types, source)
 
 
 class _Collector:
     """Gathers the attributes of the vehicles while the XML streams by."""
 
     def __init__(self) -> None:
-        self.root = ""
         self.now = 0.0
         self.time = array("d")
         self.persons = 0
@@ -115,8 +89,6 @@ class _Collector:
                 raise ValueError(f"time = {shown(attributes['time'])} is not a number") from None
         elif tag == "person":
             self.persons += 1
-        elif not self.root:
-            self.root = tag
 
     def _vehicle(self, attributes: dict[str, str]) -> None:
         name = attributes.get("id", "")
@@ -145,12 +117,15 @@ class _Collector:
 
 
 def _to_recording(
-    raw: pd.DataFrame, ledger: Ledger, road: Road, types: VehicleTypes, source: str
+    held: Handed[pd.DataFrame], ledger: Ledger, road: Road, types: VehicleTypes, source: str
 ) -> tuple[Recording, Accounting]:
+    ledger.layout, raw = FCD, held.take()
     if raw.empty:
         raise InputError(f"{source}: no vehicles in this FCD file; run the simulation longer")
     if road.pieces:
-        return to_corridor(raw, ledger, road, types, source)
+        held = Handed(raw)
+        del raw
+        return to_corridor(held, ledger, road, types, source)
     missing = [name for name in REQUIRED if name not in raw]
     if missing:
         raise InputError(f"{source}: FCD attribute {missing[0]!r} is missing; needed are id, {', '.join(REQUIRED)}")

@@ -1,4 +1,4 @@
-"""Recorded demand of a closed loop: departures, destinations, boundary speeds.
+"""Recorded demand of a closed loop: departures and destinations.
 
 Files are plain SUMO inputs, so that a run can be repeated with ``sumo`` or watched in ``sumo-gui``.
 """
@@ -12,38 +12,34 @@ from xml.etree.ElementTree import Element, SubElement
 import numpy as np
 import numpy.typing as npt
 import pandas as pd
-from scipy.ndimage import uniform_filter1d
 
 from idm_sumo.calibration import driver_table as d
 from idm_sumo.calibration.departures import DESTINATION, LEAVING, THROUGH, departures
+from idm_sumo.calibration.place_speeds import PlaceSpeeds
 from idm_sumo.recordings import columns as c
-from idm_sumo.recordings.columns import FRAME_STEP
 from idm_sumo.recordings.recording import Recording
 from idm_sumo.roads import Road
 from idm_sumo.runtime.errors import InputError
 from idm_sumo.sumo import network
+from idm_sumo.sumo.closed_loop.approach import moved_upstream
 from idm_sumo.sumo.export.translation import save
 from idm_sumo.sumo.export.vtypes import number
 from idm_sumo.sumo.network import Place, RoadNetwork
 
-Floats = npt.NDArray[np.float64]
-
-LAST_STRETCH = 40.0  # m, before the section's end, whose speeds are imposed behind it
-SIGN_INTERVAL = 1.0  # s between two settings of the speed
-SMOOTHED_OVER = 7.0  # s
-SLOWEST_SIGN = 0.5  # m/s; a limit of zero would close the road
-
+LATEST = 2.0  # s, more than a vehicle waits before it is let in at its leader's speed
 SAFE = "collision leaderGap followerGap"  # what an insertion is checked for
 EDGE, LANE_INDEX, POSITION = "edge", "lane_index", "position"
 
 
-def demand_of(recording: Recording) -> pd.DataFrame:
+def demand_of(recording: Recording, *, approach: bool = False) -> pd.DataFrame:
     """Return the demand of one period, by departure.
 
     Parameters
     ----------
     recording : Recording
         One period with all its vehicles.
+    approach : bool
+        Whether later vehicles depart upstream of where they were recorded (:mod:`idm_sumo.sumo.closed_loop.approach`).
 
     Returns
     -------
@@ -70,6 +66,8 @@ def demand_of(recording: Recording) -> pd.DataFrame:
     table = departures(recording).sort_values([d.DEPART, c.VEHICLE], kind="stable", ignore_index=True)
     table[d.DEPART] = np.round(table[d.DEPART] - table[d.DEPART].min(), 1)
     net = network.of(recording.road)
+    if approach:
+        table = moved_upstream(table, net)
     where = _places(net, table, recording.source)
     table = table.assign(**{EDGE: where.edge, LANE_INDEX: where.lane_index, POSITION: where.position})
     if not net.layout.off_ramp:
@@ -96,7 +94,9 @@ def _places(net: RoadNetwork, table: pd.DataFrame, source: str) -> Place:
         raise
 
 
-def write_routes(road: Road, demand: pd.DataFrame, types: Sequence[Element], path: Path) -> None:
+def write_routes(
+    road: Road, demand: pd.DataFrame, types: Sequence[Element], path: Path, places: PlaceSpeeds | None = None
+) -> None:
     """Write vehicle types, routes and vehicles.
 
     A vehicle that is on the road in the first frame is put there without a check of its gap. Later vehicles are
@@ -111,16 +111,19 @@ def write_routes(road: Road, demand: pd.DataFrame, types: Sequence[Element], pat
         The ``<vType>`` of each vehicle, in the order of the demand.
     path : Path
         File to write.
+    places : PlaceSpeeds, optional
+        Speeds that no vehicle departs above.
     """
     root, net = Element("routes"), network.of(road)
     ways = list(zip(demand[EDGE], demand[DESTINATION], strict=True))
     for origin, destination in dict.fromkeys(ways):
         SubElement(root, "route", id=f"{origin}.to.{destination}", edges=" ".join(net.route(origin, destination)))
+    demand = demand.assign(**{d.SPEED: _allowed(demand, road, places)})
     names = (c.VEHICLE, d.DEPART, LANE_INDEX, POSITION, d.SPEED)
     rows = zip(*(demand[name].tolist() for name in names), strict=True)
     for (vehicle, depart, lane, position, speed), kind, (origin, destination) in zip(rows, types, ways, strict=True):
         root.append(kind)
-        limit = min(road.speed_limit, float(kind.get("maxSpeed", road.speed_limit)))
+        limit = float(kind.get("maxSpeed", road.speed_limit))
         SubElement(
             root, "vehicle", id=str(vehicle), type=str(kind.get("id")), route=f"{origin}.to.{destination}",
             depart=number(depart), departLane=str(lane), departPos=number(position),
@@ -129,50 +132,11 @@ def write_routes(road: Road, demand: pd.DataFrame, types: Sequence[Element], pat
     save(root, path)
 
 
-def boundary_speeds(recording: Recording) -> Floats:
-    """Return recorded speeds at the section's end.
-
-    Means of the vehicles on the last 40 m in each lane and second, interpolated in time where a lane is empty, smoothed
-    over 7 s, at least ``SLOWEST_SIGN`` and at most the speed limit.
-
-    Parameters
-    ----------
-    recording : Recording
-        One period.
-
-    Returns
-    -------
-    float64, shape (seconds, main lanes)
-        m/s.
-    """
-    table, road = recording.table, recording.road
-    end = table[c.X].between(road.length - LAST_STRETCH, road.length) & (table[c.LANE] <= road.main_lanes)
-    first, last = table[c.FRAME].min(), table[c.FRAME].max()
-    seconds = int((last - first) * FRAME_STEP / SIGN_INTERVAL) + 1
-    here = table[end]
-    second = ((here[c.FRAME] - first) * FRAME_STEP // SIGN_INTERVAL).astype(np.int64)
-    mean = here.groupby([second, here[c.LANE].astype(np.int64)])[c.SPEED].mean().unstack()
-    mean = mean.reindex(index=range(seconds), columns=range(1, road.main_lanes + 1))
-    filled = mean.interpolate(limit_direction="both").fillna(road.speed_limit).to_numpy()
-    smooth = uniform_filter1d(filled, round(SMOOTHED_OVER / SIGN_INTERVAL), axis=0, mode="nearest")
-    return np.asarray(np.clip(smooth, SLOWEST_SIGN, road.speed_limit))
-
-
-def write_boundary(road: Road, speeds: Floats, path: Path) -> None:
-    """Write speed signs for the edge behind the section.
-
-    Parameters
-    ----------
-    road : Road
-    speeds : float64, shape (seconds, main lanes)
-        Imposed speeds (m/s), as of :func:`boundary_speeds`.
-    path : Path
-        Additional file to write.
-    """
-    root, net = Element("additional"), network.of(road)
-    for lane in range(road.main_lanes):
-        sumo_lane = net.main_lane(net.layout.downstream, lane + 1)
-        sign = SubElement(root, "variableSpeedSign", id=f"downstream.lane{lane + 1}", lanes=sumo_lane)
-        for second, speed in enumerate(speeds[:, lane].tolist()):
-            SubElement(sign, "step", time=number(second * SIGN_INTERVAL), speed=f"{speed:.3f}")
-    save(root, path)
+def _allowed(demand: pd.DataFrame, road: Road, places: PlaceSpeeds | None) -> npt.NDArray[np.float64]:
+    """Return departure speeds (m/s) that SUMO accepts."""
+    speed = np.asarray(demand[d.SPEED].clip(upper=road.speed_limit), dtype=np.float64)
+    if places is None:
+        return speed
+    x, depart = demand[d.X].to_numpy(dtype=np.float64), demand[d.DEPART].to_numpy(dtype=np.float64)
+    then = np.minimum(places.at(x, depart), places.at(x, depart + LATEST))
+    return np.asarray(np.minimum(speed, np.floor(1000.0 * then) / 1000.0))  # signs have three decimals

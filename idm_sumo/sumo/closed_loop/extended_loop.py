@@ -14,6 +14,7 @@ from numba import njit
 
 from idm_sumo.calibration import driver_table as d
 from idm_sumo.calibration.departures import DESTINATION, THROUGH
+from idm_sumo.calibration.place_speeds import PlaceSpeeds
 from idm_sumo.models.effects import ExtendedModel, extended_acceleration
 from idm_sumo.models.effects.hysteresis import LATELY
 from idm_sumo.models.effects.lane_change_relaxation import headway_after
@@ -25,6 +26,7 @@ from idm_sumo.scenes.traffic import NOBODY
 from idm_sumo.simulation.extended_rollout import meet
 from idm_sumo.simulation.rollout import perceive
 from idm_sumo.simulation.surroundings import NOBODY_YET, TrafficDetails, look
+from idm_sumo.sumo.closed_loop.residual_loop import Residuals
 
 Floats = npt.NDArray[np.float64]
 Integers = npt.NDArray[np.int64]
@@ -125,6 +127,10 @@ class ModelDrivers:
         m/s; by default the model's.
     has : bool, shape (vehicles,), optional
         Which drivers have the effects that only a share has; by default the model's share of them, by their numbers.
+    places : PlaceSpeeds, optional
+        Speeds that no vehicle wants to exceed at a place.
+    residuals : Residuals, optional
+        What predicted drivers do beyond the model.
 
     Attributes
     ----------
@@ -148,8 +154,10 @@ class ModelDrivers:
         road: Road,
         desired_speed: float | Floats | None = None,
         has: npt.NDArray[np.bool_] | None = None,
+        places: PlaceSpeeds | None = None,
+        residuals: Residuals | None = None,
     ) -> None:
-        n, self._road = len(demand), road
+        n, self._road, self._places, self._residuals = len(demand), road, places, residuals
         self._place = {str(vehicle): i for i, vehicle in enumerate(demand[c.VEHICLE])}
         has = model.has_partial_causes(demand[c.VEHICLE]) if has is None else has
         self._models = Models(
@@ -204,7 +212,14 @@ class ModelDrivers:
         np.cumsum(np.bincount(lane - 1, minlength=lanes), out=offsets[1:])
         others = TrafficDetails(*self._accelerations(place, speed), self._class[place], place + 1)
         present = Present(place, x, speed, self._length[place], lane, offsets, others)
-        return np.asarray(_decide_all(present, self._models, self._memory, step * FRAME_STEP))
+        models = self._models
+        if self._places is not None:
+            limited = models.desired_speed.copy()
+            limited[place] = np.minimum(limited[place], self._places.at(x, step * FRAME_STEP))
+            models = models._replace(desired_speed=limited)
+        now = step * FRAME_STEP
+        acceleration = np.asarray(_decide_all(present, models, self._memory, now))
+        return acceleration if self._residuals is None else self._residuals.add(present, acceleration, now)
 
     def _accelerations(self, place: Integers, speed: Floats) -> tuple[Floats, Floats]:
         """Return accelerations (m/s²) of the last step and seconds.

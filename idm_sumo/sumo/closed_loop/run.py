@@ -13,18 +13,22 @@ import numpy as np
 import pandas as pd
 
 from idm_sumo.calibration import driver_table as d
+from idm_sumo.calibration.place_speeds import PlaceSpeeds
 from idm_sumo.recordings import columns as c
 from idm_sumo.recordings.columns import FRAME_STEP
 from idm_sumo.recordings.recording import Recording
 from idm_sumo.runtime.progress import Progress, silent
 from idm_sumo.sumo import network
-from idm_sumo.sumo.closed_loop.demand import SAFE, write_boundary, write_routes
+from idm_sumo.sumo.closed_loop.demand import SAFE, write_routes
 from idm_sumo.sumo.closed_loop.ego import Ego
 from idm_sumo.sumo.closed_loop.entrance import Entrance
 from idm_sumo.sumo.closed_loop.extended_loop import ModelDrivers
+from idm_sumo.sumo.closed_loop.lane_change_output import changes_between_main_lanes
+from idm_sumo.sumo.closed_loop.signs import SpeedSign, write_signs
 from idm_sumo.sumo.export import run_recipe
 from idm_sumo.sumo.export.translation import save
 from idm_sumo.sumo.gui import gui_simulation
+from idm_sumo.sumo.network import RoadNetwork
 from idm_sumo.sumo.session import ALWAYS, simulation
 
 ON_TIME = 0.05  # s, half a step
@@ -45,15 +49,15 @@ class RunFiles:
     ----------
     net, routes, config : Path
     additional : Path or None
-        The speeds imposed behind the section.
+        The speeds that the road imposes.
     duration : float
         Recorded time (s).
     demand : pandas.DataFrame
         As of :func:`idm_sumo.sumo.closed_loop.demand.demand_of`.
     options : tuple of str
         Further options of ``sumo``.
-    fcd_attributes : str
-        Attributes of SUMO's output that a recording is made from.
+    network : RoadNetwork
+        What ``net`` is of.
     """
 
     net: Path
@@ -63,7 +67,7 @@ class RunFiles:
     duration: float
     demand: pd.DataFrame
     options: tuple[str, ...]
-    fcd_attributes: str
+    network: RoadNetwork
 
 
 @dataclass(frozen=True)
@@ -101,6 +105,8 @@ class Outcome:
     incidents : Incidents
     arrived : int
         Vehicles that left the network.
+    lane_changes : int
+        Between main lanes within the section, by SUMO's own count.
     ego : pandas.DataFrame or None
         The Python-driven vehicle frame by frame.
     """
@@ -109,6 +115,7 @@ class Outcome:
     departures: pd.DataFrame
     incidents: Incidents
     arrived: int
+    lane_changes: int
     ego: pd.DataFrame | None
 
     @property
@@ -119,7 +126,7 @@ class Outcome:
 
 def write_run(
     folder: Path, name: str, recording: Recording, demand: pd.DataFrame, types: Sequence[Element], *,
-    downstream: np.ndarray[Any, np.dtype[np.float64]] | None, options: Sequence[str] = (),
+    signs: Sequence[SpeedSign] = (), places: PlaceSpeeds | None = None, options: Sequence[str] = (),
 ) -> RunFiles:  # fmt: skip
     """Write what SUMO needs to run one population.
 
@@ -133,9 +140,10 @@ def write_run(
         One period; it says how long to run.
     demand, types
         Of :mod:`idm_sumo.sumo.closed_loop.demand` and :mod:`idm_sumo.sumo.closed_loop.populations`.
-    downstream : float64, shape (seconds, main lanes), or None
-        Speeds (m/s) to impose behind the section. Recorded traffic is held up by what lies downstream of it;
-        without these speeds a closed loop runs free.
+    signs : sequence of SpeedSign
+        Speeds that the road imposes.
+    places : PlaceSpeeds, optional
+        Those at which vehicles may depart.
     options : sequence of str
         Further options of ``sumo``, ``--name value`` in turn.
 
@@ -148,17 +156,17 @@ def write_run(
     net, routes, config = folder / own.file.name, folder / f"{name}.rou.xml", folder / f"{name}.sumocfg"
     if not net.is_file():
         shutil.copyfile(own.file, net)
-    write_routes(recording.road, demand, types, routes)
+    write_routes(recording.road, demand, types, routes, places)
     additional = None
-    if downstream is not None and own.layout.downstream:
-        additional = folder / "downstream.add.xml"
-        write_boundary(recording.road, downstream, additional)
+    if signs:
+        additional = folder / "speeds.add.xml"
+        write_signs(signs, additional)
     frames = recording.table[c.FRAME]
     duration = float((frames.max() - frames.min() + 1) * FRAME_STEP)
     root = run_recipe.configuration(net.name, routes.name, run_recipe.EULER)
     _complete(root, additional, duration, (*INSERTION, *options))
     save(root, config)
-    return RunFiles(net, routes, config, additional, duration, demand, tuple(options), own.fcd_attributes)
+    return RunFiles(net, routes, config, additional, duration, demand, tuple(options), own)
 
 
 def _complete(root: Element, additional: Path | None, duration: float, options: Sequence[str]) -> None:
@@ -217,14 +225,16 @@ def run(
         *INSERTION,
         *FCD,
     ]
-    options += ["--fcd-output", str(fcd), "--fcd-output.attributes", files.fcd_attributes]
+    changes = fcd.with_suffix(".lane_changes.xml")
+    options += ["--fcd-output", str(fcd), "--fcd-output.attributes", files.network.fcd_attributes]
+    options += ["--lanechange-output", str(changes)]
     if files.additional is not None:
         options += ["--additional-files", str(files.additional)]
     start = gui_simulation if gui else simulation
     with start(options, net=files.net) as sumo:
         departed, incidents, arrived = _loop(sumo, files, ego, ours, progress)
-    table = _departures(files, departed)
-    return Outcome(fcd, table, incidents, arrived, None if ego is None else ego.table())
+    table, changed = _departures(files, departed), changes_between_main_lanes(changes, files.network)
+    return Outcome(fcd, table, incidents, arrived, changed, None if ego is None else ego.table())
 
 
 def _loop(

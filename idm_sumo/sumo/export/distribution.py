@@ -5,7 +5,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
-from xml.etree.ElementTree import Element, SubElement
+from xml.etree.ElementTree import Comment, Element, SubElement
 
 import numpy as np
 import numpy.typing as npt
@@ -15,7 +15,7 @@ from idm_sumo.calibration import driver_table as d
 from idm_sumo.roads import DEFAULT, Road
 from idm_sumo.runtime.errors import InputError
 from idm_sumo.runtime.files import new_file
-from idm_sumo.sumo.export.run_recipe import EULER
+from idm_sumo.sumo.export.run_recipe import EULER, in_words
 from idm_sumo.sumo.export.translation import (
     chosen_without_d1,
     desired_speeds,
@@ -30,7 +30,7 @@ from idm_sumo.sumo.plain_paths import check_name
 
 Floats = npt.NDArray[np.float64]
 
-FASTEST = 70.0  # m/s, maxSpeed where the road's limit alone shall be the desired speed
+FASTEST = 70.0  # m/s, maxSpeed where the road's limit times the speed factor shall be the desired speed
 NAME = "calibrated"
 EVERY = "every"  # every driver with parameters; otherwise those that are well determined
 DRIVERS = ("determined", EVERY)
@@ -112,10 +112,11 @@ def export_distribution(
     check_name(Path(path))
     table, without = with_parameters(drivers, source)
     table, way, way_notes = chosen_without_d1(table, None, without_d1, EULER)
-    theta, notes = sumo_parameters(table, way, desired_speeds(table, road, source), EULER, source)
+    speeds = desired_speeds(table, road, source)
+    theta, notes = sumo_parameters(table, way, speeds, EULER, source)
     good = well_determined(table) if which != EVERY else np.ones(len(table), dtype=bool)
     left_out = _left_out(table, good)
-    table, theta = table[good].reset_index(drop=True), theta[good]
+    table, theta, factors = table[good].reset_index(drop=True), theta[good], speeds[good] / road.speed_limit
     if table.empty or (representatives is not None and not 1 <= representatives <= len(table)):
         raise InputError(
             f"{source}: {len(table)} well-determined drivers cannot give {representatives or 'any'} types"
@@ -123,15 +124,17 @@ def export_distribution(
         )
     rows, shares = _represent(theta[:, :4], representatives, seed)
     root = Element("additional")
+    step = in_words(EULER)
+    root.append(Comment(f" {step.replace('--', '')} "))  # no double hyphen within a comment
     distribution = SubElement(root, "vTypeDistribution", id=identifier(name))
     # Names of their own: the same drivers may be in the route file, and SUMO refuses two types of one name.
     names = [identifier(name, own) for own in identifiers(table)]
     for row, share in zip(rows, shares, strict=True):
         driver = driver_type(table.iloc[row], names[row], theta[row], FASTEST, road)
-        type_element(driver, distribution, probability=number(share))
+        type_element(driver, distribution, probability=number(share), speedFactor=number(factors[row]))
     with new_file(path) as part:
         save(root, part)
-    return Distribution(Path(path), len(rows), len(table), (*without, *left_out, *way_notes, *notes))
+    return Distribution(Path(path), len(rows), len(table), (*without, *left_out, *way_notes, *notes, step))
 
 
 def well_determined(table: pd.DataFrame) -> npt.NDArray[np.bool_]:

@@ -10,6 +10,7 @@ from pathlib import Path
 from typing import Any
 
 from idm_sumo.runtime.errors import InputError
+from idm_sumo.sumo.net_check import read_net
 from idm_sumo.sumo.network import RoadNetwork
 
 
@@ -37,14 +38,7 @@ def checked_net(own: RoadNetwork, net_file: Path | str | None, desired_speed: fl
     path = own.file if net_file is None else Path(net_file)
     if not path.is_file():
         raise InputError(f"{path}: no such network; build it with `python network/build.py`")
-    from sumolib.net import readNet
-
-    try:
-        net = readNet(str(path))
-    except Exception as error:  # sumolib raises errors of its parser
-        raise InputError(
-            f"{path}: not a SUMO network ({str(error).splitlines()[0]}); build it with `python network/build.py`"
-        ) from None
+    net = read_net(path, internal=False)
     _check_edges(own, net, path)
     for name in own.mainline:
         limit = net.getEdge(name).getSpeed()

@@ -55,6 +55,21 @@ def options(integration: str) -> dict[str, str]:
     }
 
 
+def in_words(integration: str) -> str:
+    """Say with which options a type drives as calibrated.
+
+    Parameters
+    ----------
+    integration : {"euler", "ballistic"}
+
+    Returns
+    -------
+    str
+    """
+    ballistic = " and --step-method.ballistic true" if integration == BALLISTIC else ""
+    return f"the types drive as calibrated with --step-length {FRAME_STEP:g}{ballistic}"
+
+
 SECTION = {"step-length": "time"}  # of sumo's configuration; all others are "processing"
 
 

@@ -22,6 +22,11 @@ from idm_sumo.sumo.export.vtypes import DriverType, identifier
 Floats = npt.NDArray[np.float64]
 
 WITHOUT_D1 = ("refit", "linearised", "none")
+# SUMO's schema of each file by its root. Without the attributes `--xml-validation always` refuses additional files.
+SCHEMAS = {
+    "routes": "routes_file.xsd", "additional": "additional_file.xsd", "sumoConfiguration": "sumoConfiguration.xsd",
+}  # fmt: skip
+XSI = "http://www.w3.org/2001/XMLSchema-instance"
 
 
 def with_parameters(drivers: pd.DataFrame, source: str) -> tuple[pd.DataFrame, tuple[str, ...]]:
@@ -253,13 +258,16 @@ def driver_type(row: Any, name: str, theta: Floats, maximum_speed: float, road: 
 
 
 def save(root: Element, path: Path) -> None:
-    """Write XML with indentation.
+    """Write XML with indentation and SUMO's schema.
 
     Parameters
     ----------
     root : Element
+        It gains the attributes that name its schema.
     path : Path
         File to write.
     """
+    root.set("xmlns:xsi", XSI)
+    root.set("xsi:noNamespaceSchemaLocation", f"http://sumo.dlr.de/xsd/{SCHEMAS[root.tag]}")
     indent(root, space="    ")
     ElementTree(root).write(path, encoding="utf-8", xml_declaration=True)

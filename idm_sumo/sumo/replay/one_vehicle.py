@@ -16,6 +16,9 @@ from numba import njit
 
 from idm_sumo.models import bicycle
 from idm_sumo.models.effects import ExtendedModel
+from idm_sumo.models.residual import REGRESSORS, followed_acceleration
+from idm_sumo.prediction.residual_drive import ROOM, ResidualDrivers, driven
+from idm_sumo.recordings.columns import FRAME_STEP
 from idm_sumo.recordings.recording import Recording
 from idm_sumo.runtime.errors import InputError
 from idm_sumo.runtime.progress import Progress, silent
@@ -44,7 +47,7 @@ CHUNKS_A_JOB = 4  # so that progress shows, and a slow chunk does not keep the o
 
 def replay(
     scenes: Scenes,
-    drivers: pd.DataFrame | npt.ArrayLike,
+    drivers: pd.DataFrame | npt.ArrayLike | ResidualDrivers,
     *,
     desired_speed: npt.ArrayLike | None = None,
     which: npt.NDArray[np.bool_] | Integers | None = None,
@@ -57,7 +60,8 @@ def replay(
     Parameters
     ----------
     scenes, drivers, desired_speed
-        As of :func:`idm_sumo.simulation.rollout.drive_idm`.
+        As of :func:`idm_sumo.simulation.rollout.drive_idm`; or predicted drivers with a residual, which bring their
+        desired speed along.
     which : array, optional
         Mask or numbers of the windows to replay; by default all.
     extension : tuple of Recording and ExtendedModel, optional
@@ -92,17 +96,23 @@ def replay(
     *The lane.* The modelled vehicle perceives along the lane it steers for. While its front is beyond that lane's edge,
     it stands on this edge in SUMO; the result has its true place.
     """
-    theta, limit = as_driven(scenes, drivers, desired_speed)
-    if which is not None:
-        scenes, theta, limit = scenes.subset(which), theta[which], limit[which]
-    if jobs == 1 or len(scenes) < 2:
-        return _replay_serially(scenes, theta, limit, extension, progress)
-    chunks = np.array_split(np.arange(len(scenes)), min(len(scenes), jobs * CHUNKS_A_JOB))
-    calls = ((scenes.subset(part), theta[part], limit[part], extension) for part in chunks)
+    residual = drivers if isinstance(drivers, ResidualDrivers) else None
+    plain = drivers if residual is None else residual.model.pooled
+    theta, limit = as_driven(scenes, plain, desired_speed if residual is None else residual.model.desired_speed)
+    everybody = np.arange(len(scenes))
+    chosen = everybody if which is None else everybody[which]
+    pieces = 1 if jobs == 1 else max(1, min(len(chosen), jobs * CHUNKS_A_JOB))
+    chunks = np.array_split(chosen, pieces)
+    calls = (
+        (scenes.subset(part), theta[part], limit[part], extension, None if residual is None else residual.rows(part))
+        for part in chunks
+    )
+    if len(chunks) == 1:
+        return _replay_serially(*next(calls), progress)
     parts = []
     for part in in_processes(jobs, calls, _replay_serially, backend="loky"):
         parts.append(part)
-        progress("replay in SUMO", sum(len(done.x) for done in parts), len(scenes))
+        progress("replay in SUMO", sum(len(done.x) for done in parts), len(chosen))
     return Trajectories.joined(parts)
 
 
@@ -111,6 +121,7 @@ def _replay_serially(
     theta: Floats,
     limit: Floats,
     extension: tuple[Recording, ExtendedModel] | None = None,
+    residual: ResidualDrivers | None = None,
     progress: Progress = silent,
 ) -> Trajectories:
     """Replay one window after the other in one simulation.
@@ -123,6 +134,8 @@ def _replay_serially(
         drive = _plain(scenes, theta, limit)
         if extension is not None:
             drive = _extended(sumo, net, scenes, theta, limit, *extension)
+        if residual is not None:
+            drive = _residual(scenes, residual)
         check_on_network(sumo, traffic, net)
         scene = SumoScene(sumo, net, as_points=True)
         strips = [net.strip(lane + 1) for lane in range(scenes.road.main_lanes)]
@@ -174,6 +187,29 @@ def _plain(scenes: Scenes, theta: Floats, limit: Floats) -> Drive:
         i, leader_speed = now.i, float(t.speed[now.leader]) if now.leader != NOBODY else now.motion.speed
         driver = Driver(theta[i], float(limit[i]), float(scenes.length[i]), float(lane_y[i]))
         return advance(now.motion, now.gap, leader_speed, driver)
+
+    return drive
+
+
+def _residual(scenes: Scenes, drivers: ResidualDrivers) -> Drive:
+    """Return what drives by the pooled IDM and a residual."""
+    model, weights, lane_y = drivers.model, drivers.shared_weights(), scenes.road.lane_center(scenes.lane)
+    scratch, leader = np.empty((ROOM, REGRESSORS)), {"acceleration": 0.0, "speed": 0.0}
+
+    def drive(now: Moment) -> Any:
+        i, motion = now.i, now.motion
+        speed = float(scenes.traffic.speed[now.leader]) if now.leader != NOBODY else 0.0
+        known = float(drivers.leader_acceleration[i])
+        if now.k > 0:
+            known = followed_acceleration(leader["acceleration"], leader["speed"], speed, FRAME_STEP)
+        leader.update(acceleration=known, speed=speed)
+        acceleration = driven(
+            motion.speed, speed, now.gap, known, now.k * FRAME_STEP, model.shared, weights[i], drivers.own[i],
+            model.desired_speed, scratch,
+        )  # fmt: skip
+        length = float(scenes.length[i])
+        steering = steer(motion.y, motion.heading, motion.speed, length, float(lane_y[i]))
+        return acceleration, steering, *moved(motion, acceleration, steering, length)
 
     return drive
 

@@ -12,9 +12,8 @@ from idm_sumo.runtime.ownership import is_whole
 from idm_sumo.runtime.progress import Progress, silent
 from idm_sumo.runtime.siblings import remove
 from idm_sumo.sumo import network
-from idm_sumo.sumo.surrogate import make
+from idm_sumo.sumo.surrogate import SURROGATE, make
 
-SURROGATE = "surrogate"  # what stands for its path wherever a recording is named
 LABELS = ("0750-0805", "0805-0820", "0820-0835")  # of its periods, in the order they are made
 
 

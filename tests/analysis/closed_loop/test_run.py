@@ -17,9 +17,10 @@ from idm_sumo.roads.us101 import US101
 from idm_sumo.runtime.errors import InputError
 from idm_sumo.sumo.closed_loop import populations
 from idm_sumo.sumo.closed_loop import run as closed_loop
-from idm_sumo.sumo.closed_loop.demand import SLOWEST_SIGN, boundary_speeds, demand_of
+from idm_sumo.sumo.closed_loop.demand import demand_of
 from idm_sumo.sumo.closed_loop.ego import Ego
 from idm_sumo.sumo.closed_loop.measurement import as_recording
+from idm_sumo.sumo.closed_loop.signs import SLOWEST_SIGN, boundary_signs, boundary_speeds
 from idm_sumo.sumo.gui import gui_binary
 from idm_sumo.sumo.session import simulation
 from tests.helpers.builders import Car, recording
@@ -64,7 +65,7 @@ def run(
     types = populations.calibrated_types(demand, np.tile(theta, (len(demand), 1)), lane_change, US101.speed_limit)
     files = closed_loop.write_run(
         folder / "simulation", "drivers", recorded, demand, types, options=populations.SUBLANE.get(model, ()),
-        downstream=boundary_speeds(recorded) if downstream else None,
+        signs=boundary_signs(recorded) if downstream else [],
     )  # fmt: skip
     return closed_loop.run(files, folder / "run.parquet", seed=seed, ego=ego)
 
@@ -107,7 +108,7 @@ def test_types_are_what_was_asked_for(tmp_path: Path, recorded: Recording, deman
     types = populations.calibrated_types(
         demand, theta, populations.lane_change_attributes("LC2013", {"lcSpeedGain": "3"}), US101.speed_limit
     )
-    files = closed_loop.write_run(tmp_path, "drivers", recorded, demand, types, downstream=None)
+    files = closed_loop.write_run(tmp_path, "drivers", recorded, demand, types)
     with simulation(["--route-files", str(files.routes)], net=files.net) as sumo:
         sumo.simulationStep()
         assert len(sumo.vehicle.getIDList()) == 3
@@ -119,7 +120,7 @@ def test_types_are_what_was_asked_for(tmp_path: Path, recorded: Recording, deman
 
 def test_the_written_configuration_runs_by_itself(tmp_path: Path, recorded: Recording, demand: pd.DataFrame) -> None:
     types = populations.default_types(demand, "krauss", populations.lane_change_attributes("LC2013", {}))
-    files = closed_loop.write_run(tmp_path, "krauss", recorded, demand, types, downstream=boundary_speeds(recorded))
+    files = closed_loop.write_run(tmp_path, "krauss", recorded, demand, types, signs=boundary_signs(recorded))
     with simulation(["--configuration-file", str(files.config)], net=files.net) as sumo:
         while sumo.simulation.getTime() < files.duration:
             sumo.simulationStep()

@@ -12,28 +12,22 @@ from pydantic import ValidationError
 from analysis.diagnosis import contract as contract_module
 from analysis.diagnosis import report as diagnosis_report
 from analysis.diagnosis import words as diagnosis_words
+from analysis.diagnosis.answer import answer, spoken
 from analysis.diagnosis.content import contract
 from analysis.diagnosis.contract import Diagnosis as Contract
 from analysis.diagnosis.contract import schema, write_diagnosis
 from analysis.diagnosis.curves import clustered_mean, curves, lag_response, map_of
+from analysis.diagnosis.effect_picture import in_the_plane
+from analysis.diagnosis.held_out import three_drivers
+from analysis.diagnosis.outcome import outcome_of
 from analysis.diagnosis.report import groups
 from analysis.diagnosis.tables import causes_table, laws_table
 from idm_sumo.calibration.driver_table import check_departures, read_drivers
 from idm_sumo.cli import main
-from idm_sumo.diagnosis import (
-    CauseFound,
-    Detectable,
-    Diagnosis,
-    Estimate,
-    Gain,
-    LawMisfit,
-    Region,
-    RuledOut,
-    Scan,
-    Unexplained,
-)
-from idm_sumo.diagnosis.result import Law, LawCompared
-from idm_sumo.models.effects import Cause, ExtendedModel
+from idm_sumo.diagnosis import CauseFound, Diagnosis, Estimate, Gain, Power, Region, RuledOut, Scan, Unexplained
+from idm_sumo.diagnosis.result import Law, LawCompared, OtherLaw
+from idm_sumo.models.effects import CATALOGUE, Cause, Effect, ExtendedModel
+from idm_sumo.models.effects.telling import Telling
 from idm_sumo.models.idm import TEXTBOOK
 from idm_sumo.roads.us101 import US101
 from tests.helpers import runs
@@ -66,7 +60,7 @@ def named() -> Diagnosis:
     """Return a diagnosis that names a place."""
     alpha = {"alpha": Estimate(-0.12, "m/s^2", (-0.15, -0.09))}
     cause = CauseFound(
-        "location", alpha, Region((200.0, 300.0)), 2e-6, "All slow down there.", ("measurement_artefact",)
+        "location", alpha, Region((200.0, 300.0)), 2e-6, 1.0, "All slow down there.", ("measurement_artefact",)
     )
     model = ExtendedModel(
         TEXTBOOK, US101.speed_limit, causes=(Cause("location", {"alpha": -0.12, "x_1": 200.0, "x_2": 300.0}),)
@@ -88,7 +82,7 @@ def named() -> Diagnosis:
             "chance makes as much"),
                    RuledOut("hysteresis", 0.9, ())),
         untestable={"leader_class": "no classes were recorded"},
-        detectable=(Detectable("reaction_delay", "tau", "s", 0.2, 0.9, 10),),
+        power=(Power("reaction_delay", "tau", "s", 0.2, 0.93),),
         model=model, base_model=ExtendedModel(TEXTBOOK, US101.speed_limit), residuals=table, drivers=drivers,
         scans=(scan,),
         excluded={"no leader for 12 s": 3}, notes=("a note",), seconds={"fit": 1.0},
@@ -119,26 +113,26 @@ def test_the_folder_holds_all_of_it(tmp_path, monkeypatch) -> None:
     low, high = content["causes"][0]["where"]["time_s"]
     assert low < high  # where no bound is known, what was seen
     assert set(content) == {
-        "verdict", "causes", "unexplained", "gain", "ruled_out", "without_gain", "untestable", "detectable", "law",
-        "law_misfit",
+        "verdict", "causes", "unexplained", "gain", "ruled_out", "without_gain", "untestable", "power", "law"
     }  # fmt: skip
     assert content["causes"][0]["where"]["lanes"] is None
     assert content["law"] == "idm"
     needed = schema()["$defs"]["Cause"]["required"]
     assert set(content["causes"][0]) == set(needed)
-    assert content["detectable"] == [
-        {"name": "reaction_delay", "symbol": "tau", "unit": "s", "size": 0.2, "found": 0.9, "of": 10}
+    assert content["power"] == [
+        {"name": "reaction_delay", "symbol": "tau", "unit": "s", "size": 0.2, "probability": 0.93}
     ]
     assert content["untestable"] == {"leader_class": "no classes were recorded"}
     assert ExtendedModel.read(tmp_path / "out" / "model.json").causes[0].values["x_2"] == 300.0
     page = (tmp_path / "out" / "report.html").read_text()
-    assert page.count("<img ") == 6
+    assert page.count("<img ") == 8
     assert "://" not in page.split("<body>")[1]
     for words in (
         "All slow down there",
-        "cannot tell it from measurement artefact",
+        "cannot be told from measurement artefact",
         "no classes were recorded",
         "chance makes as much",
+        "probability 0.93",
     ):
         assert words in page
     record = json.loads((tmp_path / "out" / "manifest.json").read_text())
@@ -153,7 +147,7 @@ def test_the_folder_holds_all_of_it(tmp_path, monkeypatch) -> None:
         "gains",
         "ruled_out",
         "untestable",
-        "detectable",
+        "power",
         "scans",
         "laws",
     } <= tables
@@ -167,8 +161,9 @@ def test_the_schema_in_the_repository_is_that_of_the_contract() -> None:
 def test_a_cause_at_a_bound_says_so_and_on_how_many_drivers_it_rests() -> None:
     (cause,) = named().causes
     found = replace(named(), causes=(replace(cause, effective_drivers=31.4, at_bound=True),))
-    said = diagnosis_words.headline(found)
-    assert "rests on about 31 drivers; its size is at the bound of what is searched" in said
+    said = answer(outcome_of(found))
+    assert "The size of location is at the bound of what is searched: it may be larger." in said.limits
+    assert "it rests on about 31 drivers" in said.basis[1]
     table = causes_table(found.causes)
     assert table["value"].tolist()[0].endswith("(bound)")
     (written,) = contract(found)["causes"]
@@ -176,13 +171,18 @@ def test_a_cause_at_a_bound_says_so_and_on_how_many_drivers_it_rests() -> None:
 
 
 def test_a_verdict_without_causes_says_what_would_have_been_seen() -> None:
-    assert diagnosis_words.headline(silent()).startswith("None: these data show nothing beyond the IDM")
+    said = answer(outcome_of(silent()))
+    assert said.what == "No cause was found: these data show nothing beyond the IDM."
+    assert "1.00 m off on average; the model is left as it is" in said.better
     assert diagnosis_words.law_sentence(silent()) == ""
-    of_another = replace(silent(), misfit=LawMisfit(0.085, 6.1))
-    said = diagnosis_words.law_sentence(of_another)
-    assert "about 0.085 m/s² (6 standard errors)" in said
-    assert diagnosis_words.law_sentence(replace(silent(), misfit=LawMisfit(0.085, 1.1))) == ""
-    assert "1.00 m on 20 held-out drivers; the model is not extended" in diagnosis_words.gain_sentence(silent().gain)
+    of_another = replace(silent(), other_law=OtherLaw("reaction_delay", "tau", "s", -0.085, 6.1))
+    assert "reaction delay with tau = -0.085 s (6.1 standard errors)" in diagnosis_words.law_sentence(of_another)
+    assert diagnosis_words.power_sentences(silent()) == [
+        "reaction delay of tau = 0.2 s would have been found with probability 0.93"
+    ]
+    none_at_all = replace(silent(), power=(Power("lane_change_relaxation", "kappa", "1", 48.9, 0.8),))
+    (said,) = diagnosis_words.power_sentences(none_at_all)
+    assert said.startswith("no lane change relaxation up to kappa = ")
     assert contract(silent())["causes"] == []
 
 
@@ -194,9 +194,98 @@ def test_a_verdict_without_causes_says_what_would_have_been_seen() -> None:
 def test_a_gain_is_said_as_what_it_is(difference: float, margin: float, moves: str, clearly: bool) -> None:
     interval = (difference - margin, difference + margin)
     gain = replace(silent().gain, base=1.0, extended=1.0 - difference, difference=difference, ci95=interval)
-    said = diagnosis_words.gain_sentence(gain)
-    assert moves in said
-    assert ("nothing is clearly gained" not in said) is clearly
+    said = answer(outcome_of(replace(named(), gain=gain)))
+    assert moves in said.better
+    assert ("may be chance" not in said.better) is clearly
+    assert any("not sure" in line for line in said.limits) is not clearly
+
+
+TOLD = [(effect, telling) for effect in CATALOGUE for telling in effect.told]
+
+
+def cause_of(effect: Effect, telling: Telling, sign: float = 1.0) -> CauseFound:
+    """Return a cause of typical size."""
+    values = {telling.symbol: 0.3} | {p.symbol: p.typical for p in effect.named_by({telling.symbol})}
+    bounds = {"x_1": 200.0, "x_2": 300.0, "t_1": 2.0, "t_2": 200.0}
+    values |= {symbol: bound for symbol, bound in bounds.items() if symbol in values}
+    values[telling.symbol] *= sign
+    estimates = {symbol: Estimate(value, "1", (value, value)) for symbol, value in values.items()}
+    return CauseFound(effect.name, estimates, Region((200.0, 300.0), (2.0, 200.0)), 1e-6, 1.0, "a sentence")
+
+
+def test_every_magnitude_of_an_effect_is_told() -> None:
+    for effect in CATALOGUE:
+        magnitudes = {p.symbol for p in (*effect.parameters[:1], *filter(None, [effect.alternative]))}
+        assert {one.symbol for one in effect.told} >= magnitudes, effect.name
+
+
+@pytest.mark.parametrize(("effect", "telling"), TOLD, ids=[f"{e.name}-{t.symbol}" for e, t in TOLD])
+def test_an_effect_is_told_in_engineering_units_and_drawn(effect: Effect, telling: Telling) -> None:
+    for sign in (1.0, -1.0) if telling.less else (1.0,):
+        cause = cause_of(effect, telling, sign)
+        values = {symbol: one.value for symbol, one in cause.parameters.items()}
+        modelled = Cause(effect.name, values)
+        model = ExtendedModel(TEXTBOOK, US101.speed_limit, causes=(modelled,) if effect.parameters else ())
+        outcome = outcome_of(replace(named(), causes=(cause,), model=model))
+        said = answer(outcome)
+        assert said.what.startswith("Drivers ")
+        assert telling.advice in said.advice
+        assert telling.symbol not in said.what.split()
+        assert any(character.isdigit() for character in said.what)
+        if effect.parameters:
+            picture = in_the_plane(outcome, outcome.content.causes[0], modelled)
+            with_it, without = (line.get_xydata() for line in picture.figure.axes[0].lines[:2])
+            assert np.nanmax(np.abs(with_it - without)) > 0.01  # the effect is seen
+
+
+def test_several_causes_of_some_drivers_and_one_lane_and_what_cannot_be_told_apart() -> None:
+    (place,) = named().causes
+    waves = CauseFound(
+        "hysteresis", {"h": Estimate(0.2, "1", (0.1, 0.3))}, Region(lanes=(2,)), 1e-6, 0.5, "s", ("reaction_delay",)
+    )
+    model = ExtendedModel(
+        TEXTBOOK,
+        US101.speed_limit,
+        causes=(Cause("hysteresis", {"h": 0.2}, lanes=(2,), share=0.4), *named().model.causes),
+    )
+    said = answer(outcome_of(replace(named(), causes=(waves, place), model=model)))
+    assert said.what.startswith("About 40% of the drivers keep longer headways while their leader accelerates")
+    assert "time headway 1.28 s as the leader brakes, 1.92 s as it accelerates" in said.what
+    assert "; and drivers hold back (acceleration lower by 0.12 m/s²)" in said.what
+    assert "or it is “reaction delay: acts on past values of gap and speed”" in said.what
+    assert said.where == (
+        "The first happens through every wave of braking and accelerating, in lane 2; the second happens between 200 "
+        "and 300 m."
+    )
+    assert "Hysteresis cannot be told from reaction delay." in said.limits
+
+
+def test_the_models_are_shown_with_bounds_and_collisions() -> None:
+    fitted = {"a": 1.0, "b": np.where(np.arange(40) % 4 == 0, 6.0, 2.0), "T": 1.4, "d0": 2.0, "d1": 0.0}
+    crashes = Gain("collisions", 0.0, 0.006, -0.006, (-0.01, 0.0), 20)
+    found = replace(named(), drivers=named().drivers.assign(**fitted), other_gains=(crashes,))
+    said = answer(outcome_of(found)).models
+    assert "time headway of 1.60 s" in said[0]
+    assert said[1] == (
+        "25% of the drivers have a parameter at a bound of what calibration allows, most often of b (25%)."
+    )
+    assert said[2] == (
+        "The base model collides in 0.0% of the windows of held-out drivers, the extended model in 0.6%."
+    )
+
+
+def test_a_terminal_says_the_verdict_first() -> None:
+    assert spoken(named())[0] == "verdict: named (location)"
+    assert spoken(silent())[0] == "verdict: none"
+
+
+def test_three_held_out_drivers_are_the_best_the_median_and_the_worst() -> None:
+    drivers = named().drivers.assign(extended_ade=named().drivers["base_ade"] - np.arange(40) / 100)
+    chosen = three_drivers(drivers)
+    assert chosen["place"].tolist() == ["best", "median", "worst"]
+    assert chosen["vehicle"].tolist()[0] == 38  # the last that was held out
+    assert chosen["vehicle"].tolist()[2] == 0
+    assert chosen["held_out"].all()
 
 
 def test_the_law_that_drivers_follow_is_said_with_what_it_is_likelier_by() -> None:
@@ -208,7 +297,6 @@ def test_the_law_that_drivers_follow_is_said_with_what_it_is_likelier_by() -> No
         "krauss": LawCompared(0.5, -3.0),
     }
     found = replace(silent(), law=Law("full_velocity_difference", likelier, gain), by_law=by_law)
-    assert diagnosis_words.headline(found) == "None: these data show nothing beyond full velocity difference."
     said = diagnosis_words.law_sentence(found)
     assert "follow full velocity difference more likely than the IDM" in said
     assert "higher by 2.00 a driver (95 %: 1.50 to 2.50). On 20 held-out drivers" in said
@@ -221,16 +309,20 @@ def test_the_law_that_drivers_follow_is_said_with_what_it_is_likelier_by() -> No
         diagnosis_words.law_sentence(replace(found, by_law=without))
     )
     assert "Full velocity difference is not quite the law" in diagnosis_words.law_sentence(
-        replace(found, misfit=LawMisfit(0.085, 6.1))
+        replace(found, other_law=OtherLaw("reaction_delay", "tau", "s", -0.085, 6.1))
     )
 
 
 def test_a_drift_is_said_to_be_one() -> None:
-    found = silent()
-    drift = CauseFound("time_of_day", {"delta": Estimate(0.25, "1", (0.2, 0.3))}, Region(time_s=(2.0, 440.0)), 1e-9, "")
-    assert "Named: time of day, drifting between 2 and 440 s" in diagnosis_words.headline(
-        replace(found, verdict="named", causes=(drift,))
+    drift = CauseFound(
+        "time_of_day", {"delta": Estimate(0.25, "1", (0.2, 0.3))}, Region(time_s=(2.0, 440.0)), 1e-9, 1.0, "a drift"
     )
+    said = answer(outcome_of(replace(silent(), verdict="named", causes=(drift,))))
+    assert said.what == (
+        "Drivers keep longer and longer time headways as the recording goes on (time headway 1.20 s in the beginning, "
+        "2.00 s in the end)."
+    )
+    assert said.where == "This happens from 0:02 to 7:20 (min:s)."
 
 
 def test_a_cause_of_one_lane_says_which(tmp_path, monkeypatch) -> None:
@@ -239,7 +331,9 @@ def test_a_cause_of_one_lane_says_which(tmp_path, monkeypatch) -> None:
     (cause,) = found.causes
     in_lane = replace(cause, name="acceleration_asymmetry", parameters=gamma, where=Region(lanes=(2,)))
     found = replace(found, causes=(in_lane,))
-    assert "acceleration asymmetry in lane 2 (gamma = 0.4" in diagnosis_words.headline(found)
+    said = answer(outcome_of(found))
+    assert said.what.startswith("Drivers accelerate more weakly than the model, and brake as it does (60% of the")
+    assert said.where == "This happens whenever they accelerate, in lane 2."
     write(found, tmp_path / "out", monkeypatch)
     where = json.loads((tmp_path / "out" / "diagnosis.json").read_text())["causes"][0]["where"]
     assert set(where) == {"position_m", "time_s", "lanes"}
@@ -251,14 +345,18 @@ def test_a_cause_of_one_lane_says_which(tmp_path, monkeypatch) -> None:
 def test_unknown_says_where_when_and_along_what() -> None:
     place = Unexplained("position", (300.0, 360.0), (300.0, 360.0), None, 1e-5)
     found = replace(silent(), verdict="unknown", unexplained=(place,))
-    assert "position from 300 to 360 between 300 and 360 m (p < 0.0001)" in diagnosis_words.headline(found)
+    said = answer(outcome_of(found))
+    assert "explained by no effect of the catalogue: it shows in position from 300 to 360" in said.what
+    assert said.where == "It shows between 300 and 360 m."
     content = contract(found)
     assert content["unexplained"][0]["position_m"] == [300.0, 360.0]
     Contract.model_validate(content)
 
 
 def test_what_is_there_without_gain_is_told_beside_causes_and_not_as_one() -> None:
-    late = CauseFound("reaction_delay", {"tau": Estimate(0.23, "s", (0.17, 0.29))}, None, 1e-11, "present without gain")
+    late = CauseFound(
+        "reaction_delay", {"tau": Estimate(0.23, "s", (0.17, 0.29))}, None, 1e-11, 0.0, "present without gain"
+    )
     kept = contract(replace(silent(), without_gain=(late,)))
     assert kept["verdict"] == "none"
     assert kept["causes"] == []
@@ -266,11 +364,11 @@ def test_what_is_there_without_gain_is_told_beside_causes_and_not_as_one() -> No
         ("reaction_delay", 0.23)
     ]
     found = replace(silent(), without_gain=(late,))
-    assert diagnosis_words.headline(found) == "None: no effect of the catalogue improves the simulation."
-    assert diagnosis_words.without_gain_sentence(found) == (
-        "Present, but without a gain of the rollouts: reaction delay (tau = 0.23 s (95 %: 0.17 to 0.29); p < 0.0001)."
+    said = answer(outcome_of(found))
+    assert said.what == (
+        "No cause improves the simulation. Present, but without gain: drivers react late (0.23 s after what they react "
+        "to)."
     )
-    assert diagnosis_words.without_gain_sentence(silent()) == ""
 
 
 def test_nothing_is_left_when_the_contract_is_broken(tmp_path, monkeypatch) -> None:
@@ -354,7 +452,7 @@ def test_too_little_is_none_with_the_reason_and_code_0(tmp_path, capsys) -> None
     """The real command, on a recording of a few pairs."""
     pd.concat([pair(12, 7), pair(31, 30)]).to_parquet(tmp_path / "pairs.parquet")
     main(["diagnose", str(tmp_path / "pairs.parquet"), "-o", str(tmp_path / "out"), "--jobs", "1"])
-    assert "Too little to say anything" in capsys.readouterr().out
+    assert "too little to say anything" in capsys.readouterr().out
     content = json.loads((tmp_path / "out" / "diagnosis.json").read_text())
     assert content["verdict"] == "none"
     assert content["gain"]["vehicles"] == 0

@@ -12,7 +12,7 @@ import pytest
 
 from analysis.page.page import html_table, with_contents
 from analysis.page.style import LABEL_HEIGHT, METHOD_COLOURS, dark_colour, label_ends, method_line, new_figure
-from analysis.page.time_space import Mark, diagram, diagrams_of
+from analysis.page.time_space import DARK_PAGE, LIGHT_PAGE, Mark, diagram, diagrams_of
 from tests.helpers.browser import complaints, least_contrast, overflows, prefer, requests, resize, visit
 from tests.helpers.builders import Car, recording
 
@@ -200,6 +200,22 @@ def test_methods_are_told_apart_by_colour_or_else_by_stroke(sight: str) -> None:
     for one, other in combinations(METHOD_COLOURS, 2):
         apart = np.linalg.norm(lab(METHOD_COLOURS[one], sight) - lab(METHOD_COLOURS[other], sight))
         assert apart > TOLD_APART or method_line(one) != method_line(other), (one, other, apart)
+
+
+def luminance(colour: str) -> float:
+    """Return the relative luminance of ``#rrggbb`` (WCAG 2.1)."""
+    rgb = np.array([int(colour[k : k + 2], 16) / 255 for k in (1, 3, 5)])
+    linear = np.where(rgb <= 0.03928, rgb / 12.92, ((rgb + 0.055) / 1.055) ** 2.4)
+    return float(linear @ [0.2126, 0.7152, 0.0722])
+
+
+@pytest.mark.parametrize(("colours", "behind"), [(LIGHT_PAGE, "#ffffff"), (DARK_PAGE, "#161616")])
+def test_paths_of_every_speed_are_seen_and_faster_is_lighter(colours: list[str], behind: str) -> None:
+    lights = [luminance(colour) for colour in colours]
+    assert (np.diff(lights) > 0).all()
+    for light in lights:
+        bright, dim = sorted((light, luminance(behind)), reverse=True)
+        assert (bright + 0.05) / (dim + 0.05) > 1.8
 
 
 def test_names_beside_lines_do_not_lie_on_each_other() -> None:

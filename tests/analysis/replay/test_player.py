@@ -157,6 +157,29 @@ def test_text_can_be_read_in_both_colour_schemes(shown: Any, scheme: str) -> Non
     assert ratio >= 4.5, where
 
 
+@pytest.mark.parametrize("width", [390, 1280])
+def test_models_apart_have_a_road_each_and_play_together(browser: Any, tmp_path: Path, width: int) -> None:
+    whole = traffic()
+    scenes = one_driver(whole)
+    played = [Played(name, drive_constant_velocity(scenes)) for name in ("base", "extended")]
+    scores = pd.DataFrame({"method": ["base", "extended"], "ade_m": [0.2, 0.1]})
+    write_player(tmp_path / "apart.html", whole, scenes, played, scores, title="two", answer="", apart=True)
+    resize(browser, width)
+    visit(browser, tmp_path / "apart.html")
+    frame_of(browser)
+    names = [one.text for one in browser.find_elements("css selector", "#roads figcaption")]
+    assert names == ["base model", "extended model"]
+    pixels = "return [...document.querySelectorAll('canvas.road')].map((c) => c.toDataURL())"
+    before = browser.execute_script(pixels)
+    press(browser, "End")
+    frame_of(browser)
+    after = browser.execute_script(pixels)
+    assert len(before) == 2
+    assert all(one != other for one, other in zip(before, after, strict=True))
+    assert not overflows(browser)
+    assert complaints(browser) == []
+
+
 def test_dark_mode_changes_the_drawing(shown: Any) -> None:
     pixel = "const c = document.getElementById('road'); return [...c.getContext('2d').getImageData(5, 30, 1, 1).data]"
     frame_of(shown)

@@ -16,6 +16,7 @@ from analysis.reproduce.agents import rows as agents
 from analysis.reproduce.agents import study as agent_study
 from analysis.reproduce.agents import words as agent_words
 from analysis.reproduce.agents.learners import Learners, fingerprint, learners_of, read_learners
+from analysis.reproduce.agents.variants import variants
 from analysis.reproduce.drivers import Drivers
 from analysis.reproduce.settings import Settings
 from idm_sumo.cli import main
@@ -23,6 +24,7 @@ from idm_sumo.evaluation.metrics import summary
 from idm_sumo.irl import learning
 from idm_sumo.irl.features import NAMES
 from idm_sumo.irl.policy import Policy
+from idm_sumo.irl.variants import VARIANTS
 from idm_sumo.runtime.errors import InputError
 from idm_sumo.runtime.siblings import locked
 from tests.helpers.platoons import platoon_recording
@@ -185,3 +187,17 @@ def test_commands(settings: Settings, tmp_path: Path, capsys: pytest.CaptureFixt
         main([*train, "--agent-steps", "12800"])
     assert stopped.value.code == 2
     assert "other drivers, settings" in capsys.readouterr().err
+
+
+def test_variants_of_the_reward_are_trained_and_scored(settings: Settings, tmp_path: Path) -> None:
+    pytest.importorskip("stable_baselines3", reason="needs the extra rl: pip install 'idm-sumo[rl]'")
+    which = [replace(v, demonstrations=4) for v in (VARIANTS[0], VARIANTS[3], VARIANTS[4])]
+    table = variants(replace(settings, agent_steps=128 * 50, agent_seeds=1), tmp_path / "variants.csv", which=which)
+    assert table["variant"].tolist() == [v.name for v in which]
+    efforts = table[[f"weight_{name}" for name in NAMES[-2:]]].to_numpy()
+    assert efforts[0].all()
+    assert not efforts[1].any()
+    np.testing.assert_array_equal(efforts[2], efforts[0])  # it differs in the penalty only
+    assert ((table["collisions"] <= table["contacts"]) & (table["contacts"] <= table["vehicles"])).all()
+    again = pd.read_csv(tmp_path / "variants.csv")
+    np.testing.assert_allclose(again["ade_m"], table["ade_m"], rtol=1e-5)

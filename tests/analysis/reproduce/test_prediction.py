@@ -46,9 +46,9 @@ def test_all_times_observed_drive_the_same_windows(tables: dict[str, pd.DataFram
     assert table["number"].nunique() == table["drivers"].nunique() == 1
     assert table.loc["idm_pooled", "share"] == 0.0
     assert table.loc["idm_oracle", "share"] == pytest.approx(1.0)
-    seconds = table.loc["idm_watched", "observed_s"].to_numpy()
+    seconds = table.loc["idm_residual", "observed_s"].to_numpy()
     assert {0.2, 0.5, 1.0, 2.0} <= set(seconds)
-    assert table.loc["idm_oracle", "ade_m"] < table.loc["idm_watched", "ade_m"].min()
+    assert table.loc["idm_oracle", "ade_m"] < table.loc["idm_residual", "ade_m"].min()
     share = (table.loc["idm_pooled", "ade_m"] - table["ade_m"]) / (
         table.loc["idm_pooled", "ade_m"] - table.loc["idm_oracle", "ade_m"]
     )
@@ -102,18 +102,12 @@ def test_the_reports_sentences_hold_the_tables_numbers(tables: dict[str, pd.Data
     why = " ".join(words["prediction_why"])  # type: ignore[arg-type]
     assert f"{numbers['directions determined']:.1f} of the five" in why
     assert f"{numbers['averaged neighbours, free fits: ADE (m)']:.2f} m" in why
-    watched = tables["prediction_seconds"].query("method == 'idm_watched'")
-    assert f"{watched['number'].iloc[0]:.0f} windows" in str(words["prediction_seconds_caption"])
+    seen = tables["prediction_seconds"].query("method == 'idm_residual'")
+    assert f"{seen['number'].iloc[0]:.0f} windows" in str(words["prediction_seconds_caption"])
     assert f"{tables['prediction_coverage']['coverage_90%'].iloc[0]:.1%} at 1 s" in str(
         words["prediction_coverage_text"]
     )
     assert f"{numbers['one set a driver in hindsight: share']:.0%}" in str(words["prediction_limits"])
-
-
-def test_a_past_that_is_not_believed_is_said_so(tables: dict[str, pd.DataFrame]) -> None:
-    table = tables["prediction_seconds"]
-    assert "no weight at all" in prediction_words.caption(table.assign(strength=0.0))
-    assert "the past has 0.03 times the weight" in prediction_words.caption(table.assign(strength=0.03))
 
 
 def test_figure_of_seconds_is_drawn(tables: dict[str, pd.DataFrame], tmp_path: Path) -> None:

@@ -35,7 +35,7 @@ def drive(folder, recorded, *causes, ours=True, has=None) -> tuple[pd.DataFrame,
     theta = rng.uniform([0.8, 1.0, 0.8, 1.5, 0.0], [1.6, 2.5, 1.4, 2.5, 0.0], (len(demand), 5))
     lane_change = populations.lane_change_attributes("LC2013", {"lcSpeedGain": "0", "lcStrategic": "-1"})
     types = populations.calibrated_types(demand, theta, lane_change, US101.speed_limit)
-    files = closed_loop.write_run(folder / "simulation", "extended", recorded, demand, types, downstream=None)
+    files = closed_loop.write_run(folder / "simulation", "extended", recorded, demand, types)
     has = None if has is None else np.full(len(demand), has)
     drivers = (
         ModelDrivers(ExtendedModel(TEXTBOOK, US101.speed_limit, causes=causes), demand, theta, US101, has=has)

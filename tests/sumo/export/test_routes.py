@@ -290,7 +290,7 @@ def test_bad_networks(tmp_path: Path) -> None:
     with pytest.raises(InputError, match="no such network"):
         export_routes(drivers(), out / "x.rou.xml", net_file=tmp_path / "no.net.xml")
     (tmp_path / "text.net.xml").write_text("no net")
-    with pytest.raises(InputError, match="not a SUMO network"):
+    with pytest.raises(InputError, match="malformed XML"):
         export_routes(drivers(), out / "x.rou.xml", net_file=tmp_path / "text.net.xml")
     other = StraightRoads(1, (0.0, 100.0), 30.0).write_net(tmp_path)
     with pytest.raises(InputError, match="has no edge"):
@@ -378,13 +378,24 @@ def test_the_distribution_fits_sumos_schema(exported: tuple[pd.DataFrame, Export
     path = export_distribution(exported[0], tmp_path / "population.add.xml", representatives=5).file
     run = sumo(exported[1].config_file, "--additional-files", str(path), "--end", "1")
     assert (run.returncode, run.stderr) == (0, "")
+    for file in (path, exported[1].route_file, exported[1].config_file):
+        assert "http://sumo.dlr.de/xsd/" in file.read_text()
+
+
+def test_a_distribution_wants_what_its_drivers_want_relative_to_the_limit(tmp_path: Path) -> None:
+    speeds = np.where(np.arange(30) < 10, 0.8, 1.2) * US101.speed_limit
+    written = export_distribution(drivers(desired_speed_m_s=speeds), tmp_path / "population.add.xml")
+    factors = [float(kind.attrib["speedFactor"]) for kind in parse(written.file).getroot().iter("vType")]
+    assert sorted(factors) == pytest.approx([0.8] * 10 + [1.2] * 20)
+    assert "--step-length 0.1" in written.notes[-1]
+    assert "step-length 0.1" in written.file.read_text()
 
 
 @pytest.mark.parametrize(
     ("old", "new", "complaint"),
     [
         ("<connection ", "<konnection ", "no way from edge"),
-        ('_4" index="4"', '_4" index="4" x="', "not a SUMO network"),
+        ('_4" index="4"', '_4" index="4" x="', "malformed XML"),
     ],
 )
 def test_a_network_that_is_no_build_of_ours_is_refused_before_anything_is_written(

@@ -1,0 +1,1 @@
+"""Driver tables: a recording's drivers calibrated or predicted."""
