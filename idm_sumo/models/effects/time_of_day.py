@@ -72,7 +72,7 @@ def _drift(see: Moments) -> Floats:
     return see.by_headway * np.clip(2.0 * along - 1.0, -1.0, 1.0)
 
 
-def _drift(values: Values, one: Median) -> str:
+def _drift_told(values: Values, one: Median) -> str:
     before, after = (one.headway * (1.0 + sign * values["delta"]) for sign in (-1.0, 1.0))
     return f"time headway {before:.2f} s in the beginning, {after:.2f} s in the end"
 
@@ -113,7 +113,7 @@ EFFECT = Effect(
             more="keep longer and longer time headways as the recording goes on",
             less="keep shorter and shorter time headways as the recording goes on",
             when="",
-            size=_drift,
+            size=_drift_told,
             advice="Calibrate the beginning and the end of the recording apart.",
         ),
     ),
