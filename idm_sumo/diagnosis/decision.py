@@ -14,7 +14,7 @@ from idm_sumo.diagnosis.fit import Fit
 from idm_sumo.diagnosis.gain import Errors, by_folds, driven, folds_of, lower_bound, typical_gain
 from idm_sumo.diagnosis.model import Placed, present_columns, refitted, with_effects
 from idm_sumo.diagnosis.result import Gain
-from idm_sumo.diagnosis.search import SURE, Found, Look
+from idm_sumo.diagnosis.search import Found, Look
 
 Floats = npt.NDArray[np.float64]
 
@@ -124,7 +124,7 @@ def claims_of(found: Found) -> list[Claim]:
         family = int(library.family[winner])
         drivers = look.effective_drivers(winner)
         probability = component.probability(library)
-        if careful.probability(library)[family] < SURE or drivers < settings.least_drivers:
+        if careful.odds(library, settings)[family] < 0.0 or drivers < settings.least_drivers:
             continue
         is_known = library.is_free(winner) or any(one.name == library.names[family] for one in look.effects)
         if not is_known or any(one.name == library.names[family] for one in claims):

@@ -36,12 +36,15 @@ class Driven:
     ----------
     effects : tuple of Placed
     fit : Fit
-    support : float
+    total : float
         Log-likelihood over that without the last effect, less what null replicates show.
+    support : float
+        The same as far as blocks of drivers agree on it.
     """
 
     effects: tuple[Placed, ...]
     fit: Fit
+    total: float
     support: float
 
 
@@ -73,8 +76,16 @@ class Road:
         curve = _climbed(at, one)
         best = max((value for value in curve if value), key=lambda value: curve[value])
         likely, fit = kept[best]
-        support = agreed(likely - without - each_slope * best, self.subject.windows.platoon)
-        return Driven((*rest, replace(one, value=best)), fit, support)
+        each = likely - without - each_slope * best
+        support = agreed(each, self.subject.windows.platoon)
+        return Driven((*rest, replace(one, value=best)), fit, float(each.sum()), support)
+
+    def likeliest(self, rest: Sequence[Placed], forms: Sequence[tuple[Placed, float]], without: Floats) -> int:
+        """Return which of several forms of an effect, each with its size and slope, is likeliest as it is driven."""
+        if len(forms) == 1:
+            return 0
+        total = [float((self.driven([*rest, one])[0] - without).sum()) - slope * one.value for one, slope in forms]
+        return int(np.argmax(total))
 
     def together(self, effects: Sequence[Placed], slopes: Sequence[float]) -> tuple[Fit, tuple[Placed, ...]]:
         """Return effects at their likeliest sizes once all are in the model, each moved in turn."""

@@ -68,6 +68,16 @@ class Library:
         """Return whether a hypothesis belongs to no effect."""
         return self.group_of(number).is_free
 
+    def is_linear(self, number: int) -> bool:
+        """Return whether a little of a hypothesis says what much of it does."""
+        form = self.group_of(number).form
+        return form is None or form.field is not None
+
+    def best_of_forms(self, each: Floats) -> list[int]:
+        """Return the hypotheses that are likeliest within their forms; minus infinity is of those that are not asked."""
+        form = np.array([str(self.group_of(n).form.fixed) if np.isfinite(each[n]) else "" for n in range(len(each))])  # type: ignore[union-attr]
+        return [int(np.argmax(np.where(form == one, each, -np.inf))) for one in dict.fromkeys(form) if one]
+
     def edges(self, number: int) -> dict[str, tuple[float, float]]:
         """Return from where to where a hypothesis lies along each axis."""
         axes = self.group_of(number).axes

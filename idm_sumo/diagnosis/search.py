@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import NamedTuple
 
 import numpy as np
@@ -24,6 +24,7 @@ Floats = npt.NDArray[np.float64]
 ROUNDS = 6  # of what enters or leaves the model
 LITTLE = 1e-6  # of a log-likelihood
 TRIED = 3  # effects that are driven in one round
+UNSETTLED = 2.0  # standard errors, by which a size may be off
 SURE = 0.5  # probability of a family within a component
 
 
@@ -113,17 +114,23 @@ def search(subject: Subject, base: Fit, settings: Settings, rng: np.random.Gener
 
     first = now = look(base, ())
     road = Road(subject, base, first.library.plan)
-    refused: set[str] = set()
+    gone: set[str] = set()
     for _ in range(ROUNDS):
         kept = tuple(one for one in now.effects if one.name in _winners(now, settings))
-        refused |= {one.name for one in now.effects} - {one.name for one in kept}
-        slopes = [_slope(now, one) for one in kept]
-        if len(kept) == len(now.effects):
-            one = _entering(now, road, refused, settings, progress) if len(kept) < settings.components else None
-            if one is None:
-                break
-            kept, slopes = one.driven.effects, [*slopes, one.slope]
-        now = look(*road.together(kept, slopes)) if kept else first
+        if len(kept) < len(now.effects):
+            gone |= {one.name for one in now.effects} - {one.name for one in kept}
+            now = look(*road.together(kept, [_slope(now, one) for one in kept])) if kept else first
+            continue
+        moved = _resized(now, settings)
+        if moved != now.effects:
+            now = look(road.fitted(moved), moved)
+            continue
+        # What was not likely may be so beside what has entered since.
+        entering = _entering(now, road, set(gone), settings, progress) if len(kept) < settings.components else None
+        if entering is None:
+            break
+        slopes = [*(_slope(now, one) for one in kept), entering.slope]
+        now = look(*road.together(entering.driven.effects, slopes))
     return Found(base, first, now, settings)
 
 
@@ -137,8 +144,36 @@ def _winners(now: Look, settings: Settings) -> dict[str, int]:
     return out
 
 
-def _candidates(now: Look, refused: set[str], settings: Settings) -> list[tuple[int, float]]:
-    """Return hypotheses of effects that are worth driving, and the sizes at which they win; none if nothing is left to explain."""
+def _resized(now: Look, settings: Settings) -> tuple[Placed, ...]:
+    """Return the effects, those moved to where they are likeliest that are farther from it than two standard errors.
+
+    Null replicates of the model that has them show what measurement makes of an effect of this size; those of the model without it do not.
+    """
+    arena = now.arena(settings)
+    parts = [arena.contribution(one) for one in now.selection.components]
+    moved = {}
+    for n, component in enumerate(now.selection.components):
+        winner = now.winner(component)
+        if winner is None or not now.library.group_of(winner).present:
+            continue
+        others = sum((part for k, part in enumerate(parts) if k != n), arena.nothing)
+        careful = arena.component(others, careful=True)
+        moved[name_of(now.library, winner)] = float(component.size[winner]), float(careful.deviation[winner])
+    out = []
+    for one in now.effects:
+        size, error = moved.get(one.name, (one.value, np.inf))
+        first = one.magnitude
+        size = float(np.clip(size, max(first.lower, one.value - abs(one.value)), min(first.upper, one.value + abs(one.value))))
+        out.append(replace(one, value=size) if abs(size - one.value) > UNSETTLED * error else one)
+    return tuple(out)
+
+
+def _candidates(now: Look, refused: set[str], settings: Settings) -> list[list[tuple[int, float]]]:
+    """Return effects that are worth driving, each as hypotheses and the sizes at which they win; none if nothing is left to explain.
+
+    Of an effect that is linear the likeliest hypothesis is enough. How others act at their size a little of them does not say: of these
+    every form is driven, each where it is likeliest.
+    """
     there = {one.name for one in now.effects}
     if not set(_winners(now, settings)) - there:
         return []
@@ -149,17 +184,18 @@ def _candidates(now: Look, refused: set[str], settings: Settings) -> list[tuple[
         own = library.names[int(np.argmax(component.probability(library)))]
         (held if own in there else others).append(component)
     alone = arena.component(sum((arena.contribution(one) for one in held), arena.nothing))
-    close: list[tuple[float, int, float]] = []
+    close: list[tuple[float, str, list[tuple[int, float]]]] = []
     for one in (alone, *others):
         for family in np.flatnonzero(one.by_family > np.maximum(now.selection.threshold, 0.0)):
             name = library.names[family]
             inside = np.where(library.family == family, one.log_bf + np.log(library.within), -np.inf)
             best = int(np.argmax(inside))
-            if library.is_free(best) or name in there | refused | {name_of(library, n) for _, n, _ in close}:
+            if library.is_free(best) or name in there | refused | {other for _, other, _ in close}:
                 continue
             if now.effective_drivers(best) >= settings.least_drivers:
-                close.append((float(one.by_family[family]), best, float(one.size[best])))
-    return [(best, size) for _, best, size in sorted(close, reverse=True)[:TRIED]]
+                forms = [best] if library.is_linear(best) else library.best_of_forms(inside)
+                close.append((float(one.by_family[family]), name, [(n, float(one.size[n])) for n in forms]))
+    return [forms for _, _, forms in sorted(close, reverse=True)[:TRIED]]
 
 
 def name_of(library: Library, hypothesis: int) -> str:
@@ -179,17 +215,26 @@ def _entering(now: Look, road: Road, refused: set[str], settings: Settings, prog
     tried = _candidates(now, refused, settings)
     without = road.driven(now.effects)[0] if tried else np.empty(0)
     likely: list[Entering] = []
-    for number, (hypothesis, size) in enumerate(tried):
+    for number, forms in enumerate(tried):
         progress("driving with one more effect", number, len(tried))
-        one = placed_of(now.library, hypothesis, size, now.effects)
-        row = now.library.mix[hypothesis]
-        slope = float(row.data @ now.evidence.nulls.mean(axis=0)[row.indices])
+        each = [
+            (placed_of(now.library, hypothesis, size, now.effects), _null_slope(now, hypothesis))
+            for hypothesis, size in forms
+        ]
+        which = road.likeliest(now.effects, each, without)
+        one, slope = each[which]
         driven = road.sized(now.effects, one, slope, without)
-        if now.is_likely(driven, hypothesis, settings):
+        if now.is_likely(driven, forms[which][0], settings):
             likely.append(Entering(driven, slope))
         else:
             refused.add(one.name)
-    return max(likely, key=lambda one: one.driven.support, default=None)
+    return max(likely, key=lambda one: one.driven.total, default=None)
+
+
+def _null_slope(now: Look, hypothesis: int) -> float:
+    """Return what null replicates say of a little of a hypothesis."""
+    row = now.library.mix[hypothesis]
+    return float(row.data @ now.evidence.nulls.mean(axis=0)[row.indices])
 
 
 def _slope(now: Look, one: Placed) -> float:

@@ -64,6 +64,11 @@ class Component:
         """Return the probability of each family."""
         return np.asarray(np.bincount(library.family, self.weight, len(library.names)))
 
+    def odds(self, library: Library, settings: Settings) -> Floats:
+        """Return the logarithm of the posterior odds of each family against nothing, as if there were no other."""
+        prior = (1.0 - settings.nothing) * library.prior / settings.nothing
+        return np.asarray(self.by_family + np.log(prior))
+
 
 @dataclass(frozen=True)
 class Selection:
