@@ -73,7 +73,7 @@ def demand_of(recording: Recording, *, approach: bool = False) -> pd.DataFrame:
     if not net.layout.off_ramp:
         return table.assign(**{DESTINATION: net.destinations[0]})
     on_ramp, off_ramp, weave = net.layout.on_ramp, net.layout.off_ramp, net.mainline.index(net.layout.weave)
-    upstream = table[EDGE].isin((*net.mainline[1 : weave + 1], on_ramp, off_ramp))
+    upstream = table[EDGE].isin((*net.mainline[: weave + 1], on_ramp, off_ramp))
     leaving = (table[EDGE] == off_ramp) | (upstream & (table[DESTINATION] == LEAVING))
     return table.assign(**{DESTINATION: np.where(leaving, LEAVING, THROUGH)})
 
