@@ -11,6 +11,7 @@ from idm_sumo.models.effects import BY_NAME, format_quantity
 
 from . import contract as c
 from .outcome import Outcome, outcome_of, told
+from .shape import lacks
 from .words import lanes, p_value, plain, sentence, where
 
 FEW_NAMES = 4  # effects named one by one
@@ -155,6 +156,8 @@ def _none(outcome: Outcome) -> tuple[str, str]:
     if content.without_gain:
         there = _listed(behaviour(outcome, cause) for cause in content.without_gain)
         return sentence(f"No cause improves the simulation. Present, but without gain: {there}"), looked
+    if shape := lacks(outcome):
+        return f"No effect of the catalogue was found, but {law_of(outcome)} lacks a shape: {shape}.", looked
     return f"No cause was found: these data show nothing beyond {law_of(outcome)}.", looked
 
 
@@ -202,6 +205,11 @@ def better(outcome: Outcome) -> str:
 def _advice(outcome: Outcome) -> tuple[str, ...]:
     content = outcome.content
     if content.verdict == "none":
+        if lacks(outcome):
+            return (
+                f"Expect errors there, however {law_of(outcome)} is calibrated: no parameters make up for it.",
+                "A law with more freedom in gap, speed and approach rate would follow these drivers more closely.",
+            )
         known = content.gain.vehicles or content.without_gain
         return ("Calibrate and simulate as before.",) if known else ("Record more drivers, or for longer.",)
     if content.verdict == "unknown":
@@ -259,6 +267,8 @@ def _limits(outcome: Outcome) -> tuple[str, ...]:
         out.append(f"Present, but without a gain of the simulation: {there}.")
     if content.causes and content.unexplained:
         out.append(f"Left unexplained: {_listed(plain(one.covariate) for one in content.unexplained)}.")
+    if content.verdict != "none" and (shape := lacks(outcome)):
+        out.append(f"{law_of(outcome)} lacks a shape, whatever its parameters: {shape}.")
     if content.untestable:
         names = [plain(name) for name in content.untestable]
         some = f"{_listed(names[:FEW_NAMES])}{' and more' if len(names) > FEW_NAMES else ''}"

@@ -6,7 +6,7 @@ from typing import Any
 
 import numpy as np
 
-from idm_sumo.diagnosis import CauseFound, Diagnosis, Gain
+from idm_sumo.diagnosis import CauseFound, Diagnosis, Gain, LawMisfit
 
 GAIN = ("metric", "base", "extended", "difference", "ci95", "vehicles", "held_out")
 NOT_MEASURED = Gain("ade_m", 0.0, 0.0, 0.0, (0.0, 0.0), 0)  # zero vehicles: none were held out
@@ -53,7 +53,20 @@ def contract(found: Diagnosis) -> dict[str, Any]:
         "untestable": dict(found.untestable),
         "power": [vars(one) for one in found.power],
         "law": found.model.law,
+        "law_misfit": _misfit(found.law_misfit),
+        "detectable": [{**vars(one), "found": one.share} for one in found.detectable],
     }
+
+
+def _misfit(misfit: LawMisfit | None) -> dict[str, Any] | None:
+    if misfit is None:
+        return None
+    cell = misfit.surest
+    surest = None if cell is None else {
+        "x_name": cell.x_name, "x_m_s": list(cell.x_m_s), "gap_m": list(cell.gap_m),
+        "acceleration_m_s2": cell.acceleration, "standard_error_m_s2": cell.standard_error, "drivers": cell.drivers,
+    }  # fmt: skip
+    return {"typical_m_s2": misfit.typical_m_s2, "p_value": misfit.p_value, "surest": surest}
 
 
 def _cause(cause: CauseFound, whole: dict[str, Range]) -> dict[str, Any]:

@@ -125,6 +125,52 @@ class Power(_Part):
     probability: Probability
 
 
+class Detectable(_Part):
+    """An effect's size that was injected into the recording's own followers.
+
+    Attributes
+    ----------
+    found : float
+        Share of the injections in which it stood out.
+    of : int
+        Number of injections.
+    """
+
+    name: str
+    symbol: str
+    unit: str
+    size: Number
+    found: Probability
+    of: Annotated[int, Field(ge=1)]
+
+
+class MisfitCell(_Part):
+    """The acceleration that the law lacks in a range of gaps and of speeds or approach rates."""
+
+    x_name: Literal["speed", "approach_rate"]
+    x_m_s: Interval
+    gap_m: Interval
+    acceleration_m_s2: Number
+    standard_error_m_s2: Number
+    drivers: Annotated[int, Field(ge=0)]
+
+
+class LawMisfit(_Part):
+    """The shape that the law lacks, whatever its drivers' parameters.
+
+    Attributes
+    ----------
+    typical_m_s2 : float
+        Typical size of its coefficients; zero if the law lacks nothing.
+    surest : MisfitCell or None
+        Where it is most standard errors.
+    """
+
+    typical_m_s2: Number
+    p_value: Probability
+    surest: MisfitCell | None
+
+
 class Diagnosis(_Part):
     """The content of ``diagnosis.json``.
 
@@ -140,6 +186,8 @@ class Diagnosis(_Part):
     untestable: dict[str, str]
     power: list[Power]
     law: str
+    law_misfit: LawMisfit | None
+    detectable: list[Detectable]
 
     @model_validator(mode="after")
     def _consistent(self) -> Self:

@@ -2,9 +2,10 @@
 
 from __future__ import annotations
 
+import itertools
 from collections.abc import Sequence
 
-from idm_sumo.diagnosis import Diagnosis, Power
+from idm_sumo.diagnosis import Detectable, Diagnosis, Power
 from idm_sumo.models import laws
 from idm_sumo.models.effects import BY_NAME, Parameter, format_quantity
 
@@ -186,6 +187,28 @@ def _another(found: Diagnosis) -> str:
         f"({law.standard_errors:.1f} standard errors), a sign that it cannot have. Estimated sizes refer to "
         "that law, their intervals are wider because of it, and small effects may stay undetected."
     )
+
+
+def detectable_sentences(found: Diagnosis) -> list[str]:
+    """Return in how many injections each effect and size stood out.
+
+    Parameters
+    ----------
+    found : Diagnosis
+        The diagnosis.
+
+    Returns
+    -------
+    list of str
+        One line an effect; empty if nothing was injected.
+    """
+    by_effect = itertools.groupby(found.detectable, key=lambda one: (one.name, one.symbol))
+    return [_injected(plain(name), symbol, list(each)) for (name, symbol), each in by_effect]
+
+
+def _injected(name: str, symbol: str, each: list[Detectable]) -> str:
+    shares = ", ".join(f"of {format_quantity(one.size, one.unit)} in {one.found} of {one.of}" for one in each)
+    return f"{name}, injected into these very drivers ({symbol}): {shares}"
 
 
 def power_sentences(found: Diagnosis) -> list[str]:

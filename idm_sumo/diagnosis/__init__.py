@@ -1,8 +1,10 @@
 """What the simulation gets wrong, and why: :func:`diagnose` a recording."""
 
 from idm_sumo.diagnosis.diagnose import diagnose
+from idm_sumo.diagnosis.law_misfit import LawMisfit
 from idm_sumo.diagnosis.result import (
     CauseFound,
+    Detectable,
     Diagnosis,
     Estimate,
     Gain,
@@ -16,5 +18,5 @@ from idm_sumo.diagnosis.result import (
 )
 
 __all__ = [
-    "CauseFound", "Diagnosis", "Estimate", "Gain", "Law", "OtherLaw", "Power", "Region", "RuledOut", "Scan", "Unexplained", "diagnose",
+    "CauseFound", "Detectable", "Diagnosis", "Estimate", "Gain", "Law", "LawMisfit", "OtherLaw", "Power", "Region", "RuledOut", "Scan", "Unexplained", "diagnose",
 ]  # fmt: skip

@@ -12,17 +12,19 @@ from numba import get_num_threads, set_num_threads
 from threadpoolctl import threadpool_limits
 
 from idm_sumo.diagnosis import atoms as at
-from idm_sumo.diagnosis import free_gates, gates, law, luck, some_drivers, statements, tables
+from idm_sumo.diagnosis import free_gates, gates, injection, law, luck, some_drivers, statements, tables
 from idm_sumo.diagnosis import hypotheses as hy
 from idm_sumo.diagnosis import noise as no
 from idm_sumo.diagnosis.artefact import find_seam, repaired
+from idm_sumo.diagnosis.evidence import Evidence
 from idm_sumo.diagnosis.fit import Fit, first_guess, fit_drivers, for_rollouts
 from idm_sumo.diagnosis.gain import Errors, all_gains, compare, driven, typical_gain
 from idm_sumo.diagnosis.gain_gates import LAWLIKE, NO_SHAPE, is_confirmed
 from idm_sumo.diagnosis.hypotheses import Candidate
 from idm_sumo.diagnosis.law import Followed
+from idm_sumo.diagnosis.law_misfit import LawMisfit, law_misfit
 from idm_sumo.diagnosis.look import Subject
-from idm_sumo.diagnosis.result import NAMED, NONE, UNKNOWN, Diagnosis, Gain, Law
+from idm_sumo.diagnosis.result import NAMED, NONE, UNKNOWN, Detectable, Diagnosis, Gain, Law
 from idm_sumo.diagnosis.rollout import PLAIN
 from idm_sumo.diagnosis.search import Found, left_without_causes, search, with_its_noise
 from idm_sumo.diagnosis.search_among_some import search_among_some
@@ -40,7 +42,9 @@ LEAST_WINDOWS = 60
 LEAST_HELD_OUT = 1e-3  # of the ADE of held-out drivers, that a further cause must spare beside the others
 
 
-def diagnose(recording: Recording, *, seed: int = 0, jobs: int = 1, progress: Progress = silent) -> Diagnosis:
+def diagnose(
+    recording: Recording, *, seed: int = 0, jobs: int = 1, injections: int = 0, progress: Progress = silent
+) -> Diagnosis:
     """Show what the simulation gets wrong, name the cause, extend the model, measure the gain.
 
     Parameters
@@ -51,6 +55,8 @@ def diagnose(recording: Recording, *, seed: int = 0, jobs: int = 1, progress: Pr
         Of the split into drivers, the twins and the bootstrap.
     jobs : int
         Threads of the compiled rollouts.
+    injections : int
+        Of each effect and size, to see which would have been found.
     progress : callable
 
     Returns
@@ -66,12 +72,12 @@ def diagnose(recording: Recording, *, seed: int = 0, jobs: int = 1, progress: Pr
     set_num_threads(max(1, min(jobs, before)))
     try:
         with threadpool_limits(1, user_api="blas"):  # the threads are ours: many windows, small matrices
-            return _diagnose(recording, np.random.default_rng(seed), progress)
+            return _diagnose(recording, np.random.default_rng(seed), injections, progress)
     finally:
         set_num_threads(before)
 
 
-def _diagnose(recording: Recording, rng: np.random.Generator, progress: Progress) -> Diagnosis:
+def _diagnose(recording: Recording, rng: np.random.Generator, injections: int, progress: Progress) -> Diagnosis:
     clock = [("start", time.perf_counter())]
     progress("cutting windows", 0, 1)
     seam = find_seam(recording)
@@ -101,7 +107,11 @@ def _diagnose(recording: Recording, rng: np.random.Generator, progress: Progress
     clock.append(("search", time.perf_counter()))
     progress("measuring the gain", 0, 1)
     told = _told(recording, windows, held, found, measurement, clock, rng)
-    told = replace(told, law=_law(held, followed, by_idm, rng), by_law=followed.by_law)
+    told = replace(
+        told, law=_law(held, followed, by_idm, rng), by_law=followed.by_law,
+        law_misfit=_misfit(subject, found.last if told.causes else found.first),
+        detectable=_detectable(subject, found, injections, rng, progress),
+    )  # fmt: skip
     return (
         told
         if seam is None
@@ -217,7 +227,7 @@ def _confirmed(found: Found, held: Windows, rng: np.random.Generator) -> tuple[F
 def _each_by_itself(found: Found, held: Windows, extended: Errors, rng: np.random.Generator) -> Found:
     """Return what was found without causes that rest on few drivers, or spare held-out ones nothing beside the others.
 
-    They are there without gain; the drivers are fitted anew without them.
+    They are there without gain; the drivers are fitted anew without them. A single cause has been confirmed by all of the gain.
     """
 
     def is_idle(name: str) -> bool:
@@ -226,9 +236,10 @@ def _each_by_itself(found: Found, held: Windows, extended: Errors, rng: np.rando
         typical = typical_gain(without, extended.ade_m, held.platoon, rng, held_out=True)
         return mean.difference < LEAST_HELD_OUT * mean.base and typical.ci95[0] <= 0.0
 
+    has_rivals = len(found.accepted) > 1
     idle = [
-        cause for number, cause in enumerate(found.accepted)
-        if _is_of_few(found, cause.candidate) or (number > 0 and is_idle(cause.candidate.name))
+        cause for cause in found.accepted
+        if _is_of_few(found, cause.candidate) or (has_rivals and is_idle(cause.candidate.name))
     ]  # fmt: skip
     fit = found.fit
     for cause in idle:
@@ -313,6 +324,25 @@ def _told(
         seconds=_seconds(clock),
         other_law=statements.other_law(found.last),
     )
+
+
+def _detectable(
+    subject: Subject, found: Found, injections: int, rng: np.random.Generator, progress: Progress
+) -> tuple[Detectable, ...]:
+    """Return which sizes would have been found; nothing unless injections are asked for."""
+    if not injections:
+        return ()
+    if found.share is not None:
+        told_apart = some_drivers.by_their_windows(subject.windows, found.fit, found.share.value)
+        subject = replace(subject, windows=told_apart)
+    return injection.detectable(subject, found, injections, rng, progress)
+
+
+def _misfit(subject: Subject, evidence: Evidence) -> LawMisfit | None:
+    """Return the shape that the law lacks, as the last look shows it."""
+    if evidence.of_form is None:
+        return None
+    return law_misfit(subject.windows, evidence.of_form, subject.grid.pivot)
 
 
 def _law(held: Windows, followed: Followed, by_idm: Fit, rng: np.random.Generator) -> Law | None:

@@ -13,7 +13,9 @@ import numpy.typing as npt
 from idm_sumo.diagnosis import atoms as at
 from idm_sumo.diagnosis.fit import Fit
 from idm_sumo.diagnosis.free_fields import Families
+from idm_sumo.diagnosis.law_misfit import FormEvidence
 from idm_sumo.diagnosis.left_over import Heard, LeftOver, hear, left_over
+from idm_sumo.diagnosis.linear_pulses import GUARD
 from idm_sumo.diagnosis.look import Build, Look, Subject, look, score
 from idm_sumo.diagnosis.luck import Luck
 from idm_sumo.diagnosis.twins import drawn_anew, make_twin, refit, start_behind
@@ -50,6 +52,8 @@ class Evidence:
         What no effect was asked for, the most significant first; empty if it was not looked for.
     lane : int64, shape (drivers,)
         Usual lanes, 0 for none; empty if lanes are not told apart.
+    of_form : FormEvidence or None
+        Of the car-following's own form, before it is taken out of the others; its variance inflated as theirs.
     """
 
     atoms: list[at.Atom]
@@ -60,6 +64,7 @@ class Evidence:
     block: Integers
     free: tuple[LeftOver, ...] = ()
     lane: Integers = field(default_factory=lambda: np.empty(0, dtype=np.int64))
+    of_form: FormEvidence | None = None
 
     def total(self) -> Floats:
         """Return the corrected total score of each atom."""
@@ -118,15 +123,22 @@ def examine(
     looked = look(subject, fit, at.build, answer)
     progress(stage, 0, 1)
     heard = None if free is None else Twins([], [], free)
-    totals = _twin_totals(subject, fit, lucks, looked, heard)
+    totals = null_totals(subject, fit, lucks, looked, heard)
     progress(stage, 1, 1)
     # The twins' mean is taken off each driver by its share of the windows.
     windows = subject.windows
     share = np.bincount(windows.driver, minlength=windows.drivers) / len(windows.driver)
-    corrected = looked.u - share[:, None] * totals.mean(axis=0)
+    corrected = looked.u - share[:, None] * totals.corrected.mean(axis=0)
     evidence = Evidence(
-        looked.atoms, corrected, totals, looked.gram, looked.found.part, windows.platoon, lane=windows.usual_lane
+        looked.atoms,
+        corrected,
+        totals.corrected,
+        looked.gram,
+        looked.found.part,
+        windows.platoon,
+        lane=windows.usual_lane,
     )
+    evidence = replace(evidence, of_form=_of_form(looked, totals.own, evidence.inflation))
     if heard is None:
         return evidence
     left = left_over(
@@ -143,8 +155,23 @@ class Twins(NamedTuple):
     families: Families
 
 
-def _twin_totals(subject: Subject, fit: Fit, lucks: Sequence[Luck], looked: Look, heard: Twins | None = None) -> Floats:
-    """Return the total scores of null twins, shape ``(twins, atoms)``: of drawn drivers for what differs between drivers.
+class Totals(NamedTuple):
+    """Total scores of null twins, shape ``(twins, atoms)``: free of the form, and those of the fitted drivers as they are."""
+
+    corrected: Floats
+    own: Floats
+
+
+def _of_form(looked: Look, own: Floats, inflation: float) -> FormEvidence:
+    """Return what the recording says of the car-following's form beyond what its twins show."""
+    form = np.flatnonzero([atom.name.startswith(GUARD) for atom in looked.atoms])
+    wider = inflation * (1.0 + 1.0 / len(own))
+    score = looked.found.u[:, form].sum(axis=0) - own[:, form].mean(axis=0)
+    return FormEvidence(score / wider, looked.found.gram[np.ix_(form, form)] / wider)
+
+
+def null_totals(subject: Subject, fit: Fit, lucks: Sequence[Luck], looked: Look, heard: Twins | None = None) -> Totals:
+    """Return the total scores of null twins: of drawn drivers for what differs between drivers.
 
     The form of the car-following is taken out of them as out of the recording, by the recording's Gram matrix and as twins of
     the fitted drivers show it: these share their paths with the recording, drawn ones do not. What they say of everything free
@@ -166,7 +193,7 @@ def _twin_totals(subject: Subject, fit: Fit, lucks: Sequence[Luck], looked: Look
     own, anew = (np.array([scores for scores, _ in twins]) for twins in (fitted, drawn or fitted))
     of_form = own @ (looked.free_of_form - np.eye(len(looked.atoms)))
     totals = np.where(between, anew, own)
-    return np.asarray(totals * [name not in ENDOGENOUS for name in looked.names] + of_form)
+    return Totals(np.asarray(totals * [name not in ENDOGENOUS for name in looked.names] + of_form), own)
 
 
 def _twin(
@@ -201,7 +228,7 @@ def local_scores(looked: Look) -> dict[str, Local]:
 
 def local_biases(subject: Subject, fit: Fit, looked: Look, lucks: Sequence[Luck]) -> dict[str, Local]:
     """Return the same of twins in which the model as it is drives: the score that noise and smoothing make."""
-    return _by_name(looked, _twin_totals(subject, fit, lucks, looked).mean(axis=0))
+    return _by_name(looked, null_totals(subject, fit, lucks, looked).corrected.mean(axis=0))
 
 
 def _by_name(looked: Look, total: Floats) -> dict[str, Local]:

@@ -24,11 +24,12 @@ from idm_sumo.runtime.threads import in_threads
 Floats = npt.NDArray[np.float64]
 
 GUARD = "form:"  # begins the names of what another car-following model underneath would look like
+FORMS = 6  # smooth functions of speed, approach rate and gap
 LINEAR = (
     "acceleration_asymmetry", "leader_class", "speed_dependent_headway", "hysteresis", "hysteresis",
     "adjacent_lane_friction", "adjacent_lane_friction", "vehicle_class", "follower_pressure", "courtesy_yielding", "pre_insertion",
     "courtesy_yielding", "pre_insertion",
-    *(f"{GUARD}{n}" for n in range(6)),
+    *(f"{GUARD}{n}" for n in range(FORMS)),
 )  # fmt: skip
 # Of them: hysteresis by what the leader did of late, friction beside the next vehicle ahead, braking before a lane change.
 OF_LATE, OF_NEXT, YIELDING, MOVING = 4, 6, 11, 12
@@ -62,8 +63,8 @@ def _fill(first, last, seen, state, pivot, out):  # type: ignore[no-untyped-def]
             row, to, base = seen[i, :, w.LEAD + k], out[i, k // BIN], state[i, k]
             by_t, a, v, x = base[BY_T], base[BASE_A], base[BASE_V], base[BASE_X]
             leader, of_late = _known(row[w.ACCELERATION]), _known(row[w.ACCELERATION_OF_LATE])
-            speed, closing = (v - pivot) / SPEED_UNIT, (v - row[w.SPEED]) / 3.0
-            gap = math.log(max(row[w.REAR] - x, 1.0) / (2.0 + 1.2 * v))
+            speed = (v - pivot) / SPEED_UNIT
+            form = smooth_forms(v, v - row[w.SPEED], row[w.REAR] - x, pivot)
             to[0] += weakened(a, 1.0) - a
             to[1] += by_t * (behind_truck(row[w.KIND], 1.0) - 1.0)
             to[2] += by_t * speed
@@ -77,15 +78,33 @@ def _fill(first, last, seen, state, pivot, out):  # type: ignore[no-untyped-def]
             to[10] += by_t * (before_own_change(row[w.UNTIL_OWN], 1.0) - 1.0)
             to[YIELDING] += braking_before(row[w.UNTIL_CUT_IN], 1.0)
             to[MOVING] += braking_before(row[w.UNTIL_OWN], 1.0)
-            to[13] += speed * speed
-            to[14] += closing * closing
-            to[15] += speed * closing
-            to[16] += gap * gap
-            to[17] += gap * speed
-            to[18] += gap * closing
+            for n in range(FORMS):
+                to[len(LINEAR) - FORMS + n] += form[n]
         for p in range(out.shape[1]):
             for n in range(out.shape[2]):
                 out[i, p, n] /= BIN
+
+
+@njit(cache=True, error_model="numpy")
+def smooth_forms(speed, rate, gap, pivot):  # type: ignore[no-untyped-def]
+    """Return smooth accelerations of second order, which no driver's own parameters make.
+
+    Parameters
+    ----------
+    speed, rate, gap : float
+        Own speed (m/s), approach rate (m/s) and gap (m).
+    pivot : float
+        Mean speed of the recording (m/s).
+
+    Returns
+    -------
+    tuple of six floats
+        Products of two of: the speed's deviation in 10 m/s, the approach rate in 3 m/s, and the logarithm of the gap over what is kept
+        at that speed.
+    """
+    fast, closing = (speed - pivot) / SPEED_UNIT, rate / 3.0
+    wide = math.log(max(gap, 1.0) / (2.0 + 1.2 * speed))
+    return fast * fast, closing * closing, fast * closing, wide * wide, wide * fast, wide * closing
 
 
 @njit(cache=True, error_model="numpy")

@@ -10,6 +10,7 @@ import numpy as np
 import numpy.typing as npt
 import pandas as pd
 
+from idm_sumo.diagnosis.law_misfit import LawMisfit
 from idm_sumo.models.effects import ExtendedModel
 
 Floats = npt.NDArray[np.float64]
@@ -181,6 +182,23 @@ class Power:
 
 
 @dataclass(frozen=True)
+class Detectable:
+    """An effect's size, in how many injections into the recording's own followers it was found, and of how many."""
+
+    name: str
+    symbol: str
+    unit: str
+    size: float
+    found: int
+    of: int
+
+    @property
+    def share(self) -> float:
+        """Share of the injections in which it was found."""
+        return self.found / self.of
+
+
+@dataclass(frozen=True)
 class Scan:
     """An estimate by bins of one covariate: ``edges`` shape ``(bins + 1,)``, the others ``(bins,)``."""
 
@@ -233,6 +251,10 @@ class Diagnosis:
         Which drivers follow more likely than the IDM; it is then in both models, and gains are beside it. None for the IDM.
     by_law : mapping of str to LawCompared
         By its name, what each law makes of some drivers that fit, no causes in any.
+    law_misfit : LawMisfit or None
+        The acceleration that the law lacks with the causes in the model; None of too little data.
+    detectable : tuple of Detectable
+        Effects that were injected, by name, sizes ascending; empty if none were asked for.
     """
 
     verdict: str
@@ -255,3 +277,5 @@ class Diagnosis:
     other_law: OtherLaw | None = None
     law: Law | None = None
     by_law: Mapping[str, LawCompared] = field(default_factory=dict)
+    law_misfit: LawMisfit | None = None
+    detectable: tuple[Detectable, ...] = ()
