@@ -227,7 +227,7 @@ def _confirmed(found: Found, held: Windows, rng: np.random.Generator) -> tuple[F
 def _each_by_itself(found: Found, held: Windows, extended: Errors, rng: np.random.Generator) -> Found:
     """Return what was found without causes that rest on few drivers, or spare held-out ones nothing beside the others.
 
-    They are there without gain; the drivers are fitted anew without them. A single cause has been confirmed by all of the gain.
+    They are there without gain; the drivers are fitted anew without them. A cause that is left alone has been confirmed by all of the gain.
     """
 
     def is_idle(name: str) -> bool:
@@ -236,11 +236,11 @@ def _each_by_itself(found: Found, held: Windows, extended: Errors, rng: np.rando
         typical = typical_gain(without, extended.ade_m, held.platoon, rng, held_out=True)
         return mean.difference < LEAST_HELD_OUT * mean.base and typical.ci95[0] <= 0.0
 
-    has_rivals = len(found.accepted) > 1
-    idle = [
-        cause for cause in found.accepted
-        if _is_of_few(found, cause.candidate) or (has_rivals and is_idle(cause.candidate.name))
-    ]  # fmt: skip
+    first, *further = found.accepted
+    idle = [one for one in further if _is_of_few(found, one.candidate) or is_idle(one.candidate.name)]
+    stands_alone = len(idle) == len(further)
+    if _is_of_few(found, first.candidate) or (not stands_alone and is_idle(first.candidate.name)):
+        idle.append(first)
     fit = found.fit
     for cause in idle:
         fit = without_cause(fit, cause.candidate.name)
