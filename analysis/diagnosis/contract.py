@@ -145,7 +145,7 @@ class Detectable(_Part):
 
 
 class MisfitCell(_Part):
-    """The acceleration that the law lacks in a range of gaps and of speeds or approach rates."""
+    """What the law lacks in a range of states."""
 
     x_name: Literal["speed", "approach_rate"]
     x_m_s: Interval
@@ -156,7 +156,7 @@ class MisfitCell(_Part):
 
 
 class LawMisfit(_Part):
-    """The shape that the law lacks, whatever its drivers' parameters.
+    """The shape that the law lacks.
 
     Attributes
     ----------

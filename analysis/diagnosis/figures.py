@@ -258,7 +258,9 @@ def free_accelerations(scans: Sequence[Scan]) -> Figure:
 
 
 def law_misfit(misfit: LawMisfit) -> Figure:
-    """Draw the acceleration that the law lacks over gap and speed, and over gap and approach rate.
+    """Draw the acceleration that the law lacks.
+
+    Over gap and speed, and over gap and approach rate.
 
     Parameters
     ----------

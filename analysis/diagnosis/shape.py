@@ -17,7 +17,7 @@ CAPTION = (
 
 
 def lacks(outcome: Outcome) -> str:
-    """Return what drivers do that the law lacks, where it is surest.
+    """Return what the law lacks, where it is surest.
 
     Parameters
     ----------

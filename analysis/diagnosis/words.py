@@ -190,7 +190,7 @@ def _another(found: Diagnosis) -> str:
 
 
 def detectable_sentences(found: Diagnosis) -> list[str]:
-    """Return in how many injections each effect and size stood out.
+    """Return in how many injections each effect was found.
 
     Parameters
     ----------

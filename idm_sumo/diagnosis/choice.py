@@ -10,18 +10,18 @@ import numpy as np
 from idm_sumo.diagnosis import evidence as ev
 from idm_sumo.diagnosis import gain_gates, gates
 from idm_sumo.diagnosis import hypotheses as hy
-from idm_sumo.diagnosis.atoms import KNOWN
+from idm_sumo.diagnosis.chance import Chance
 from idm_sumo.diagnosis.fit import Fit
 from idm_sumo.diagnosis.hypotheses import Candidate
 from idm_sumo.diagnosis.look import Subject
-from idm_sumo.diagnosis.luck import Luck
+from idm_sumo.diagnosis.regressors import KNOWN
 from idm_sumo.diagnosis.result import Gain
 from idm_sumo.diagnosis.sizes import DELAY, Tried, anew, climbed, gain_of, typical_ade
 from idm_sumo.runtime.progress import silent
 from idm_sumo.runtime.threads import each_in_threads
 
 TRIED = 3  # effects at most, that are brought to their sizes and compared
-HEARD = 2  # of the twins, on the way to the size of a candidate; where there are two only, as of many drivers, one says as much
+EVALUATED = 2  # of the replicates, on the way to the size of a candidate; where there are two only, as of many drivers, one says as much
 FORM = 0.5  # of the best form's support: one of the same effect with less is not taken for it, however it drives
 FAR_LESS = (
     0.35  # of the best cause's support: another with less is at most what the best one looks like, however it drives
@@ -52,7 +52,7 @@ class Accepted:
 
 
 def judged(
-    subject: Subject, fit: Fit, forms: list[Candidate], first: Tried | None, there: list[Candidate], lucks: list[Luck],
+    subject: Subject, fit: Fit, forms: list[Candidate], first: Tried | None, there: list[Candidate], chances: list[Chance],
     rng: np.random.Generator, known: Known | None = None,
 ) -> tuple[Tried, Accepted | None]:  # fmt: skip
     """Return the best of several candidates, and it as a cause if it passes every gate beside all that is there.
@@ -60,7 +60,7 @@ def judged(
     What says less than the best, both at their sizes, is not held against it, however sure it looked near zero.
     """
     known = {} if known is None else known
-    best, rivals = strongest(subject, fit, forms, lucks, rng, known)
+    best, rivals = strongest(subject, fit, forms, chances, rng, known)
     gain = gain_of(subject, fit, best.fit, rng)
     candidate = best.candidate
     # A likelihood that gains next to nothing, or falls, although vehicles are driven clearly better: not all drivers have it. What
@@ -84,7 +84,7 @@ def _not_outdone(there: list[Candidate], best: Tried, known: Known) -> list[Cand
 
 
 def strongest(
-    subject: Subject, fit: Fit, close: list[Candidate], lucks: list[Luck], rng: np.random.Generator,
+    subject: Subject, fit: Fit, close: list[Candidate], chances: list[Chance], rng: np.random.Generator,
     known: Known | None = None,
 ) -> tuple[Tried, tuple[str, ...]]:  # fmt: skip
     """Bring each candidate to its size and return the best, and those of other names with nearly as much support.
@@ -96,7 +96,7 @@ def strongest(
     little. So it does between what has far less and what has more, and between a delay and the hysteresis that it looks like.
     Those that it does not decide between are compared at rest.
     """
-    each = at_sizes(subject, fit, close, lucks, {} if known is None else known)
+    each = at_sizes(subject, fit, close, chances, {} if known is None else known)
     there = {tried.candidate.name for tried in each if gates.is_there(tried)}
     believed = [tried for tried in each if gates.is_there(tried) or tried.candidate.name not in there]
     most, *others = sorted(believed, key=lambda t: -t.support)
@@ -111,7 +111,7 @@ def strongest(
     return best, tuple(sorted(rivals - {best.candidate.name}))
 
 
-def at_sizes(subject: Subject, fit: Fit, each: list[Candidate], lucks: list[Luck], known: Known) -> list[Tried]:
+def at_sizes(subject: Subject, fit: Fit, each: list[Candidate], chances: list[Chance], known: Known) -> list[Tried]:
     """Return candidates at their sizes, from those that are there already where they are among them.
 
     A climb to a delay is the dearest there is: that of drivers who know more than one thing in spite of it is made only if a form
@@ -120,8 +120,8 @@ def at_sizes(subject: Subject, fit: Fit, each: list[Candidate], lucks: list[Luck
 
     def climb(some: list[Candidate]) -> list[Tried]:
         new = [c for c in some if c not in known]
-        heard = lucks[: HEARD if len(lucks) > HEARD else 1]
-        known.update(zip(new, each_in_threads(lambda c: climbed(subject, fit, c, heard), new), strict=True))
+        evaluated = chances[: EVALUATED if len(chances) > EVALUATED else 1]
+        known.update(zip(new, each_in_threads(lambda c: climbed(subject, fit, c, evaluated), new), strict=True))
         return [known[c] for c in some]
 
     late = [c for c in each if c.name == DELAY]
@@ -149,7 +149,7 @@ def _is_rival(other: Tried, most: Tried) -> bool:
 
 def _late_form(candidate: Candidate) -> Form:
     """Return what drivers know in spite of a delay; nothing of another effect."""
-    return frozenset(candidate.atom.fixed[1:] if candidate.name == DELAY else ())
+    return frozenset(candidate.regressor.fixed[1:] if candidate.name == DELAY else ())
 
 
 def _is_wanted(form: Form, support: Mapping[Form, float]) -> bool:
@@ -189,18 +189,18 @@ def _support_decides(other: Tried, best: Tried) -> bool:
 
 
 def most_supported(
-    subject: Subject, fit: Fit, evidence: ev.Evidence, lucks: list[Luck], but: Container[str], known: Known
+    subject: Subject, fit: Fit, evidence: ev.Evidence, chances: list[Chance], but: Container[str], known: Known
 ) -> Tried | None:
     """Return the likely effect, none of those named, with most support once at its size."""
     likely = [c for c in gates.believed(evidence) if gates.is_likely(c) and c.name not in but][:TRIED]
-    each = at_sizes(subject, fit, [form for c in likely for form in hy.forms(evidence, c)], lucks, known)
+    each = at_sizes(subject, fit, [form for c in likely for form in hy.forms(evidence, c)], chances, known)
     return max((one for one in each if gates.is_there(one)), key=lambda one: one.support, default=None)
 
 
-def stands_beside(subject: Subject, refused: Tried, candidate: Candidate, lucks: list[Luck]) -> bool:
+def stands_beside(subject: Subject, refused: Tried, candidate: Candidate, chances: list[Chance]) -> bool:
     """Return whether what no motion makes up (who, where, when, a lane change to come) is still there with what was refused in the model."""
     if candidate.name not in gates.NO_MOTION:
         return False
-    evidence = ev.examine(subject, refused.fit, lucks, progress=silent, stage="")
+    evidence = ev.examine(subject, refused.fit, chances, progress=silent, stage="")
     there = next((c for c in hy.candidates(evidence) if c.name == candidate.name), None)
     return there is not None and there.value * candidate.value > 0.0 and there.z**2 > gates.STILL * candidate.z**2

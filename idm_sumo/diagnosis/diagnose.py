@@ -11,10 +11,10 @@ import numpy as np
 from numba import get_num_threads, set_num_threads
 from threadpoolctl import threadpool_limits
 
-from idm_sumo.diagnosis import atoms as at
-from idm_sumo.diagnosis import free_gates, gates, injection, law, luck, some_drivers, statements, tables
+from idm_sumo.diagnosis import chance, free_gates, gates, injection, law, some_drivers, statements, tables
 from idm_sumo.diagnosis import hypotheses as hy
 from idm_sumo.diagnosis import noise as no
+from idm_sumo.diagnosis import regressors as rg
 from idm_sumo.diagnosis.artefact import find_seam, repaired
 from idm_sumo.diagnosis.evidence import Evidence
 from idm_sumo.diagnosis.fit import Fit, first_guess, fit_drivers, for_rollouts
@@ -52,7 +52,7 @@ def diagnose(
     recording : Recording
         As read (not smoothed).
     seed : int
-        Of the split into drivers, the twins and the bootstrap.
+        Of the split into drivers, the replicates and the bootstrap.
     jobs : int
         Threads of the compiled rollouts.
     injections : int
@@ -91,16 +91,16 @@ def _diagnose(recording: Recording, rng: np.random.Generator, injections: int, p
     if train.drivers < LEAST_DRIVERS or len(train.seen) < LEAST_WINDOWS:
         return _too_little(windows, train, clock)
     progress("fitting drivers", 0, 1)
-    start = luck.measured(measurement, own, 400, 160, rng)
+    start = chance.measured(measurement, own, 400, 160, rng)
     by_idm = fit_drivers(train, PLAIN.copy(), np.array([start[0].var() + 1e-4, start[1].var() + 1e-4]), rounds=ROUNDS)
     clock.append(("fit", time.perf_counter()))
     progress("comparing car-following laws", 0, 1)
-    followed = law.followed(train, by_idm, rng.spawn(1)[0])  # what comes after has its own luck, whatever the law
+    followed = law.followed(train, by_idm, rng.spawn(1)[0])  # what comes after has its own chance, whatever the law
     base = followed.fit
     clock.append(("law", time.perf_counter()))
     leader = motion if recording.has_leader_rows and not recording.is_smooth else None
-    noises = luck.Noises(measurement, no.QUIET, leader)
-    subject = with_its_noise(Subject(train, noises, at.grid_of(windows), recording.is_smooth), base, rng)
+    noises = chance.Noises(measurement, no.QUIET, leader)
+    subject = with_its_noise(Subject(train, noises, rg.grid_of(windows), recording.is_smooth), base, rng)
     found = search(subject, base, rng, progress)
     followed, found = _by_the_law_with_causes(subject, followed, by_idm, found, rng, progress)
     found = search_among_some(subject, found, rng, progress)
@@ -196,7 +196,7 @@ def _names(found: Found) -> list[str]:
 
 def _follower_filter(measurement: no.Noise, rng: np.random.Generator) -> Smoother:
     """Return the filter of followers: the noisier the measurement, the longer."""
-    _, speed, _ = luck.measured(measurement, local_cubic(WINDOW), 400, 160, rng)
+    _, speed, _ = chance.measured(measurement, local_cubic(WINDOW), 400, 160, rng)
     return local_cubic(window_for(float(speed.std())))
 
 

@@ -10,7 +10,7 @@ from dataclasses import replace
 import numpy as np
 import numpy.typing as npt
 
-from idm_sumo.diagnosis import atoms as at
+from idm_sumo.diagnosis import regressors as rg
 from idm_sumo.diagnosis import rollout as ro
 from idm_sumo.diagnosis import windows as w
 from idm_sumo.diagnosis.bins import numbered
@@ -36,7 +36,7 @@ def sharpened(subject: Subject, fit: Fit, names: list[str]) -> Fit:
     moving = [name for name in names if name in SCANNED and BY_NAME[name].acting(fit.by_lane[0])[0].slot not in ENDLESS]
     if not moving:
         return fit
-    answer = at.answer_of(subject.windows, fit, subject.grid.pivot)
+    answer = rg.answer_of(subject.windows, fit, subject.grid.pivot)
     pulses = pulses_of(subject.windows, fit, answer)
     by_lane = fit.by_lane.copy()
     for name in moving:
@@ -45,7 +45,7 @@ def sharpened(subject: Subject, fit: Fit, names: list[str]) -> Fit:
         is_share = acting[0].is_share
         where, width = _along(subject, answer.state, name)
         value = answer.state[:, :, ro.BY_T] if is_share else np.ones(where.shape)
-        acts = at.acts(by_lane, magnitude)[subject.windows.seen[:, w.LANE, w.LEAD : -1].astype(np.int64)]
+        acts = rg.acts(by_lane, magnitude)[subject.windows.seen[:, w.LANE, w.LEAD : -1].astype(np.int64)]
         begin, end = by_lane[0, begins], by_lane[0, ends]
         size = np.log1p(by_lane[0, magnitude]) if is_share else by_lane[0, magnitude]
         slices = _slices(begin, end, width / SLICES)

@@ -1,4 +1,4 @@
-"""What the data say about every atom: scores less those of the null twins, Gram matrix, inflation."""
+"""What the data say about every regressor: scores less those of the null replicates, Gram matrix, inflation."""
 
 from __future__ import annotations
 
@@ -10,23 +10,23 @@ from typing import NamedTuple
 import numpy as np
 import numpy.typing as npt
 
-from idm_sumo.diagnosis import atoms as at
+from idm_sumo.diagnosis import regressors as rg
+from idm_sumo.diagnosis.chance import Chance
 from idm_sumo.diagnosis.fit import Fit
 from idm_sumo.diagnosis.free_fields import Families
 from idm_sumo.diagnosis.law_misfit import FormEvidence
-from idm_sumo.diagnosis.left_over import Heard, LeftOver, hear, left_over
+from idm_sumo.diagnosis.left_over import Evaluated, LeftOver, evaluate, left_over
 from idm_sumo.diagnosis.linear_pulses import GUARD
 from idm_sumo.diagnosis.look import Build, Look, Subject, look, score
-from idm_sumo.diagnosis.luck import Luck
-from idm_sumo.diagnosis.twins import drawn_anew, make_twin, refit, start_behind
+from idm_sumo.diagnosis.replicates import drawn_anew, make_replicate, refit, start_behind
 from idm_sumo.runtime.progress import Progress
 from idm_sumo.runtime.threads import each_in_threads
 
 Floats = npt.NDArray[np.float64]
 Integers = npt.NDArray[np.int64]
 
-ENDOGENOUS = ("follower_pressure",)  # the follower answers the real driver, not the twin: no twin for these
-# What differs between drivers more than within one: part of it is in the fitted drivers, so twins of drawn ones are the null.
+ENDOGENOUS = ("follower_pressure",)  # the follower answers the real driver, not the replicate: no replicate for these
+# What differs between drivers more than within one: part of it is in the fitted drivers, so replicates of drawn ones are the null.
 BETWEEN = (
     "leader_class", "speed_dependent_headway", "time_of_day", "location", "desired_speed", "vehicle_class", "lane_change_relaxation",
 )  # fmt: skip
@@ -34,17 +34,17 @@ BETWEEN = (
 
 @dataclass(frozen=True)
 class Evidence:
-    """Scores of all atoms at one model.
+    """Scores of all regressors at one model.
 
     Attributes
     ----------
-    atoms : list of Atom
-    u : float64, shape (drivers, atoms)
-        The recording's scores, the twins' mean taken off each driver evenly.
-    twins : float64, shape (twins, atoms)
-        Total scores of each twin.
-    gram : float64, shape (atoms, atoms)
-    part : float64, shape (drivers, atoms)
+    regressors : list of Regressor
+    u : float64, shape (drivers, regressors)
+        The recording's scores, the replicates' mean taken off each driver evenly.
+    replicates : float64, shape (replicates, regressors)
+        Total scores of each replicate.
+    gram : float64, shape (regressors, regressors)
+    part : float64, shape (drivers, regressors)
         Each driver's share of the diagonal of ``gram``.
     block : int64, shape (drivers,)
         Platoon blocks.
@@ -56,9 +56,9 @@ class Evidence:
         Of the car-following's own form, before it is taken out of the others; its variance inflated as theirs.
     """
 
-    atoms: list[at.Atom]
+    regressors: list[rg.Regressor]
     u: Floats
-    twins: Floats
+    replicates: Floats
     gram: Floats
     part: Floats
     block: Integers
@@ -67,19 +67,19 @@ class Evidence:
     of_form: FormEvidence | None = None
 
     def total(self) -> Floats:
-        """Return the corrected total score of each atom."""
+        """Return the corrected total score of each regressor."""
         return np.asarray(self.u.sum(axis=0))
 
     def of(self, which: npt.NDArray[np.bool_]) -> Evidence:
-        """Return what some of the drivers say, as far as shares tell: theirs of the Gram matrix's diagonal, and of the twins' scores."""
+        """Return what some of the drivers say, as far as shares tell: theirs of the Gram matrix's diagonal, and of the replicates' scores."""
         share = np.sqrt(np.clip(self.part[which].sum(axis=0) / np.maximum(self.part.sum(axis=0), 1e-300), 0.0, 1.0))
         return Evidence(
-            self.atoms, self.u[which], self.twins * which.mean(), self.gram * np.outer(share, share), self.part[which],
+            self.regressors, self.u[which], self.replicates * which.mean(), self.gram * np.outer(share, share), self.part[which],
             np.unique(self.block[which], return_inverse=True)[1], lane=self.lane[which],
         )  # fmt: skip
 
     def clustered(self, mix: Floats) -> Floats:
-        """Return the variance of combined scores from blocks of drivers and from the twins, shape ``(combinations,)``.
+        """Return the variance of combined scores from blocks of drivers and from the replicates, shape ``(combinations,)``.
 
         What each driver would score if the estimate were true is taken off: a rare effect is not its own noise.
         """
@@ -88,7 +88,9 @@ class Evidence:
         expected = values.sum(axis=0) * part / np.maximum(part.sum(axis=0), 1e-300)
         sums = np.zeros((self.block.max() + 1, values.shape[1]))
         np.add.at(sums, self.block, values - expected)
-        between = (self.twins @ mix).var(axis=0, ddof=1) / len(self.twins) if len(self.twins) > 1 else 0.0
+        between = (
+            (self.replicates @ mix).var(axis=0, ddof=1) / len(self.replicates) if len(self.replicates) > 1 else 0.0
+        )
         return np.asarray((sums**2).sum(axis=0) + between)
 
     def effective_drivers(self, mix: Floats) -> float:
@@ -103,34 +105,38 @@ class Evidence:
     @cached_property
     def inflation(self) -> float:
         """By how much the clustered variance exceeds the model's, the median over bins of place and time."""
-        bins = [n for n, atom in enumerate(self.atoms) if atom.name in ("location", "time_of_day") and not atom.fixed]
+        bins = [
+            n
+            for n, regressor in enumerate(self.regressors)
+            if regressor.name in ("location", "time_of_day") and not regressor.fixed
+        ]
         informative = [n for n in bins if self.gram[n, n] > 1e-9]
         if not informative:
             return 1.5
-        ratio = self.clustered(np.eye(len(self.atoms))[:, informative]) / np.diag(self.gram)[informative]
+        ratio = self.clustered(np.eye(len(self.regressors))[:, informative]) / np.diag(self.gram)[informative]
         return float(max(np.median(ratio), 1.0))
 
 
 def examine(
-    subject: Subject, fit: Fit, lucks: list[Luck], *, progress: Progress, stage: str,
+    subject: Subject, fit: Fit, chances: list[Chance], *, progress: Progress, stage: str,
     free: Families | None = None,
 ) -> Evidence:  # fmt: skip
-    """Score the recording and its null twins, one for each luck, at one model.
+    """Score the recording and its null replicates, one for each chance, at one model.
 
     And, if ``free`` says which, families of what is no effect of the catalogue.
     """
-    answer = at.answer_of(subject.windows, fit, subject.grid.pivot)
-    looked = look(subject, fit, at.build, answer)
+    answer = rg.answer_of(subject.windows, fit, subject.grid.pivot)
+    looked = look(subject, fit, rg.build, answer)
     progress(stage, 0, 1)
-    heard = None if free is None else Twins([], [], free)
-    totals = null_totals(subject, fit, lucks, looked, heard)
+    evaluated = None if free is None else Replicates([], [], free)
+    totals = null_totals(subject, fit, chances, looked, evaluated)
     progress(stage, 1, 1)
-    # The twins' mean is taken off each driver by its share of the windows.
+    # The replicates' mean is taken off each driver by its share of the windows.
     windows = subject.windows
     share = np.bincount(windows.driver, minlength=windows.drivers) / len(windows.driver)
     corrected = looked.u - share[:, None] * totals.corrected.mean(axis=0)
     evidence = Evidence(
-        looked.atoms,
+        looked.regressors,
         corrected,
         totals.corrected,
         looked.gram,
@@ -139,74 +145,90 @@ def examine(
         lane=windows.usual_lane,
     )
     evidence = replace(evidence, of_form=_of_form(looked, totals.own, evidence.inflation))
-    if heard is None:
+    if evaluated is None:
         return evidence
     left = left_over(
-        subject.windows, fit, subject.grid, answer, heard.fitted, heard.drawn, evidence.inflation, heard.families
+        subject.windows,
+        fit,
+        subject.grid,
+        answer,
+        evaluated.fitted,
+        evaluated.drawn,
+        evidence.inflation,
+        evaluated.families,
     )
     return replace(evidence, free=tuple(left))
 
 
-class Twins(NamedTuple):
-    """What twins of the fitted drivers, and of drivers drawn anew, say of everything free."""
+class Replicates(NamedTuple):
+    """What replicates of the fitted drivers, and of drivers drawn anew, say of everything free."""
 
-    fitted: list[Heard]
-    drawn: list[Heard]
+    fitted: list[Evaluated]
+    drawn: list[Evaluated]
     families: Families
 
 
 class Totals(NamedTuple):
-    """Total scores of null twins, shape ``(twins, atoms)``: free of the form, and those of the fitted drivers as they are."""
+    """Total scores of null replicates, shape ``(replicates, regressors)``: free of the form, and those of the fitted drivers as they are."""
 
     corrected: Floats
     own: Floats
 
 
 def _of_form(looked: Look, own: Floats, inflation: float) -> FormEvidence:
-    """Return what the recording says of the car-following's form beyond what its twins show."""
-    form = np.flatnonzero([atom.name.startswith(GUARD) for atom in looked.atoms])
+    """Return what the recording says of the car-following's form beyond what its replicates show."""
+    form = np.flatnonzero([regressor.name.startswith(GUARD) for regressor in looked.regressors])
     wider = inflation * (1.0 + 1.0 / len(own))
     score = looked.found.u[:, form].sum(axis=0) - own[:, form].mean(axis=0)
     return FormEvidence(score / wider, looked.found.gram[np.ix_(form, form)] / wider)
 
 
-def null_totals(subject: Subject, fit: Fit, lucks: Sequence[Luck], looked: Look, heard: Twins | None = None) -> Totals:
-    """Return the total scores of null twins: of drawn drivers for what differs between drivers.
+def null_totals(
+    subject: Subject, fit: Fit, chances: Sequence[Chance], looked: Look, evaluated: Replicates | None = None
+) -> Totals:
+    """Return the total scores of null replicates: of drawn drivers for what differs between drivers.
 
-    The form of the car-following is taken out of them as out of the recording, by the recording's Gram matrix and as twins of
+    The form of the car-following is taken out of them as out of the recording, by the recording's Gram matrix and as replicates of
     the fitted drivers show it: these share their paths with the recording, drawn ones do not. What they say of everything free
-    is added to ``heard``.
+    is added to ``evaluated``.
     """
-    is_asked = np.array([looked.build is at.build or atom.name.startswith(at.LOCAL) for atom in looked.atoms])
+    is_asked = np.array(
+        [looked.build is rg.build or regressor.name.startswith(rg.LOCAL) for regressor in looked.regressors]
+    )
     between = is_asked & np.array([name.startswith(BETWEEN) for name in looked.names])
     kinds = (False, True) if between.any() else (False,)
     each = each_in_threads(
-        lambda twin: _twin(
-            subject, fit, twin[1], looked.build, drawn=twin[0], listen=None if heard is None else heard.families
+        lambda replicate: _replicate(
+            subject,
+            fit,
+            replicate[1],
+            looked.build,
+            drawn=replicate[0],
+            listen=None if evaluated is None else evaluated.families,
         ),
-        [(drawn, luck) for drawn in kinds for luck in lucks],
+        [(drawn, chance) for drawn in kinds for chance in chances],
     )
-    fitted, drawn = each[: len(lucks)], each[len(lucks) :]
-    if heard is not None:
-        heard.fitted.extend(free for _, free in fitted if free is not None)
-        heard.drawn.extend(free for _, free in drawn if free is not None)
-    own, anew = (np.array([scores for scores, _ in twins]) for twins in (fitted, drawn or fitted))
-    of_form = own @ (looked.free_of_form - np.eye(len(looked.atoms)))
+    fitted, drawn = each[: len(chances)], each[len(chances) :]
+    if evaluated is not None:
+        evaluated.fitted.extend(free for _, free in fitted if free is not None)
+        evaluated.drawn.extend(free for _, free in drawn if free is not None)
+    own, anew = (np.array([scores for scores, _ in replicates]) for replicates in (fitted, drawn or fitted))
+    of_form = own @ (looked.free_of_form - np.eye(len(looked.regressors)))
     totals = np.where(between, anew, own)
     return Totals(np.asarray(totals * [name not in ENDOGENOUS for name in looked.names] + of_form), own)
 
 
-def _twin(
-    subject: Subject, fit: Fit, luck: Luck, build: Build, *, drawn: bool, listen: Families | None
-) -> tuple[Floats, Heard | None]:
-    """Return the total scores of a twin, with the fitted drivers or with drawn ones, and what is heard of everything free."""
-    drivers = drawn_anew(fit, luck) if drawn else fit
+def _replicate(
+    subject: Subject, fit: Fit, chance: Chance, build: Build, *, drawn: bool, listen: Families | None
+) -> tuple[Floats, Evaluated | None]:
+    """Return the total scores of a replicate, with the fitted drivers or with drawn ones, and what is evaluated of everything free."""
+    drivers = drawn_anew(fit, chance) if drawn else fit
     behind = start_behind(subject.windows, fit, drivers) if drawn else 0.0
-    twin = make_twin(subject.windows, drivers, luck, is_smooth=subject.is_smooth, behind=behind)
-    fitted = refit(twin, drivers)
-    answer = at.answer_of(twin, fitted, subject.grid.pivot)
-    total = np.asarray(score(subject, twin, fitted, build, answer)[1].u.sum(axis=0))
-    return total, None if listen is None else hear(twin, fitted, subject.grid, answer, listen)
+    replicate = make_replicate(subject.windows, drivers, chance, is_smooth=subject.is_smooth, behind=behind)
+    fitted = refit(replicate, drivers)
+    answer = rg.answer_of(replicate, fitted, subject.grid.pivot)
+    total = np.asarray(score(subject, replicate, fitted, build, answer)[1].u.sum(axis=0))
+    return total, None if listen is None else evaluate(replicate, fitted, subject.grid, answer, listen)
 
 
 class Local(NamedTuple):
@@ -217,8 +239,8 @@ class Local(NamedTuple):
 
 
 def look_here(subject: Subject, fit: Fit) -> Look:
-    """Return how the recording wants each magnitude in the model changed, before any twin is heard."""
-    return look(subject, fit, at.build_local)
+    """Return how the recording wants each magnitude in the model changed, before any replicate is evaluated."""
+    return look(subject, fit, rg.build_local)
 
 
 def local_scores(looked: Look) -> dict[str, Local]:
@@ -226,9 +248,9 @@ def local_scores(looked: Look) -> dict[str, Local]:
     return _by_name(looked, looked.u.sum(axis=0))
 
 
-def local_biases(subject: Subject, fit: Fit, looked: Look, lucks: Sequence[Luck]) -> dict[str, Local]:
-    """Return the same of twins in which the model as it is drives: the score that noise and smoothing make."""
-    return _by_name(looked, null_totals(subject, fit, lucks, looked).corrected.mean(axis=0))
+def local_biases(subject: Subject, fit: Fit, looked: Look, chances: Sequence[Chance]) -> dict[str, Local]:
+    """Return the same of replicates in which the model as it is drives: the score that noise and smoothing make."""
+    return _by_name(looked, null_totals(subject, fit, chances, looked).corrected.mean(axis=0))
 
 
 def _by_name(looked: Look, total: Floats) -> dict[str, Local]:
@@ -236,5 +258,5 @@ def _by_name(looked: Look, total: Floats) -> dict[str, Local]:
     return {
         name: Local(float(total[n]), float(information[n]))
         for n, name in enumerate(looked.names)
-        if looked.atoms[n].name.startswith(at.LOCAL)
+        if looked.regressors[n].name.startswith(rg.LOCAL)
     }

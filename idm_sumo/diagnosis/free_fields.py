@@ -10,8 +10,8 @@ import numpy.typing as npt
 
 from idm_sumo.diagnosis import rollout as ro
 from idm_sumo.diagnosis import windows as w
-from idm_sumo.diagnosis.atoms import Grid
 from idm_sumo.diagnosis.bins import numbered
+from idm_sumo.diagnosis.regressors import Grid
 from idm_sumo.recordings.columns import FRAME_STEP, TRUCK
 
 Floats = npt.NDArray[np.float64]

@@ -117,8 +117,8 @@ def _with_the_way(evidence: ev.Evidence) -> tuple[LeftOver, ...]:
     grown, entry = hy.along_the_road(evidence), [one for one in evidence.free if one.subject == ENTRY]
     if grown is None or any(abs(one.z) >= abs(grown.z) for one in entry):
         return evidence.free
-    edges, road = ff.EDGES[ENTRY], (grown.atom.low, grown.atom.high)
-    covariate = f"{ff.HEADWAY} over {ENTRY}" if grown.atom.fixed else ENTRY
+    edges, road = ff.EDGES[ENTRY], (grown.regressor.low, grown.regressor.high)
+    covariate = f"{ff.HEADWAY} over {ENTRY}" if grown.regressor.fixed else ENTRY
     way = LeftOver(covariate, (edges[0], edges[-1]), road, None, grown.value, grown.z, grown.p, True)
     return tuple(sorted([way, *(one for one in evidence.free if one not in entry)], key=rank))
 
@@ -239,7 +239,7 @@ def is_stood_in_for(strange: LeftOver, evidence: ev.Evidence) -> bool:
     """
     if strange.subject == ENTRY:
         best = _best(evidence)
-        return best is None or not hy.is_drift(best.atom)
+        return best is None or not hy.is_drift(best.regressor)
     return strange.covariate == ff.PEDAL
 
 

@@ -21,7 +21,7 @@ UNLIKE_LAWS = (*gates.NO_MOTION, "speed_dependent_headway")
 # Of the first cause's squared z and of its support, for a further one: less may be what its shape leaves over, and must gain more.
 FURTHER_SHARE = 0.12
 LEAST_GAIN = 0.004  # of the ADE, on the drivers that fit
-UNTWINNED_GAIN = 0.02  # of the ADE, for what has no null twin: a follower answers its leader, so its place tells of the leader's noise
+UNREPLICATED_GAIN = 0.02  # of the ADE, for what has no null replicate: a follower answers its leader, so its place tells of the leader's noise
 DECIDING_GAIN = 0.015  # of the ADE, for what is not quite significant, and for a further cause that laws make up, unless beyond doubt
 # Of the ADE, for a cause that is the form of any law which accelerates otherwise than the model's, unless it is as sure as can be.
 # (SUMO's IDM drivers, nothing hidden, showed one of 7.7 standard errors that gained 0.006.)
@@ -76,7 +76,7 @@ def is_worth_it(gain: Gain, tried: Tried, first: Tried | None, strongest: float 
     z, enough = abs(candidate.z), share >= LEAST_GAIN
     clearly = enough and gain.ci95[0] > 0.0
     if candidate.name in ev.ENDOGENOUS:
-        return clearly and share >= UNTWINNED_GAIN
+        return clearly and share >= UNREPLICATED_GAIN
     if gates.needs_gain(candidate, is_first=first is None):
         likely = first is not None and candidate.name in NO_SHAPE and tried.support > THERE and gain.is_likely
         return likely or (clearly and share >= DECIDING_GAIN)

@@ -16,7 +16,7 @@ from idm_sumo.diagnosis.one_lane import confined
 from idm_sumo.diagnosis.sizes import DELAY, Tried
 
 SIGNIFICANT = 1e-3  # corrected p of a cause
-# Standard errors. What smoothing hides of a leader is in part its answer to the second one, and the twins' leaders do not follow; what
+# Standard errors. What smoothing hides of a leader is in part its answer to the second one, and the replicates' leaders do not follow; what
 # drivers of another law do after a cut-in looks a little like relaxation, how they come near to their desired speed like another one
 # in the fast lane. (Of 132 recordings with nothing hidden, of four laws, the surest were 4.2, 4.5 and 5.9.) Without a clear gain none is
 # believed, however sure.
@@ -68,7 +68,7 @@ def _with_free_lane(evidence: ev.Evidence, every: list[Candidate], lane: LeftOve
     if lane is None or lane.range is None or abs(lane.z) <= SURER[WANTED]:
         return every
     for one in hy.each_form(evidence, WANTED, hy.informative(evidence, WANTED)):
-        if one.atom.lane == lane.range[0] and one.value * lane.value > 0.0 and abs(one.z) > LIKELY:
+        if one.regressor.lane == lane.range[0] and one.value * lane.value > 0.0 and abs(one.z) > LIKELY:
             return [c for c in every if c.name != WANTED] + [replace(one, z=lane.z, p=lane.p)]
     return every
 
@@ -162,10 +162,12 @@ def is_another(first: Candidate, evidence: ev.Evidence) -> bool:
 
 def _is_its_core(left: Candidate, first: Candidate) -> bool:
     """Return whether what is left is more of the same in the better part of an interval: its form is no step."""
-    begin, end = max(left.atom.low, first.atom.low), min(left.atom.high, first.atom.high)
+    begin, end = max(left.regressor.low, first.regressor.low), min(left.regressor.high, first.regressor.high)
     both = max(end - begin, 0.0)
-    inside = both > CORE_INSIDE * (left.atom.high - left.atom.low)
-    return inside and both > CORE_SHARE * (first.atom.high - first.atom.low) and left.value * first.value > 0.0
+    inside = both > CORE_INSIDE * (left.regressor.high - left.regressor.low)
+    return (
+        inside and both > CORE_SHARE * (first.regressor.high - first.regressor.low) and left.value * first.value > 0.0
+    )
 
 
 def is_past_unseen(candidate: Candidate, evidence: ev.Evidence, accepted: Container[str]) -> bool:
@@ -179,16 +181,16 @@ def is_past_unseen(candidate: Candidate, evidence: ev.Evidence, accepted: Contai
     pushes = candidate.value > 0.0 if not hy.acting_of(candidate)[0].is_share else candidate.value < 0.0
     if pushes:
         return begins_with_the_road(candidate, evidence)
-    end = max(one.high for one in evidence.atoms if one.name == candidate.name)
-    return candidate.atom.high >= end - hy.NARROWEST[candidate.name]
+    end = max(one.high for one in evidence.regressors if one.name == candidate.name)
+    return candidate.regressor.high >= end - hy.NARROWEST[candidate.name]
 
 
 def begins_with_the_road(candidate: Candidate, evidence: ev.Evidence) -> bool:
     """Return whether a candidate is a location that begins where the recorded road does."""
-    return candidate.name == "location" and is_at_the_beginning(candidate.atom.low, evidence)
+    return candidate.name == "location" and is_at_the_beginning(candidate.regressor.low, evidence)
 
 
 def is_at_the_beginning(place: float, evidence: ev.Evidence) -> bool:
     """Return whether a place (m) is where the recorded road begins."""
-    begin = min((one.low for one in evidence.atoms if one.name == "location"), default=-np.inf)
+    begin = min((one.low for one in evidence.regressors if one.name == "location"), default=-np.inf)
     return bool(place <= begin + hy.NARROWEST["location"])

@@ -8,8 +8,8 @@ from dataclasses import dataclass, replace
 import numpy as np
 import numpy.typing as npt
 
-from idm_sumo.diagnosis.atoms import LOCAL, Atom
 from idm_sumo.diagnosis.evidence import Evidence
+from idm_sumo.diagnosis.regressors import LOCAL, Regressor
 from idm_sumo.diagnosis.scans import best_stretch, corrected_p
 from idm_sumo.models.effects import BY_NAME, Parameter, slots
 
@@ -68,10 +68,10 @@ class Candidate:
         Value over error, under the null.
     p : float
         Corrected for all forms and effects looked at.
-    atom : Atom
+    regressor : Regressor
         Its best form; for a scan the interval's edges are in ``low`` and ``high``.
     score, bias : float
-        Of that form: the recording's, less the twins' mean, which is the bias.
+        Of that form: the recording's, less the replicates' mean, which is the bias.
     """
 
     name: str
@@ -79,7 +79,7 @@ class Candidate:
     error: float
     z: float
     p: float
-    atom: Atom
+    regressor: Regressor
     score: float = 0.0
     bias: float = 0.0
 
@@ -91,7 +91,7 @@ class Candidate:
     @property
     def only_lanes(self) -> tuple[int, ...]:
         """Lanes to which it is confined, empty for all; a desired speed says it by its second parameter."""
-        return (self.atom.lane,) if self.atom.lane and self.name != "desired_speed" else ()
+        return (self.regressor.lane,) if self.regressor.lane and self.name != "desired_speed" else ()
 
     @property
     def near_enough(self) -> bool:
@@ -174,18 +174,18 @@ def forms(evidence: Evidence, candidate: Candidate) -> list[Candidate]:
     rows = informative(evidence, candidate.name)
     if candidate.name in SCANNED:
         # That it is there at all, the surest kind says; of which sign and where, each interval for itself.
-        kind, sign = candidate.atom.fixed, np.sign(candidate.value)
+        kind, sign = candidate.regressor.fixed, np.sign(candidate.value)
         each = [c for s in (sign, -sign) for c in _scans(evidence, candidate.name, rows, s)]
         resembling = [c for c in each if c.z**2 >= RESEMBLING * candidate.z**2]
-        reverse = [c for c in resembling if c.atom.fixed == kind and c.value * sign < 0.0]
-        kinds = [_as_sure(c, candidate) for c in resembling if c.atom.fixed != kind and c.near_enough]
+        reverse = [c for c in resembling if c.regressor.fixed == kind and c.value * sign < 0.0]
+        kinds = [_as_sure(c, candidate) for c in resembling if c.regressor.fixed != kind and c.near_enough]
         return [candidate, *reverse, *kinds]
-    inside = evidence.of(evidence.lane == candidate.atom.lane) if candidate.only_lanes else evidence
+    inside = evidence.of(evidence.lane == candidate.regressor.lane) if candidate.only_lanes else evidence
     own = None if candidate.only_lanes else _companions(candidate)  # it has its size and, if it is in one, its lane
     by_companions = _by_companions(each_form(inside, candidate.name, rows)).items()
     every = [candidate if companions == own else _consistent(form) for companions, form in by_companions]
     if candidate.only_lanes:
-        every = [replace(form, atom=replace(form.atom, lane=candidate.atom.lane)) for form in every]
+        every = [replace(form, regressor=replace(form.regressor, lane=candidate.regressor.lane)) for form in every]
     return [_as_sure(form, candidate) for form in every] if len(every) > 1 else [candidate]
 
 
@@ -204,7 +204,7 @@ def _by_companions(each: list[Candidate]) -> dict[tuple[object, ...], list[Candi
 
 def _companions(candidate: Candidate) -> tuple[object, ...]:
     """Return which magnitude a candidate has, and the values of its further parameters."""
-    return (acting_of(candidate)[0].slot, *candidate.atom.fixed[1:])
+    return (acting_of(candidate)[0].slot, *candidate.regressor.fixed[1:])
 
 
 def _consistent(each: list[Candidate]) -> Candidate:
@@ -222,15 +222,15 @@ def effective_drivers(evidence: Evidence, candidate: Candidate) -> float:
         In which it was found.
     candidate : Candidate
     """
-    atom, lane = candidate.atom, candidate.atom.lane if candidate.only_lanes else 0
+    regressor, lane = candidate.regressor, candidate.regressor.lane if candidate.only_lanes else 0
     rows = [
         n for n in informative(evidence, candidate.name)
-        if candidate.name not in SCANNED or is_drift(atom) or _overlaps(evidence.atoms[n], atom)
+        if candidate.name not in SCANNED or is_drift(regressor) or _overlaps(evidence.regressors[n], regressor)
     ]  # fmt: skip
-    alike = [n for n in rows if evidence.atoms[n].fixed == atom.fixed] or rows
+    alike = [n for n in rows if evidence.regressors[n].fixed == regressor.fixed] or rows
     if not alike:  # of a form that this evidence does not hold
         return float(len(evidence.u))
-    mix = np.zeros(len(evidence.atoms))
+    mix = np.zeros(len(evidence.regressors))
     if candidate.name in SCANNED:
         mix[alike] = 1.0
     else:
@@ -239,20 +239,22 @@ def effective_drivers(evidence: Evidence, candidate: Candidate) -> float:
     return inside.effective_drivers(mix)
 
 
-def _overlaps(bin_: Atom, whole: Atom) -> bool:
+def _overlaps(bin_: Regressor, whole: Regressor) -> bool:
     """Return whether the middle of a bin is in an interval."""
     return bool(whole.low <= 0.5 * (bin_.low + bin_.high) < whole.high)
 
 
 def each_form(evidence: Evidence, name: str, rows: list[int]) -> list[Candidate]:
-    """Return the candidate in the form of each of an effect's atoms."""
-    unit = np.eye(len(evidence.atoms))
-    return [_candidate(evidence, name, unit[n], evidence.atoms[n], LOOKS) for n in rows]
+    """Return the candidate in the form of each of an effect's regressors."""
+    unit = np.eye(len(evidence.regressors))
+    return [_candidate(evidence, name, unit[n], evidence.regressors[n], LOOKS) for n in rows]
 
 
 def informative(evidence: Evidence, name: str) -> list[int]:
-    """Return the numbers of an effect's atoms of which the recording says anything."""
-    return [n for n, atom in enumerate(evidence.atoms) if atom.name == name and evidence.gram[n, n] > 1e-6]
+    """Return the numbers of an effect's regressors of which the recording says anything."""
+    return [
+        n for n, regressor in enumerate(evidence.regressors) if regressor.name == name and evidence.gram[n, n] > 1e-6
+    ]
 
 
 def _best(evidence: Evidence, name: str) -> Candidate | None:
@@ -267,18 +269,18 @@ def _best(evidence: Evidence, name: str) -> Candidate | None:
 
 def _inconsistent(candidate: Candidate) -> float:
     """Return how far a secant's estimate is from the size at which the secant was taken."""
-    ratio = candidate.value / candidate.atom.size
+    ratio = candidate.value / candidate.regressor.size
     return float(abs(np.log(ratio))) if ratio > 0.0 else 10.0
 
 
-def _candidate(evidence: Evidence, name: str, mix: Floats, atom: Atom, looks: int) -> Candidate:
-    """Return the estimate of one combination of atoms."""
+def _candidate(evidence: Evidence, name: str, mix: Floats, regressor: Regressor, looks: int) -> Candidate:
+    """Return the estimate of one combination of regressors."""
     information = float(mix @ evidence.gram @ mix)
     score = float(evidence.total() @ mix)
     clustered = float(evidence.clustered(mix[:, None])[0])
     inflation = evidence.inflation
     # The null variance tests (the clustered one fails for rare effects), the larger of both bounds.
-    known = information * inflation * (1.0 + 1.0 / max(len(evidence.twins), 1))
+    known = information * inflation * (1.0 + 1.0 / max(len(evidence.replicates), 1))
     variance = max(known, min(clustered, 2.5 * known))
     z = score / np.sqrt(variance)
     return Candidate(
@@ -287,9 +289,9 @@ def _candidate(evidence: Evidence, name: str, mix: Floats, atom: Atom, looks: in
         np.sqrt(variance) / information,
         z,
         corrected_p(z, looks),
-        atom,
+        regressor,
         score,
-        float(evidence.twins.mean(axis=0) @ mix),
+        float(evidence.replicates.mean(axis=0) @ mix),
     )
 
 
@@ -307,9 +309,9 @@ def _scans(evidence: Evidence, name: str, rows: list[int], sign: float = 0.0) ->
 DRIFT = (slots.PERIOD_DRIFT, 1.0)
 
 
-def is_drift(atom: Atom) -> bool:
+def is_drift(regressor: Regressor) -> bool:
     """Return whether a form of the time of day is a drift, from the first moment to the last."""
-    return DRIFT in atom.fixed
+    return DRIFT in regressor.fixed
 
 
 def _drift(evidence: Evidence, rows: list[int], sign: float) -> Candidate | None:
@@ -320,12 +322,12 @@ def _drift(evidence: Evidence, rows: list[int], sign: float) -> Candidate | None
 
 def _trend(evidence: Evidence, rows: list[int], fixed: tuple[tuple[int, float], ...]) -> Candidate:
     """Return what grows over all bins from one end to the other: minus its size at the first, its size at the last."""
-    bins = [evidence.atoms[n] for n in rows]
+    bins = [evidence.regressors[n] for n in rows]
     begin, end = bins[0].low, bins[-1].high
-    mix = np.zeros(len(evidence.atoms))
-    mix[rows] = [(atom.low + atom.high - begin - end) / (end - begin) for atom in bins]
-    atom = replace(bins[0], fixed=fixed, low=float(begin), high=float(end))
-    return _candidate(evidence, atom.name, mix, atom, LOOKS)
+    mix = np.zeros(len(evidence.regressors))
+    mix[rows] = [(regressor.low + regressor.high - begin - end) / (end - begin) for regressor in bins]
+    regressor = replace(bins[0], fixed=fixed, low=float(begin), high=float(end))
+    return _candidate(evidence, regressor.name, mix, regressor, LOOKS)
 
 
 def along_the_road(evidence: Evidence) -> Candidate | None:
@@ -345,15 +347,15 @@ def along_the_road(evidence: Evidence) -> Candidate | None:
 
 
 def _kinds(evidence: Evidence, rows: list[int]) -> dict[tuple[tuple[int, float], ...], list[int]]:
-    """Return the numbers of atoms by the kind of shift that they are."""
+    """Return the numbers of regressors by the kind of shift that they are."""
     kinds: dict[tuple[tuple[int, float], ...], list[int]] = {}
     for n in rows:
-        kinds.setdefault(evidence.atoms[n].fixed, []).append(n)
+        kinds.setdefault(evidence.regressors[n].fixed, []).append(n)
     return kinds
 
 
 def _scan(evidence: Evidence, rows: list[int], sign: float, looks: int) -> Candidate | None:
-    bins = [evidence.atoms[n] for n in rows]
+    bins = [evidence.regressors[n] for n in rows]
     name = bins[0].name
     narrowest = int(np.ceil(NARROWEST[name] / (bins[0].high - bins[0].low) - 1e-6))
     best = best_stretch(
@@ -361,16 +363,16 @@ def _scan(evidence: Evidence, rows: list[int], sign: float, looks: int) -> Candi
     )
     if best is None:
         return None
-    mix = np.zeros(len(evidence.atoms))
+    mix = np.zeros(len(evidence.regressors))
     mix[rows] = best.inside((len(rows),))
-    atom = replace(bins[0], low=float(bins[best.first[0]].low), high=float(bins[best.last[0] - 1].high))
-    return _candidate(evidence, name, mix, atom, looks)
+    regressor = replace(bins[0], low=float(bins[best.first[0]].low), high=float(bins[best.last[0] - 1].high))
+    return _candidate(evidence, name, mix, regressor, looks)
 
 
 def acting_of(candidate: Candidate) -> tuple[Parameter, ...]:
     """Return the parameters of the form that a candidate has, its magnitude first."""
     effect = BY_NAME[candidate.name.removeprefix(LOCAL)]
-    moved = {slot for slot, _ in candidate.atom.fixed[:1]}
+    moved = {slot for slot, _ in candidate.regressor.fixed[:1]}
     return effect.named_by({p.symbol for p in effect.all_parameters if p.slot in moved})
 
 
@@ -387,7 +389,7 @@ def slots_of(candidate: Candidate) -> list[tuple[int, float]]:
     values = [(first.slot, value or NEXT_TO_NOTHING * first.typical)]
     if candidate.name in SCANNED:
         _, begin, end = acting
-        values += [(begin.slot, candidate.atom.low), (end.slot, candidate.atom.high)]
+        values += [(begin.slot, candidate.regressor.low), (end.slot, candidate.regressor.high)]
     if candidate.name == "desired_speed":
-        values.append((slots.DESIRED_SPEED_LANE, float(candidate.atom.lane)))
-    return values + [(slot, value) for slot, value in candidate.atom.fixed[1:]]
+        values.append((slots.DESIRED_SPEED_LANE, float(candidate.regressor.lane)))
+    return values + [(slot, value) for slot, value in candidate.regressor.fixed[1:]]

@@ -15,18 +15,18 @@ from typing import NamedTuple
 import numpy as np
 import numpy.typing as npt
 
-from idm_sumo.diagnosis import atoms as at
 from idm_sumo.diagnosis import evidence as ev
 from idm_sumo.diagnosis import gain_gates, gates
 from idm_sumo.diagnosis import hypotheses as hy
+from idm_sumo.diagnosis import regressors as rg
+from idm_sumo.diagnosis.chance import Chance, draws
 from idm_sumo.diagnosis.fit import Fit
 from idm_sumo.diagnosis.hypotheses import Candidate
 from idm_sumo.diagnosis.look import Look, Subject, look, score
-from idm_sumo.diagnosis.luck import Luck, draws
+from idm_sumo.diagnosis.replicates import drawn_anew, make_replicate, refit, start_behind
 from idm_sumo.diagnosis.result import Detectable
-from idm_sumo.diagnosis.search import CLOSE, FIRST_TWINS, Found, twins_of, with_its_noise
+from idm_sumo.diagnosis.search import CLOSE, FIRST_REPLICATES, Found, replicates_of, with_its_noise
 from idm_sumo.diagnosis.sizes import Tried, gain_of, with_cause
-from idm_sumo.diagnosis.twins import drawn_anew, make_twin, refit, start_behind
 from idm_sumo.diagnosis.windows import Windows
 from idm_sumo.runtime.progress import Progress
 from idm_sumo.runtime.threads import each_in_threads
@@ -64,15 +64,17 @@ def detectable(
     out = []
     for done, (effect, multiple) in enumerate(plans):
         progress(STAGE, done, len(plans))
-        out.append(laboratory.trial(_usual(effect, multiple, laboratory.looked.atoms), number))
+        out.append(laboratory.trial(_usual(effect, multiple, laboratory.looked.regressors), number))
     progress(STAGE, len(plans), len(plans))
     return tuple(out)
 
 
-def _usual(candidate: Candidate, multiple: float, atoms: list[at.Atom]) -> Candidate:
+def _usual(candidate: Candidate, multiple: float, regressors: list[rg.Regressor]) -> Candidate:
     """Return an effect in its usual form, at a multiple of its typical size; places, times and lanes as they look surest."""
-    if not (np.isfinite(candidate.atom.low) or candidate.atom.lane):
-        candidate = replace(candidate, atom=next(atom for atom in atoms if atom.name == candidate.name))
+    if not (np.isfinite(candidate.regressor.low) or candidate.regressor.lane):
+        candidate = replace(
+            candidate, regressor=next(regressor for regressor in regressors if regressor.name == candidate.name)
+        )
     first = hy.acting_of(candidate)[0]
     sign = float(np.sign(candidate.value)) if candidate.name in hy.EITHER_SIGN else 1.0
     return replace(candidate, value=float(np.clip(sign * multiple * first.typical, first.lower, first.upper)))
@@ -90,20 +92,20 @@ class Laboratory:
 
     def __init__(self, subject: Subject, fit: Fit, rng: np.random.Generator) -> None:
         self.subject, self.fit, self.rng = subject, fit, rng
-        self.looked: Look = look(subject, fit, at.build)
-        lucks = draws(subject.windows, subject.noises, twins_of(subject, FIRST_TWINS), rng)
-        self.nulls = ev.null_totals(subject, fit, lucks, self.looked).corrected
+        self.looked: Look = look(subject, fit, rg.build)
+        chances = draws(subject.windows, subject.noises, replicates_of(subject, FIRST_REPLICATES), rng)
+        self.nulls = ev.null_totals(subject, fit, chances, self.looked).corrected
 
     def trial(self, effect: Candidate, number: int) -> Detectable:
         """Return in how many injections an effect is found."""
-        lucks = draws(self.subject.windows, self.subject.noises, number, self.rng)
-        hits = each_in_threads(lambda luck: self.is_found(effect, luck), lucks)
+        chances = draws(self.subject.windows, self.subject.noises, number, self.rng)
+        hits = each_in_threads(lambda chance: self.is_found(effect, chance), chances)
         first = hy.acting_of(effect)[0]
-        return Detectable(effect.name, first.symbol, first.unit, effect.value, sum(hits), number)
+        return Detectable(effect.name, first.symbol, first.unit, effect.value, int(sum(hits)), number)
 
-    def is_found(self, effect: Candidate, luck: Luck) -> bool:
+    def is_found(self, effect: Candidate, chance: Chance) -> bool:
         """Return whether an effect, injected once, is believed, among the surest, and worth it at its size."""
-        injected = self.injected(effect, luck)
+        injected = self.injected(effect, chance)
         there = gates.believed(self.evidence(injected))
         tried = [c for c in there if gates.is_worth_trying(c, is_first=True)]
         close = [c for c in tried if c.z**2 > CLOSE * tried[0].z ** 2]
@@ -119,16 +121,18 @@ class Laboratory:
         tried = Tried(seen, known, seen.z**2)
         return gates.is_there(tried) and gain_gates.is_worth_it(gain, tried, None, gates.surest_beside(seen, there))
 
-    def injected(self, effect: Candidate, luck: Luck) -> Injected:
+    def injected(self, effect: Candidate, chance: Chance) -> Injected:
         """Return followers with an effect, and their fit by the model without it.
 
         What differs between drivers is injected into drivers drawn anew: fitted ones are of a recording without it.
         """
         subject, windows = self.subject, self.subject.windows
         is_drawn = effect.name in ev.BETWEEN
-        drivers = drawn_anew(self.fit, luck) if is_drawn else self.fit
+        drivers = drawn_anew(self.fit, chance) if is_drawn else self.fit
         behind = start_behind(windows, self.fit, drivers) if is_drawn else 0.0
-        followers = make_twin(windows, with_cause(drivers, effect), luck, is_smooth=subject.is_smooth, behind=behind)
+        followers = make_replicate(
+            windows, with_cause(drivers, effect), chance, is_smooth=subject.is_smooth, behind=behind
+        )
         return Injected(followers, refit(followers, refit(followers, drivers)))
 
     def evidence(self, injected: Injected) -> ev.Evidence:
@@ -137,6 +141,6 @@ class Laboratory:
         own = score(subject, windows, fitted)[1].u @ self.looked.free_of_form
         share = np.bincount(windows.driver, minlength=windows.drivers) / len(windows.driver)
         return ev.Evidence(
-            self.looked.atoms, own - share[:, None] * self.nulls.mean(axis=0), self.nulls, self.looked.gram,
+            self.looked.regressors, own - share[:, None] * self.nulls.mean(axis=0), self.nulls, self.looked.gram,
             self.looked.found.part, windows.platoon, lane=windows.usual_lane,
         )  # fmt: skip

@@ -135,7 +135,7 @@ def _posterior(evidence: FormEvidence, tau: float) -> tuple[Floats, Floats]:
     """Return the coefficients' mean and covariance."""
     if tau == 0.0:
         return np.zeros(FORMS), np.zeros((FORMS, FORMS))
-    covariance = np.linalg.inv(evidence.gram + np.eye(FORMS) / tau**2)
+    covariance = np.asarray(np.linalg.inv(evidence.gram + np.eye(FORMS) / tau**2), dtype=np.float64)
     return covariance @ evidence.score, covariance
 
 

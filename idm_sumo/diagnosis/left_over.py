@@ -1,4 +1,4 @@
-"""What is left over: the free fields, and the oscillation, that say more than the null twins do."""
+"""What is left over: the free fields, and the oscillation, that say more than the null replicates do."""
 
 from __future__ import annotations
 
@@ -11,10 +11,10 @@ from scipy.stats import norm
 
 from idm_sumo.diagnosis import free_fields as ff
 from idm_sumo.diagnosis import oscillation, variance
-from idm_sumo.diagnosis.atoms import Answer, Grid
 from idm_sumo.diagnosis.bins import pulse_means, sums_by_bin
 from idm_sumo.diagnosis.fit import Fit
 from idm_sumo.diagnosis.pulses import Pulses, pulses_of
+from idm_sumo.diagnosis.regressors import Answer, Grid
 from idm_sumo.diagnosis.rollout import BIN
 from idm_sumo.diagnosis.scans import Stretch, best_stretch, beyond_margins, corrected_p
 from idm_sumo.diagnosis.windows import Windows
@@ -27,7 +27,7 @@ Range = tuple[float, float]
 SWING = "own oscillation in time"
 SWELL = f"{SWING}, periods around"
 UNSTEADY = "variance"
-NO_TWIN = "rear_gap"  # the follower answers the real driver, not the twin
+NO_TWIN = "rear_gap"  # the follower answers the real driver, not the replicate
 NARROWEST, WIDEST = 2, 0.7  # bins; share of the road, of the time, of both
 CLUMSIEST = 1.5  # times the variance of the model that the clustered one may count
 BY_ONE = 0.5  # of the score: what one block of neighbours says more of is what happened to them
@@ -56,16 +56,16 @@ class LeftOver:
     value : float
         m/s² of acceleration; share of the time headway or of the response; s of delay; times the usual power or variance.
     z : float
-        Standard errors beyond the twins.
+        Standard errors beyond the replicates.
     p : float
         Corrected for everything looked at.
     is_credible : bool
         Whether it may be told at all: large enough, no larger than can be, not said by a single block of neighbours, and by the
-        recording rather than by its twins: in light traffic drivers drawn anew are far from where those before them were.
+        recording rather than by its replicates: in light traffic drivers drawn anew are far from where those before them were.
     lane : int
         In which alone it is; 0 for all, or if it is not a question of place or time.
     score, bias : float
-        Of a field: the recording's, less the twins' mean, which is the bias.
+        Of a field: the recording's, less the replicates' mean, which is the bias.
     beyond : float
         Standard errors of a rectangle of place and time beyond what each of its places does at all times and each of its times at all
         places; zero for everything else.
@@ -107,16 +107,16 @@ class LeftOver:
 
 
 @dataclass(frozen=True)
-class Heard:
-    """What one twin says of everything free: total scores in the order of the families, spectra, squares along place and time."""
+class Evaluated:
+    """What one replicate says of everything free: total scores in the order of the families, spectra, squares along place and time."""
 
     totals: Floats
     spectrum: Floats
     squares: dict[str, Floats]
 
 
-def hear(windows: Windows, fit: Fit, grid: Grid, answer: Answer, families: ff.Families = ff.families) -> Heard:
-    """Return what a twin says."""
+def evaluate(windows: Windows, fit: Fit, grid: Grid, answer: Answer, families: ff.Families = ff.families) -> Evaluated:
+    """Return what a replicate says."""
     pulses = pulses_of(windows, fit, answer)
     by_frame = np.repeat(pulses.score, BIN, axis=1) / BIN
     scored = {content: value * by_frame for content, value in ff.contents(pulses.state).items()}
@@ -127,11 +127,11 @@ def hear(windows: Windows, fit: Fit, grid: Grid, answer: Answer, families: ff.Fa
         totals += [sums_by_bin(number, scored[family.content], family.count), np.array([whole[family.content]])]
         if variance.concerns(family):
             squares[family.covariate] = variance.spread(pulses, number, family.count).squares.sum(axis=0)
-    return Heard(np.concatenate(totals), oscillation.spectrum(pulses), squares)
+    return Evaluated(np.concatenate(totals), oscillation.spectrum(pulses), squares)
 
 
 def left_over(
-    windows: Windows, fit: Fit, grid: Grid, answer: Answer, fitted: list[Heard], drawn: list[Heard], inflation: float,
+    windows: Windows, fit: Fit, grid: Grid, answer: Answer, fitted: list[Evaluated], drawn: list[Evaluated], inflation: float,
     families: ff.Families = ff.families,
 ) -> list[LeftOver]:  # fmt: skip
     """Return everything that is free in its best stretch, the most significant first.
@@ -140,12 +140,12 @@ def left_over(
     ----------
     windows, fit, grid, answer : Windows, Fit, Grid, Answer
         Of the recording.
-    fitted, drawn : list of Heard
-        Of twins with the fitted drivers, and with drivers drawn anew: the null of what differs between drivers.
+    fitted, drawn : list of Evaluated
+        Of replicates with the fitted drivers, and with drivers drawn anew: the null of what differs between drivers.
     inflation : float
         Of variances beyond the model's.
     families : callable
-        Which yields those that were heard.
+        Which yields those that were evaluated.
     """
     pulses = pulses_of(windows, fit, answer)
     every, what = list(families(windows, pulses.state, grid)), ff.contents(pulses.state)
@@ -153,24 +153,24 @@ def left_over(
 
     def best(which: int) -> Said | None:
         family, number = every[which]
-        heard = [one.totals[begins[which] : begins[which + 1]] for one in (drawn if family.is_regional else fitted)]
+        evaluated = [one.totals[begins[which] : begins[which + 1]] for one in (drawn if family.is_regional else fitted)]
         value = what[family.content]
-        return _of_family(pulses, family, number, value, np.array(heard) * (family.covariate != NO_TWIN), inflation)
+        return _of_family(pulses, family, number, value, np.array(evaluated) * (family.covariate != NO_TWIN), inflation)
 
     found = [one for one in each_in_threads(best, range(len(every))) if one is not None]
     unsteady = []
     for family, number in every:
         if variance.concerns(family):
-            twin = np.mean([heard.squares[family.covariate] for heard in fitted], axis=0)
-            most = variance.most_unsteady(variance.spread(pulses, number, family.count), twin, len(fitted))
+            replicate = np.mean([evaluated.squares[family.covariate] for evaluated in fitted], axis=0)
+            most = variance.most_unsteady(variance.spread(pulses, number, family.count), replicate, len(fitted))
             unsteady += [_unsteady(family, most)] if most is not None else []
     looks = _looks(found)
     named = [_named(one, looks[one.family.is_around]) for one in _with_one_path(found)]
-    spectrum, twins = oscillation.spectrum(pulses), [one.spectrum for one in fitted]
-    line, swell = oscillation.line(spectrum, oscillation.usual(twins)), oscillation.swell(spectrum, twins)
+    spectrum, replicates = oscillation.spectrum(pulses), [one.spectrum for one in fitted]
+    line, swell = oscillation.line(spectrum, oscillation.usual(replicates)), oscillation.swell(spectrum, replicates)
     swings = [
         _swinging(line, f"{SWING}, period {np.sqrt(line.low * line.high):.3g} s", grid),
-        _swinging(oscillation.own_lines(spectrum, twins), f"{SWING}, each driver's own period", grid),
+        _swinging(oscillation.own_lines(spectrum, replicates), f"{SWING}, each driver's own period", grid),
         _swinging(swell, f"{SWELL} {np.sqrt(swell.low * swell.high):.2g} s", grid),
     ]
     return sorted([*named, *unsteady, *swings], key=rank)
@@ -201,7 +201,7 @@ def rank(one: LeftOver) -> float:
 
 
 class Said(NamedTuple):
-    """The best stretch of a family, its standard errors, the twins' mean score there, whether few drivers say it all; ``beyond``."""
+    """The best stretch of a family, its standard errors, the replicates' mean score there, whether few drivers say it all; ``beyond``."""
 
     family: ff.Family
     stretch: Stretch
@@ -211,24 +211,24 @@ class Said(NamedTuple):
     beyond: float = 0.0
 
     @property
-    def by_twins(self) -> bool:
-        """Whether it is the twins, of drawn drivers, that say it and not the recording."""
+    def by_replicates(self) -> bool:
+        """Whether it is the replicates, of drawn drivers, that say it and not the recording."""
         own = self.stretch.score + self.bias
         return self.family.is_regional and own * np.sign(self.stretch.score) < OWN_WORDS * abs(self.stretch.score)
 
 
 def _of_family(
-    pulses: Pulses, family: ff.Family, number: Integers, value: Floats, twins: Floats, inflation: float
+    pulses: Pulses, family: ff.Family, number: Integers, value: Floats, replicates: Floats, inflation: float
 ) -> Said | None:
     """Return what a family says."""
     u, gram = pulses.along(number, value, family.count)
     mix, sign = _mix(family, gram), family.within.sign if family.within is not None else 0.0
-    total = (u.sum(axis=0) - twins.mean(axis=0)) @ mix
+    total = (u.sum(axis=0) - replicates.mean(axis=0)) @ mix
     within = mix.T @ gram @ mix
     best = best_stretch(total, within, family.shape, *_limits(family), of_sign=sign)
     if best is None:
         return None
-    unsure = inflation * (1.0 + 1.0 / len(twins))
+    unsure = inflation * (1.0 + 1.0 / len(replicates))
     beyond = (
         beyond_margins(total, within, best, family.shape) / np.sqrt(unsure) if family.covariate == ff.REGION else 0.0
     )
@@ -237,11 +237,16 @@ def _of_family(
     part, own = pulses.information(field), u @ mix
     blocks = np.bincount(pulses.windows.platoon, own - own.sum() * part / max(part.sum(), 1e-300))
     known = best.information * unsure
-    clustered = float((blocks**2).sum() + (twins @ mix).var(ddof=min(1, len(twins) - 1)) / len(twins))
+    clustered = float((blocks**2).sum() + (replicates @ mix).var(ddof=min(1, len(replicates) - 1)) / len(replicates))
     z = best.score / np.sqrt(max(known, min(clustered, CLUMSIEST * known)))
     by_block = np.bincount(pulses.windows.platoon, own) * np.sign(best.score)
     return Said(
-        family, best, float(z), float(twins.mean(axis=0) @ mix), bool(by_block.max() > BY_ONE * abs(best.score)), beyond
+        family,
+        best,
+        float(z),
+        float(replicates.mean(axis=0) @ mix),
+        bool(by_block.max() > BY_ONE * abs(best.score)),
+        beyond,
     )
 
 
@@ -285,7 +290,7 @@ def _named(said: Said, looks: int) -> LeftOver:
     lane = int(family.covariate.partition(ff.IN_LANE)[2] or 0)
     low, high = LARGEST.get(family.content, (-np.inf, np.inf))
     least = LEAST[family.content] * (OF_MANY_LOOKS if lane or family.covariate.startswith(ff.REGION) else 1.0)
-    is_credible = abs(value) >= least and low <= value <= high and not said.by_few and not said.by_twins
+    is_credible = abs(value) >= least and low <= value <= high and not said.by_few and not said.by_replicates
     return LeftOver(
         covariate, edges[0], place, time, value, z, p, is_credible, lane, stretch.score, said.bias, said.beyond
     )

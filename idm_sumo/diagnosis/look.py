@@ -1,4 +1,4 @@
-"""A look at a recording, or at a twin, at one model: scores of all atoms, free of the car-following's own form."""
+"""A look at a recording, or at a replicate, at one model: scores of all regressors, free of the car-following's own form."""
 
 from __future__ import annotations
 
@@ -8,17 +8,17 @@ from dataclasses import dataclass
 import numpy as np
 import numpy.typing as npt
 
-from idm_sumo.diagnosis import atoms as at
 from idm_sumo.diagnosis import gls
+from idm_sumo.diagnosis import regressors as rg
 from idm_sumo.diagnosis import windows as w
+from idm_sumo.diagnosis.chance import Noises
 from idm_sumo.diagnosis.fit import Fit
 from idm_sumo.diagnosis.linear_pulses import GUARD
-from idm_sumo.diagnosis.luck import Noises
 from idm_sumo.diagnosis.rollout import PARAMETERS
 from idm_sumo.recordings.columns import TRUCK
 
 Floats = npt.NDArray[np.float64]
-Build = Callable[[w.Windows, Fit, at.Answer, at.Grid], tuple[list[at.Atom], Floats]]
+Build = Callable[[w.Windows, Fit, rg.Answer, rg.Grid], tuple[list[rg.Regressor], Floats]]
 
 
 @dataclass(frozen=True)
@@ -36,62 +36,62 @@ class Subject:
 
     windows: w.Windows
     noises: Noises
-    grid: at.Grid
+    grid: rg.Grid
     is_smooth: bool
 
 
 @dataclass(frozen=True)
 class Look:
-    """What a recording says at one model, before any twin is heard.
+    """What a recording says at one model, before any replicate is evaluated.
 
     Attributes
     ----------
-    atoms : list of Atom
+    regressors : list of Regressor
     build : callable
         That made them.
     found : Scores
-    free_of_form : float64, shape (atoms, atoms)
+    free_of_form : float64, shape (regressors, regressors)
         Of :func:`guard`.
     """
 
-    atoms: list[at.Atom]
+    regressors: list[rg.Regressor]
     build: Build
     found: gls.Scores
     free_of_form: Floats
 
     @property
     def u(self) -> Floats:
-        """Scores free of the form, shape ``(drivers, atoms)``."""
+        """Scores free of the form, shape ``(drivers, regressors)``."""
         return np.asarray(self.found.u @ self.free_of_form)
 
     @property
     def gram(self) -> Floats:
-        """Gram matrix of atoms free of the form; they and those that are laws of the moment are not compared."""
-        instant = _are_instant(self.atoms)
+        """Gram matrix of regressors free of the form; they and those that are laws of the moment are not compared."""
+        instant = _are_instant(self.regressors)
         return np.asarray((self.free_of_form.T @ self.found.gram @ self.free_of_form) * (instant[:, None] == instant))
 
     @property
     def names(self) -> list[str]:
-        """The atoms' effects, whether or not they are in the model already."""
-        return [atom.name.removeprefix(at.LOCAL) for atom in self.atoms]
+        """The regressors' effects, whether or not they are in the model already."""
+        return [regressor.name.removeprefix(rg.LOCAL) for regressor in self.regressors]
 
 
-def look(subject: Subject, fit: Fit, build: Build, answer: at.Answer | None = None) -> Look:
-    """Return what the recording says at a fit of all atoms that ``build`` makes."""
-    atoms, found = score(subject, subject.windows, fit, build, answer)
-    return Look(atoms, build, found, guard(atoms, found.gram))
+def look(subject: Subject, fit: Fit, build: Build, answer: rg.Answer | None = None) -> Look:
+    """Return what the recording says at a fit of all regressors that ``build`` makes."""
+    regressors, found = score(subject, subject.windows, fit, build, answer)
+    return Look(regressors, build, found, guard(regressors, found.gram))
 
 
 def score(
-    subject: Subject, windows: w.Windows, fit: Fit, build: Build = at.build, answer: at.Answer | None = None
-) -> tuple[list[at.Atom], gls.Scores]:
-    """Return the scores of all atoms, orthogonal to what drivers, trucks as drivers and the population can absorb.
+    subject: Subject, windows: w.Windows, fit: Fit, build: Build = rg.build, answer: rg.Answer | None = None
+) -> tuple[list[rg.Regressor], gls.Scores]:
+    """Return the scores of all regressors, orthogonal to what drivers, trucks as drivers and the population can absorb.
 
-    Not yet to the car-following's own form: that is for :func:`guard`, after the twins.
+    Not yet to the car-following's own form: that is for :func:`guard`, after the replicates.
     """
-    answer = at.answer_of(windows, fit, subject.grid.pivot) if answer is None else answer
+    answer = rg.answer_of(windows, fit, subject.grid.pivot) if answer is None else answer
     line = answer.line
-    atoms, columns = build(windows, fit, answer, subject.grid)
+    regressors, columns = build(windows, fit, answer, subject.grid)
     truck = (windows.seen[:, w.OWN_KIND, -1] == TRUCK)[:, None, None]
     of_trucks = line.jacobian * truck if truck.any() else line.jacobian[:, :, :0]
     common = np.concatenate([line.jacobian, of_trucks, line.shared], axis=2)
@@ -99,7 +99,7 @@ def score(
     white = np.empty((*columns.shape[:2], known + columns.shape[2]))
     np.matmul(line.whitener, common, out=white[:, :, :known])
     np.matmul(line.whitener, columns, out=white[:, :, known:])
-    white[:, :, known:] *= at.taming(columns)[:, None, :]
+    white[:, :, known:] *= rg.taming(columns)[:, None, :]
     whole = gls.scores(
         line.whitener @ line.error[:, :, None],
         white[:, :, :PARAMETERS],
@@ -109,25 +109,31 @@ def score(
         windows.drivers,
     )
     whole = whole.without(np.arange(known))
-    return atoms, gls.Scores(whole.u[:, known:], whole.gram[known:, known:], whole.part[:, known:])
+    return regressors, gls.Scores(whole.u[:, known:], whole.gram[known:, known:], whole.part[:, known:])
 
 
-def guard(atoms: list[at.Atom], gram: Floats) -> Floats:
-    """Return what projects the car-following's own form out of every atom that is not itself an instantaneous law.
+def guard(regressors: list[rg.Regressor], gram: Floats) -> Floats:
+    """Return what projects the car-following's own form out of every regressor that is not itself an instantaneous law.
 
     Scores times this matrix are free of it. Without it another model underneath (not an IDM) shows as effects of place and
     time, wherever speeds differ.
     """
-    instant = _are_instant(atoms)
-    form = np.array([n for n, atom in enumerate(atoms) if atom.name.startswith(GUARD) or atom.name in at.INSTANT[:2]])
-    out = np.eye(len(atoms))
+    instant = _are_instant(regressors)
+    form = np.array(
+        [
+            n
+            for n, regressor in enumerate(regressors)
+            if regressor.name.startswith(GUARD) or regressor.name in rg.INSTANT[:2]
+        ]
+    )
+    out = np.eye(len(regressors))
     out[np.ix_(form, np.flatnonzero(~instant))] -= (
         gls.scaled_inverse(gram[np.ix_(form, form)]) @ gram[form][:, ~instant]
     )
     return out
 
 
-def _are_instant(atoms: list[at.Atom]) -> npt.NDArray[np.bool_]:
-    """Return which atoms are themselves laws of the moment, or the form of one."""
-    names = [atom.name.removeprefix(at.LOCAL) for atom in atoms]
-    return np.array([name in at.INSTANT or name.startswith(GUARD) for name in names])
+def _are_instant(regressors: list[rg.Regressor]) -> npt.NDArray[np.bool_]:
+    """Return which regressors are themselves laws of the moment, or the form of one."""
+    names = [regressor.name.removeprefix(rg.LOCAL) for regressor in regressors]
+    return np.array([name in rg.INSTANT or name.startswith(GUARD) for name in names])

@@ -8,15 +8,15 @@ from dataclasses import replace
 import numpy as np
 
 from idm_sumo.diagnosis import hypotheses as hy
-from idm_sumo.diagnosis.atoms import Atom
 from idm_sumo.diagnosis.evidence import ENDOGENOUS, Evidence
 from idm_sumo.diagnosis.free_fields import IN_LANE
 from idm_sumo.diagnosis.hypotheses import Candidate
 from idm_sumo.diagnosis.left_over import LeftOver
+from idm_sumo.diagnosis.regressors import Regressor
 from idm_sumo.diagnosis.scans import corrected_p
 from idm_sumo.models.effects import BY_NAME
 
-# Of one lane alone: a place there is found freely; what a lane's drivers want is its own effect; of the follower there is no twin.
+# Of one lane alone: a place there is found freely; what a lane's drivers want is its own effect; of the follower there is no replicate.
 NOT_BY_LANE = (*hy.SCANNED, "desired_speed", *ENDOGENOUS)
 # Standard errors by which a lane must differ from the others (of 24 recordings of six laws with nothing hidden the surest were 4.7
 # and 3.5), and of those of the effect in all lanes.
@@ -32,8 +32,10 @@ def place_in_one_lane(left: LeftOver) -> Candidate | None:
     """Return the location that acts in one lane only, if that is what a free acceleration is."""
     if left.kind != "position" + IN_LANE or left.position_m is None:
         return None
-    atom = Atom("location", lane=left.lane, low=left.position_m[0], high=left.position_m[1])
-    return Candidate(atom.name, left.value, abs(left.value / left.z), left.z, left.p, atom, left.score, left.bias)
+    regressor = Regressor("location", lane=left.lane, low=left.position_m[0], high=left.position_m[1])
+    return Candidate(
+        regressor.name, left.value, abs(left.value / left.z), left.z, left.p, regressor, left.score, left.bias
+    )
 
 
 def confined(evidence: Evidence) -> list[Candidate]:
@@ -70,7 +72,7 @@ def _late(evidence: Evidence, rows: list[int]) -> dict[str, Candidate]:
             continue
         surest = max(hy.each_form(evidence.of(inside), DELAY, rows), key=lambda one: one.z)
         if surest.z > least:
-            return {DELAY: replace(surest, z=abs(free.z), p=free.p, atom=replace(surest.atom, lane=lane))}
+            return {DELAY: replace(surest, z=abs(free.z), p=free.p, regressor=replace(surest.regressor, lane=lane))}
     return {}
 
 
@@ -87,4 +89,4 @@ def _alone(evidence: Evidence, rows: dict[str, list[int]], lane: int, lanes: int
             if contrast * one.z > 0.0:
                 z = float(np.copysign(min(abs(one.z), abs(contrast)), one.z))
                 p = corrected_p(z, hy.LOOKS * lanes)
-                yield replace(one, z=z, p=p, atom=replace(one.atom, lane=lane))
+                yield replace(one, z=z, p=p, regressor=replace(one.regressor, lane=lane))

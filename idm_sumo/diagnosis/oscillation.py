@@ -1,4 +1,4 @@
-"""A driver's own oscillation: a line in the spectrum of the pulses' scores that the null twins have not.
+"""A driver's own oscillation: a line in the spectrum of the pulses' scores that the null replicates have not.
 
 A throttle that swings with a period of its own has no mean along any covariate, and its phase is every driver's own. But within
 a driver it keeps its phase over all windows, which noise of some memory does not: its power gathers in one line. Where each has
@@ -25,7 +25,7 @@ Floats = npt.NDArray[np.float64]
 PERIODS = np.geomspace(4.0, 40.0, 40)  # s; faster swings are what unstable following and smoothing leave
 NEAR, AROUND = 2, 8  # periods that a line covers to each side, and up to which it is compared
 LEAST_BESIDE = 3  # of them, on each side: at the end of a falling spectrum anything would be a line
-# Of a line to what is around it, and of the drivers' strongest lines to the twins'. (Of 118 recordings with nothing hidden the largest were
+# Of a line to what is around it, and of the drivers' strongest lines to the replicates'. (Of 118 recordings with nothing hidden the largest were
 # 1.20 and 1.05.)
 LEAST_RATIO, LEAST_OWN_RATIO = 1.22, 1.07
 # Of a swell: its width, of the logarithm of a period; periods in which it may have its middle, and among which it is looked for; and how much
@@ -48,9 +48,9 @@ def spectrum(pulses: Pulses) -> Floats:
     return np.asarray(power / np.maximum(power.sum(axis=1, keepdims=True), 1e-300))
 
 
-def usual(twins: Sequence[Floats]) -> Floats:
-    """Return the mean over drivers and twins, shape ``(periods,)``, of twins' spectra."""
-    return np.asarray(np.mean([twin.mean(axis=0) for twin in twins], axis=0))
+def usual(replicates: Sequence[Floats]) -> Floats:
+    """Return the mean over drivers and replicates, shape ``(periods,)``, of replicates' spectra."""
+    return np.asarray(np.mean([replicate.mean(axis=0) for replicate in replicates], axis=0))
 
 
 def _beside(excess: Floats) -> Floats:
@@ -76,50 +76,50 @@ class Line(NamedTuple):
     is_strong: bool
 
 
-def line(found: Floats, twins: Floats) -> Line:
+def line(found: Floats, replicates: Floats) -> Line:
     """Return the strongest line: what is more than the periods to either side of it are.
 
     Parameters
     ----------
     found : float64, shape (drivers, periods)
         Of the recording.
-    twins : float64, shape (periods,)
-        Mean over the twins' drivers.
+    replicates : float64, shape (periods,)
+        Mean over the replicates' drivers.
     """
-    excess = found.mean(axis=0) / np.maximum(twins, 1e-300)
+    excess = found.mean(axis=0) / np.maximum(replicates, 1e-300)
     around = _beside(excess)
     ratio = excess / around
-    error = found.std(axis=0) / np.sqrt(len(found)) / np.maximum(twins * around, 1e-300)
+    error = found.std(axis=0) / np.sqrt(len(found)) / np.maximum(replicates * around, 1e-300)
     best = int(np.argmax(ratio))
     edges = (PERIODS[max(best - 1, 0)], PERIODS[min(best + 1, len(PERIODS) - 1)])
     z = float((ratio[best] - 1.0) / error[best])
     return Line(float(edges[0]), float(edges[1]), float(ratio[best]), z, bool(ratio[best] > LEAST_RATIO))
 
 
-def own_lines(found: Floats, twins: Sequence[Floats]) -> Line:
-    """Return by how much each driver's strongest line, at whatever period, is stronger than in the twins.
+def own_lines(found: Floats, replicates: Sequence[Floats]) -> Line:
+    """Return by how much each driver's strongest line, at whatever period, is stronger than in the replicates.
 
     Parameters
     ----------
     found : float64, shape (drivers, periods)
         Of the recording.
-    twins : sequence of float64, shape (drivers, periods)
-        Of each twin.
+    replicates : sequence of float64, shape (drivers, periods)
+        Of each replicate.
     """
-    own, theirs = _log_peaks(found), np.concatenate([_log_peaks(twin) for twin in twins])
+    own, theirs = _log_peaks(found), np.concatenate([_log_peaks(replicate) for replicate in replicates])
     more = own.mean() - theirs.mean()
     z = more / np.sqrt(max(own.var() / len(own) + theirs.var() / len(theirs), 1e-300))
     low, high = PERIODS[OWN_BAND][[0, -1]]
     return Line(float(low), float(high), float(np.exp(more)), float(z), bool(np.exp(more) > LEAST_OWN_RATIO))
 
 
-def swell(found: Floats, twins: Sequence[Floats]) -> Line:
+def swell(found: Floats, replicates: Sequence[Floats]) -> Line:
     """Return the surest swell: what is more around some period than a smooth spectrum, of the same as :func:`own_lines`.
 
-    Noise of some memory may be another's than the twins' have, but it is smooth: a parabola, over the logarithm of the period.
+    Noise of some memory may be another's than the replicates' have, but it is smooth: a parabola, over the logarithm of the period.
     """
-    expected = usual(twins)
-    each = _flat(found, expected) / usual([_flat(twin, expected) for twin in twins])
+    expected = usual(replicates)
+    each = _flat(found, expected) / usual([_flat(replicate, expected) for replicate in replicates])
     weights = np.array([_weights_of_swell(np.log(PERIODS[AROUND_SWELL] / middle)) for middle in SWELLS])
     shares = each[:, AROUND_SWELL] @ weights.T
     size, error = shares.mean(axis=0), np.maximum(shares.std(axis=0) / np.sqrt(len(shares)), 1e-300)

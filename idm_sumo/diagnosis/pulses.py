@@ -14,8 +14,8 @@ from numba import njit
 
 from idm_sumo.diagnosis import gls
 from idm_sumo.diagnosis import windows as w
-from idm_sumo.diagnosis.atoms import FORM, Answer, tamed
 from idm_sumo.diagnosis.fit import Fit
+from idm_sumo.diagnosis.regressors import FORM, Answer, tamed
 from idm_sumo.diagnosis.rollout import BIN
 from idm_sumo.recordings.columns import TRUCK
 

@@ -10,7 +10,7 @@ from dataclasses import replace
 import numpy as np
 import numpy.typing as npt
 
-from idm_sumo.diagnosis import atoms as at
+from idm_sumo.diagnosis import regressors as rg
 from idm_sumo.diagnosis import windows as w
 from idm_sumo.diagnosis.fit import Fit
 from idm_sumo.diagnosis.look import Subject, look
@@ -34,18 +34,18 @@ def recovered(subject: Subject, fit: Fit) -> Fit:
     if share == 0.0:
         return fit
     times = np.clip(now * np.array(TIMES), TIME.lower, TIME.upper)
-    others = [at.Atom(f"{at.OTHERWISE}{t:.3g} s", fixed=((SHARE.slot, 0.0), (TIME.slot, float(t)))) for t in times]
+    others = [rg.Regressor(f"{rg.OTHERWISE}{t:.3g} s", fixed=((SHARE.slot, 0.0), (TIME.slot, float(t)))) for t in times]
 
-    def build(windows: w.Windows, fit: Fit, answer: at.Answer, grid: at.Grid) -> tuple[list[at.Atom], Floats]:
-        return at.build_local(windows, fit, answer, grid, others)
+    def build(windows: w.Windows, fit: Fit, answer: rg.Answer, grid: rg.Grid) -> tuple[list[rg.Regressor], Floats]:
+        return rg.build_local(windows, fit, answer, grid, others)
 
     looked = look(subject, fit, build)
-    shared = [atom.name for atom in looked.atoms].index(at.LOCAL + lane_change_relaxation.EFFECT.name)
-    rows = [looked.atoms.index(atom) for atom in others]
+    shared = [regressor.name for regressor in looked.regressors].index(rg.LOCAL + lane_change_relaxation.EFFECT.name)
+    rows = [looked.regressors.index(regressor) for regressor in others]
     gain, more = best_times(looked.u.sum(axis=0), looked.gram, shared, rows)
     best = int(np.argmax(gain))
     if gain[best] > 0.0:
-        acts = at.acts(by_lane, SHARE.slot)
+        acts = rg.acts(by_lane, SHARE.slot)
         by_lane[:, TIME.slot] = times[best]
         by_lane[acts, SHARE.slot] = np.clip(share + more[best], 0.5 * share, min(2.0 * share, SHARE.upper))
     return replace(fit, by_lane=by_lane)
@@ -61,8 +61,8 @@ def best_times(score: Floats, gram: Floats, shared: int, rows: list[int]) -> tup
 
     Parameters
     ----------
-    score : float64, shape (atoms,)
-    gram : float64, shape (atoms, atoms)
+    score : float64, shape (regressors,)
+    gram : float64, shape (regressors, regressors)
     shared : int
         Row of a little more of the share.
     rows : list of int

@@ -12,20 +12,20 @@ from idm_sumo.diagnosis import choice, free_gates, gates
 from idm_sumo.diagnosis import evidence as ev
 from idm_sumo.diagnosis import free_fields as ff
 from idm_sumo.diagnosis import hypotheses as hy
-from idm_sumo.diagnosis.atoms import Atom
+from idm_sumo.diagnosis.chance import Chance, draws
 from idm_sumo.diagnosis.choice import Accepted, Known
 from idm_sumo.diagnosis.edges import sharpened
 from idm_sumo.diagnosis.fit import Fit
 from idm_sumo.diagnosis.hypotheses import Candidate
 from idm_sumo.diagnosis.left_over import LeftOver, told
 from idm_sumo.diagnosis.look import Subject
-from idm_sumo.diagnosis.luck import Luck, draws
 from idm_sumo.diagnosis.one_lane import place_in_one_lane
 from idm_sumo.diagnosis.recovery import is_over_at_once
+from idm_sumo.diagnosis.regressors import Regressor
+from idm_sumo.diagnosis.replicates import driver_noise
 from idm_sumo.diagnosis.result import Estimate
 from idm_sumo.diagnosis.sizes import Tried, anew, magnitude_of, refined, without_cause
 from idm_sumo.diagnosis.together import two_together
-from idm_sumo.diagnosis.twins import driver_noise
 from idm_sumo.diagnosis.windows import several_periods
 from idm_sumo.models.effects import BY_NAME, slots
 from idm_sumo.runtime.progress import Progress, silent
@@ -34,8 +34,8 @@ Floats = npt.NDArray[np.float64]
 
 MOST_CAUSES = 3
 CLOSE = 0.3  # of the best's squared z: from there on causes are brought to their sizes and compared
-FIRST_TWINS, TWINS = 5, 3  # whether anything is there at all is looked at more closely than how much
-MANY = 750  # drivers; of more, fewer twins say as much
+FIRST_REPLICATES, REPLICATES = 5, 3  # whether anything is there at all is looked at more closely than how much
+MANY = 750  # drivers; of more, fewer replicates say as much
 SHADOW = 0.65  # of the support of what was refused: with less, another may be no more than its shadow
 
 
@@ -57,7 +57,7 @@ class Found:
 class NoInterval:
     """A place or a time that was put into the model and left another one about as sure: the form, and what was refused before."""
 
-    form: Atom
+    form: Regressor
     without_gain: tuple[Candidate, ...]
 
 
@@ -68,29 +68,29 @@ class Brief:
     rng: np.random.Generator
     progress: Progress = silent
     asked: Container[str] = ()
-    but: Container[Atom] = ()
+    but: Container[Regressor] = ()
 
 
 def search(
     subject: Subject, base: Fit, rng: np.random.Generator, progress: Progress, asked: Container[str] = ()
 ) -> Found:
     """Find the causes, strongest first; those that are ``asked`` for, as named beyond another law, are tried however sure they are."""
-    lucks = draws(subject.windows, subject.noises, twins_of(subject, FIRST_TWINS), rng)
-    first = ev.examine(subject, base, lucks, progress=progress, stage="looking for causes", free=ff.families)
+    chances = draws(subject.windows, subject.noises, replicates_of(subject, FIRST_REPLICATES), rng)
+    first = ev.examine(subject, base, chances, progress=progress, stage="looking for causes", free=ff.families)
     known = Known()
-    strange = _outside(subject, base, first, lucks, known, progress)
+    strange = _outside(subject, base, first, chances, known, progress)
     brief = Brief(rng, progress, asked)
-    found = search_on(subject, base, first, strange, lucks, known, brief)
+    found = search_on(subject, base, first, strange, chances, known, brief)
     # Less there may have been meant where more elsewhere had been put, or the reverse.
     if isinstance(found, NoInterval):
-        found = search_on(subject, base, first, strange, lucks, known, replace(brief, but=(found.form,)))
+        found = search_on(subject, base, first, strange, chances, known, replace(brief, but=(found.form,)))
     if isinstance(found, NoInterval):
         return Found(base, base, (), found.without_gain, first, first, left_without_causes(first))
     return found
 
 
 def search_on(
-    subject: Subject, base: Fit, first: ev.Evidence, strange: tuple[LeftOver, ...], lucks: list[Luck], known: Known, brief: Brief,
+    subject: Subject, base: Fit, first: ev.Evidence, strange: tuple[LeftOver, ...], chances: list[Chance], known: Known, brief: Brief,
     begin: tuple[Accepted, ...] = (),
 ) -> Found | NoInterval:  # fmt: skip
     """Find the causes after the first look, what was strange in it, and what climbed; or beside those with which to ``begin``."""
@@ -101,7 +101,7 @@ def search_on(
         chosen = begin or (
             _in_one_lane(subject, fit, strange, rng)
             if strange
-            else _next(subject, fit, last, accepted, without, lucks, brief, known)
+            else _next(subject, fit, last, accepted, without, chances, brief, known)
         )
         if not chosen:
             break
@@ -110,31 +110,31 @@ def search_on(
         newest = chosen[-1]
         progress(f"refining {newest.candidate.name}", 0, 1)
         subject = with_its_noise(subject, newest.tried.fit, rng)
-        count = twins_of(subject, TWINS)
-        lucks = draws(subject.windows, subject.noises, count, rng)  # not the luck that had a hand in the choice
+        count = replicates_of(subject, REPLICATES)
+        chances = draws(subject.windows, subject.noises, count, rng)  # not the chance that had a hand in the choice
         smaller = fit
-        fit = refined(subject, newest.tried.fit, [cause.candidate.name for cause in accepted], lucks, rng)
+        fit = refined(subject, newest.tried.fit, [cause.candidate.name for cause in accepted], chances, rng)
         if not all(_is_still_large(cause, fit) and not is_over_at_once(cause.candidate.name, fit) for cause in chosen):
             fit, without = smaller, [*without, *(cause.candidate for cause in chosen)]
             del accepted[-len(chosen) :]
             break
-        last = _examined(subject, fit, accepted, lucks, progress)
+        last = _examined(subject, fit, accepted, chances, progress)
         if len(accepted) == 1 and _is_no_interval(newest.candidate, first, last):
-            return NoInterval(newest.candidate.atom, tuple(without))
+            return NoInterval(newest.candidate.regressor, tuple(without))
         accepted = [_measured(cause, fit, last) for cause in accepted]
     left = told(strange) if strange or accepted else left_without_causes(first)
     found = Found(base, fit, tuple(accepted), tuple(without), first, last, left)
-    return _without(found, free_gates.only_there_and_then(last), subject, lucks, brief)
+    return _without(found, free_gates.only_there_and_then(last), subject, chances, brief)
 
 
 def _examined(
-    subject: Subject, fit: Fit, accepted: list[Accepted], lucks: list[Luck], progress: Progress
+    subject: Subject, fit: Fit, accepted: list[Accepted], chances: list[Chance], progress: Progress
 ) -> ev.Evidence:
     """Return the evidence with causes in the model; of places and times whether they are so at all times, and places."""
     causes = [one.candidate for one in accepted if one.candidate.name in hy.SCANNED and not one.candidate.only_lanes]
     intervals = [interval for cause in causes if (interval := _interval(fit, cause.name)) is not None]
     free = ff.inside(intervals) if intervals and not several_periods(subject.windows) else None
-    return ev.examine(subject, fit, lucks, progress=progress, stage="looking for further causes", free=free)
+    return ev.examine(subject, fit, chances, progress=progress, stage="looking for further causes", free=free)
 
 
 def _interval(fit: Fit, name: str) -> ff.Interval | None:
@@ -148,7 +148,7 @@ def _interval(fit: Fit, name: str) -> ff.Interval | None:
 
 
 def _without(
-    found: Found, there_and_then: tuple[LeftOver, ...], subject: Subject, lucks: list[Luck], brief: Brief
+    found: Found, there_and_then: tuple[LeftOver, ...], subject: Subject, chances: list[Chance], brief: Brief
 ) -> Found:
     """Return what was found without the places that are not so at all times, and the times that are not at all places."""
     if not there_and_then:
@@ -161,14 +161,14 @@ def _without(
     for cause in found.accepted:
         if cause not in kept:
             fit = without_cause(fit, cause.candidate.name)
-    fit = refined(subject, anew(subject, fit), [cause.candidate.name for cause in kept], lucks, brief.rng)
-    last = _examined(subject, fit, kept, lucks, brief.progress)
+    fit = refined(subject, anew(subject, fit), [cause.candidate.name for cause in kept], chances, brief.rng)
+    last = _examined(subject, fit, kept, chances, brief.progress)
     measured = tuple(_measured(cause, fit, last) for cause in kept)
     return replace(found, fit=fit, accepted=measured, last=last, unexplained=there_and_then)
 
 
-def twins_of(subject: Subject, most: int) -> int:
-    """Return how many twins to hear: the more drivers, the surer is each."""
+def replicates_of(subject: Subject, most: int) -> int:
+    """Return how many replicates to make: the more drivers, the surer is each."""
     return int(np.clip(round(most * MANY / subject.windows.drivers), 2, most))
 
 
@@ -204,7 +204,7 @@ def _measured(cause: Accepted, fit: Fit, evidence: ev.Evidence) -> Accepted:
 
 
 def _outside(
-    subject: Subject, fit: Fit, first: ev.Evidence, lucks: list[Luck], known: Known, progress: Progress
+    subject: Subject, fit: Fit, first: ev.Evidence, chances: list[Chance], known: Known, progress: Progress
 ) -> tuple[LeftOver, ...]:
     """Return what is free and belongs to no effect of the catalogue.
 
@@ -219,13 +219,13 @@ def _outside(
         return strange
     left, names, evidence = strange, list[str](), first
     for beside in (known, Known()):
-        best = choice.most_supported(subject, fit, evidence, lucks, names, beside)
+        best = choice.most_supported(subject, fit, evidence, chances, names, beside)
         if best is None or (best.support < left[0].z ** 2 and not free_gates.is_unsteady(strange[0])):
             return strange
         names.append(best.candidate.name)
         fit = anew(subject, sharpened(subject, best.fit, names))
         evidence = ev.examine(
-            subject, fit, lucks, progress=progress, stage="looking for what is left", free=ff.families
+            subject, fit, chances, progress=progress, stage="looking for what is left", free=ff.families
         )
         if not free_gates.is_left(strange[0], evidence):
             return ()
@@ -246,7 +246,7 @@ def _in_one_lane(
 
 def _next(
     subject: Subject, fit: Fit, evidence: ev.Evidence, accepted: list[Accepted], without: list[Candidate],
-    lucks: list[Luck], brief: Brief, known: Known | None = None,
+    chances: list[Chance], brief: Brief, known: Known | None = None,
 ) -> tuple[Accepted, ...]:  # fmt: skip
     """Return the next cause that passes every gate and is no shadow of one that does not, with the refitted model; or none.
 
@@ -266,17 +266,17 @@ def _next(
         )
         forms = [
             form for c in close for form in hy.forms(evidence, c)
-            if form.atom not in brief.but and not gates.is_past_unseen(form, evidence, used)
+            if form.regressor not in brief.but and not gates.is_past_unseen(form, evidence, used)
         ]  # fmt: skip
         if not forms:
             open_ = [c for c in open_ if c not in close]
             continue
         first = accepted[0].tried if accepted else None
-        best, chosen = choice.judged(subject, fit, forms, first, there, lucks, brief.rng, known)
+        best, chosen = choice.judged(subject, fit, forms, first, there, chances, brief.rng, known)
         if chosen is not None:
             if refused is None or chosen.tried.support > SHADOW * refused.support:
                 return (chosen,)
-            if not choice.stands_beside(subject, refused, chosen.candidate, lucks):
+            if not choice.stands_beside(subject, refused, chosen.candidate, chances):
                 break
             without[:] = [c for c in without if c.name != refused.candidate.name]
             return (chosen,)
@@ -286,6 +286,6 @@ def _next(
         open_ = [c for c in open_ if c.name != best.candidate.name]
     if refused is None or accepted:
         return ()
-    both = two_together(subject, fit, refused, lucks, brief.rng, brief.progress)
+    both = two_together(subject, fit, refused, chances, brief.rng, brief.progress)
     without[:] = [c for c in without if c.name not in {cause.candidate.name for cause in both}]
     return both

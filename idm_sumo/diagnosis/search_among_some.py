@@ -10,13 +10,21 @@ from idm_sumo.diagnosis import choice, gates
 from idm_sumo.diagnosis import evidence as ev
 from idm_sumo.diagnosis import hypotheses as hy
 from idm_sumo.diagnosis import some_drivers as sd
+from idm_sumo.diagnosis.chance import draws
 from idm_sumo.diagnosis.choice import Accepted, Known
 from idm_sumo.diagnosis.fit import Fit
 from idm_sumo.diagnosis.likelihood import log_likelihood
 from idm_sumo.diagnosis.look import Subject
-from idm_sumo.diagnosis.luck import draws
 from idm_sumo.diagnosis.result import Estimate
-from idm_sumo.diagnosis.search import FIRST_TWINS, Brief, Found, NoInterval, search_on, twins_of, with_its_noise
+from idm_sumo.diagnosis.search import (
+    FIRST_REPLICATES,
+    Brief,
+    Found,
+    NoInterval,
+    replicates_of,
+    search_on,
+    with_its_noise,
+)
 from idm_sumo.diagnosis.sizes import Tried, anew
 from idm_sumo.runtime.progress import Progress
 from idm_sumo.runtime.threads import each_in_threads
@@ -62,11 +70,11 @@ def _as_they_show_it(
         return None
     own = anew(theirs, base)
     theirs = with_its_noise(theirs, own, rng)
-    lucks = draws(theirs.windows, theirs.noises, twins_of(theirs, FIRST_TWINS), rng)
-    evidence = ev.examine(theirs, own, lucks, progress=progress, stage="looking at those who seem to have it")
+    chances = draws(theirs.windows, theirs.noises, replicates_of(theirs, FIRST_REPLICATES), rng)
+    evidence = ev.examine(theirs, own, chances, progress=progress, stage="looking at those who seem to have it")
     there, known = gates.believed(evidence), Known()
     forms = [form for c in there if c.name == some.name for form in hy.forms(evidence, c)]
-    cause = choice.judged(theirs, own, forms, None, there, lucks, rng, known)[1] if forms else None
+    cause = choice.judged(theirs, own, forms, None, there, chances, rng, known)[1] if forms else None
     if cause is None:
         return None
     everybody = replace(subject, windows=sd.told_apart(subject.windows, some.has))

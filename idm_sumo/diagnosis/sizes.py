@@ -1,4 +1,4 @@
-"""The size of a cause: moved to where the recording's score, less that of twins, vanishes."""
+"""The size of a cause: moved to where the recording's score, less that of replicates, vanishes."""
 
 from __future__ import annotations
 
@@ -8,15 +8,15 @@ from dataclasses import dataclass, replace
 import numpy as np
 import numpy.typing as npt
 
-from idm_sumo.diagnosis import atoms as at
 from idm_sumo.diagnosis import evidence as ev
 from idm_sumo.diagnosis import hypotheses as hy
+from idm_sumo.diagnosis import regressors as rg
+from idm_sumo.diagnosis.chance import Chance
 from idm_sumo.diagnosis.edges import sharpened
 from idm_sumo.diagnosis.fit import Fit, fit_drivers, improve
 from idm_sumo.diagnosis.gain import driven, typical, typical_gain
 from idm_sumo.diagnosis.hypotheses import Candidate
 from idm_sumo.diagnosis.look import Look, Subject
-from idm_sumo.diagnosis.luck import Luck
 from idm_sumo.diagnosis.recovery import recovered
 from idm_sumo.diagnosis.result import Gain
 from idm_sumo.diagnosis.rollout import ROWS
@@ -29,8 +29,8 @@ Floats = npt.NDArray[np.float64]
 ROUNDS = 12  # of a fit from scratch
 CLIMBS = 5
 REFINEMENTS = 4
-ROUNDS_OF_TWINS = 3
-STEEPEST = 0.6  # of the information: twins follow the model that drives them only in part
+ROUNDS_OF_REPLICATES = 3
+STEEPEST = 0.6  # of the information: replicates follow the model that drives them only in part
 LONGEST_MOVE, SETTLED = 0.6, 0.02  # of a magnitude, in one step; below, it has settled
 LARGEST_FACTOR = 6.0  # by which steps may grow
 # Of the ADE, by another size; and by sizes of causes refined together: what one took up of another before that was in the model may drive a
@@ -53,7 +53,7 @@ def with_cause(fit: Fit, candidate: Candidate, value: float | None = None) -> Fi
 def with_value(fit: Fit, name: str, value: float) -> Fit:
     """Return the fit with another magnitude of a cause that is in it, the drivers not yet refitted."""
     by_lane, slot = fit.by_lane.copy(), magnitude_of(fit, name).slot
-    by_lane[at.acts(by_lane, slot), slot] = value
+    by_lane[rg.acts(by_lane, slot), slot] = value
     return replace(fit, by_lane=by_lane)
 
 
@@ -86,31 +86,31 @@ class Tried:
     support: float
 
 
-def climbed(subject: Subject, fit: Fit, candidate: Candidate, lucks: Sequence[Luck] = ()) -> Tried:
+def climbed(subject: Subject, fit: Fit, candidate: Candidate, chances: Sequence[Chance] = ()) -> Tried:
     """Move a candidate's magnitude to where its score vanishes.
 
     The score near zero underrates what is not linear (a dead band, a long delay) or what the fitted drivers have absorbed. The
-    integral of the score over the magnitude, freed from the twins' at every point, is the log-likelihood that it gains. Where that
-    leads away from the recorded vehicles (another form of the effect), the magnitude stays where the climb began. On the way twins
-    with ``lucks`` are heard, if there are any: what smoothing makes of a short delay is not what it makes of the longer one with which
+    integral of the score over the magnitude, freed from the replicates' at every point, is the log-likelihood that it gains. Where that
+    leads away from the recorded vehicles (another form of the effect), the magnitude stays where the climb began. On the way replicates
+    with ``chances`` are evaluated, if there are any: what smoothing makes of a short delay is not what it makes of the longer one with which
     the candidate was found; drivers drawn anew, far from where those were whom they replace, answer a place or a time from there; and
     what the car-following's form takes off a magnitude changes with it. (Headways that are half as long again behind trucks had come to
-    0.29 for that, and as metres.) The way to a delay or to another desired speed is long, and the first luck alone is heard there.
+    0.29 for that, and as metres.) The way to a delay or to another desired speed is long, and the first chance alone is evaluated there.
     """
     is_far = candidate.name in FAR
     begins = _far_away(subject, fit, candidate) if is_far else [refitted(subject, with_cause(fit, candidate), rounds=2)]
-    now, heard, scores = begins[-1], {0.0: candidate.bias}, {0.0: candidate.score}
+    now, evaluated, scores = begins[-1], {0.0: candidate.bias}, {0.0: candidate.score}
     here = ev.look_here(subject, now)
-    if is_far and lucks:
+    if is_far and chances:
         nothing = with_cause(fit, candidate, _signed(candidate, hy.NEXT_TO_NOTHING))
-        heard, scores = _heard_on_the_way(subject, candidate.name, [nothing, *begins], lucks[:1])
-    elif lucks:
-        heard[_value(now, candidate.name)] = ev.local_biases(subject, now, here, lucks)[candidate.name].score
+        evaluated, scores = _evaluated_on_the_way(subject, candidate.name, [nothing, *begins], chances[:1])
+    elif chances:
+        evaluated[_value(now, candidate.name)] = ev.local_biases(subject, now, here, chances)[candidate.name].score
     value, support = _value(now, candidate.name), 0.0
     error, stride, path = candidate.error, Stride(), list[Tried]()
     for _ in range(CLIMBS):
         step = ev.local_scores(ev.look_here(subject, now) if path else here)[candidate.name]
-        free = scores[value] = step.score - _between(heard, value)
+        free = scores[value] = step.score - _between(evaluated, value)
         support = 2.0 * _integral(scores, value)
         error = candidate.error * np.sqrt(candidate.information / max(step.information, 1e-9))
         path.append(Tried(replace(candidate, value=value, error=error), now, support))
@@ -123,10 +123,10 @@ def climbed(subject: Subject, fit: Fit, candidate: Candidate, lucks: Sequence[Lu
     return end if after < (1.0 + LARGEST_LOSS) * before else path[0]
 
 
-def _between(heard: Mapping[float, float], value: float) -> float:
-    """Return what twins say at a magnitude between those at which they were heard, which may be of either sign."""
-    known = sorted(heard)
-    return float(np.interp(value, known, [heard[size] for size in known]))
+def _between(evaluated: Mapping[float, float], value: float) -> float:
+    """Return what replicates say at a magnitude between those at which they were evaluated, which may be of either sign."""
+    known = sorted(evaluated)
+    return float(np.interp(value, known, [evaluated[size] for size in known]))
 
 
 def _integral(scores: Mapping[float, float], end: float) -> float:
@@ -139,16 +139,16 @@ def _integral(scores: Mapping[float, float], end: float) -> float:
     return area if end >= 0.0 else -area
 
 
-def _heard_on_the_way(
-    subject: Subject, name: str, models: list[Fit], lucks: Sequence[Luck]
+def _evaluated_on_the_way(
+    subject: Subject, name: str, models: list[Fit], chances: Sequence[Chance]
 ) -> tuple[dict[float, float], dict[float, float]]:
-    """Return what twins say of ever larger sizes, and the recording's scores less that; the first size counts as none."""
-    heard, scores = dict[float, float](), dict[float, float]()
+    """Return what replicates say of ever larger sizes, and the recording's scores less that; the first size counts as none."""
+    evaluated, scores = dict[float, float](), dict[float, float]()
     for number, model in enumerate(models):
         here, value = ev.look_here(subject, model), _value(model, name) if number else 0.0
-        heard[value] = ev.local_biases(subject, model, here, lucks)[name].score
-        scores[value] = ev.local_scores(here)[name].score - heard[value]
-    return heard, scores
+        evaluated[value] = ev.local_biases(subject, model, here, chances)[name].score
+        scores[value] = ev.local_scores(here)[name].score - evaluated[value]
+    return evaluated, scores
 
 
 def ade_of(windows: Windows, fit: Fit) -> Floats:
@@ -186,21 +186,21 @@ def _far_away(subject: Subject, fit: Fit, candidate: Candidate) -> list[Fit]:
     return models
 
 
-def refined(subject: Subject, fit: Fit, names: list[str], lucks: list[Luck], rng: np.random.Generator) -> Fit:
-    """Move the magnitudes in the model to where recording and twins agree.
+def refined(subject: Subject, fit: Fit, names: list[str], chances: list[Chance], rng: np.random.Generator) -> Fit:
+    """Move the magnitudes in the model to where recording and replicates agree.
 
-    What twins show depends on the model that drives them, and they begin where the recorded vehicles were, which the true
-    effect put there: so twins are made anew until nothing moves, with the same luck in every round, or they would never agree
+    What replicates show depends on the model that drives them, and they begin where the recorded vehicles were, which the true
+    effect put there: so replicates are made anew until nothing moves, with the same chance in every round, or they would never agree
     with each other. Sizes that drive the vehicles worse, and likely so, are not taken.
     """
     begin = fit
-    heard: dict[str, TwinScore] = {}
-    for _ in range(ROUNDS_OF_TWINS):
+    evaluated: dict[str, ReplicateScore] = {}
+    for _ in range(ROUNDS_OF_REPLICATES):
         fit = refitted(subject, recovered(subject, sharpened(subject, fit, names)), rounds=1)
         here = ev.look_here(subject, fit)
-        biases = ev.local_biases(subject, fit, here, lucks)
-        heard = {name: TwinScore.at(_value(fit, name), biases[name], heard.get(name)) for name in names}
-        fit, was_there = _settle(subject, fit, here, heard)
+        biases = ev.local_biases(subject, fit, here, chances)
+        evaluated = {name: ReplicateScore.at(_value(fit, name), biases[name], evaluated.get(name)) for name in names}
+        fit, was_there = _settle(subject, fit, here, evaluated)
         if was_there:
             break
     fit = anew(subject, fit)
@@ -213,14 +213,14 @@ def drive_worse(lost: Gain, causes: int) -> bool:
     return lost.is_likely and lost.difference > (LARGEST_LOSS if causes == 1 else LARGEST_LOSS_TOGETHER)
 
 
-def _settle(subject: Subject, fit: Fit, here: Look, heard: dict[str, TwinScore]) -> tuple[Fit, bool]:
-    """Step towards where the recording says what twins are expected to say; return whether it was there from the start, too."""
-    strides = {name: Stride() for name in heard}
+def _settle(subject: Subject, fit: Fit, here: Look, evaluated: dict[str, ReplicateScore]) -> tuple[Fit, bool]:
+    """Step towards where the recording says what replicates are expected to say; return whether it was there from the start, too."""
+    strides = {name: Stride() for name in evaluated}
     for number in range(REFINEMENTS):
         found = ev.local_scores(ev.look_here(subject, fit) if number else here)
         for name, stride in strides.items():
             value = _value(fit, name)
-            free = found[name].score - heard[name].expected(value)
+            free = found[name].score - evaluated[name].expected(value)
             step = free / max(found[name].information, 1e-9)
             fit = with_value(fit, name, stride.moved(magnitude_of(fit, name), value, step))
         fit = refitted(subject, fit, rounds=1)
@@ -234,16 +234,16 @@ def _value(fit: Fit, name: str) -> float:
 
 
 @dataclass(frozen=True)
-class TwinScore:
-    """The score of twins, and how it changes with the magnitude that drives them."""
+class ReplicateScore:
+    """The score of replicates, and how it changes with the magnitude that drives them."""
 
     value: float
     score: float
     slope: float = 0.0
 
     @classmethod
-    def at(cls, value: float, local: ev.Local, before: TwinScore | None) -> TwinScore:
-        """Return what was heard at a magnitude; with what was heard before at another one, its slope."""
+    def at(cls, value: float, local: ev.Local, before: ReplicateScore | None) -> ReplicateScore:
+        """Return what was evaluated at a magnitude; with what was evaluated before at another one, its slope."""
         moved = 0.0 if before is None else value - before.value
         if before is None or abs(moved) < SETTLED * abs(value):
             return cls(value, local.score)
@@ -251,7 +251,7 @@ class TwinScore:
         return cls(value, local.score, float(np.clip((local.score - before.score) / moved, -most, most)))
 
     def expected(self, value: float) -> float:
-        """Return the score that twins would have at a magnitude nearby."""
+        """Return the score that replicates would have at a magnitude nearby."""
         return self.score + self.slope * (value - self.value)
 
 

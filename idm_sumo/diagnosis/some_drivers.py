@@ -15,7 +15,7 @@ import numpy as np
 import numpy.typing as npt
 from scipy.optimize import minimize_scalar
 
-from idm_sumo.diagnosis import atoms as at
+from idm_sumo.diagnosis import regressors as rg
 from idm_sumo.diagnosis.fit import Fit, fit_drivers, fit_to_population
 from idm_sumo.diagnosis.gain_gates import LAWLIKE
 from idm_sumo.diagnosis.likelihood import log_likelihood
@@ -27,12 +27,12 @@ Floats = npt.NDArray[np.float64]
 Booleans = npt.NDArray[np.bool_]
 
 # Effects at a large size, each in the forms that differ most: who has less of it is likelier with so much, too, than without.
-LARGE: tuple[at.Atom, ...] = tuple(
-    at.Atom(name, fixed[0][1], fixed)
+LARGE: tuple[rg.Regressor, ...] = tuple(
+    rg.Regressor(name, fixed[0][1], fixed)
     for name, fixed in (
         ("reaction_delay", ((slots.DELAY, 0.8),)),
-        ("reaction_delay", ((slots.DELAY, 0.8), at.KNOWN[0])),
-        ("reaction_delay", ((slots.DELAY, 0.8), at.KNOWN[1])),
+        ("reaction_delay", ((slots.DELAY, 0.8), rg.KNOWN[0])),
+        ("reaction_delay", ((slots.DELAY, 0.8), rg.KNOWN[1])),
         ("multi_leader_anticipation", ((slots.SECOND_LEADER, 0.3),)),
         ("multi_leader_anticipation", ((slots.SECOND_LEADER, 0.4), (slots.SECOND_SPEED_ONLY, 1.0))),
         ("lane_change_relaxation", ((slots.RELAXATION, 0.75), (slots.RELAXATION_TIME, 12.0))),
@@ -102,8 +102,8 @@ def some_who_differ(windows: Windows, base: Fit, named: Fit) -> Some | None:
     """
     without = log_likelihood(windows, base)
 
-    def gained(atom: at.Atom) -> Floats:
-        with_it = at.with_atom(base.by_lane, atom)
+    def gained(regressor: rg.Regressor) -> Floats:
+        with_it = rg.with_regressor(base.by_lane, regressor)
         fit = fit_drivers(windows, with_it, base.start_variance, rounds=FEW_ROUNDS)
         return log_likelihood(windows, fit) - without
 
@@ -111,8 +111,8 @@ def some_who_differ(windows: Windows, base: Fit, named: Fit) -> Some | None:
     mixtures = [mixture(gain) for gain in each]
     best = max(range(len(LARGE)), key=lambda n: mixtures[n].support)
     name, found = LARGE[best].name, mixtures[best]
-    others = [one.support for atom, one in zip(LARGE, mixtures, strict=True) if atom.name != name]
-    all_alike = [2.0 * float(gain.sum()) for atom, gain in zip(LARGE, each, strict=True) if atom.name == name]
+    others = [one.support for regressor, one in zip(LARGE, mixtures, strict=True) if regressor.name != name]
+    all_alike = [2.0 * float(gain.sum()) for regressor, gain in zip(LARGE, each, strict=True) if regressor.name == name]
     beside = max(*others, *all_alike, 2.0 * float((log_likelihood(windows, named) - without).sum()))
     # Not every driver need follow the law, and an asymmetry is what any other one looks like.
     if name == LAWLIKE or found.share < FEWEST or found.support < max(SURE, TIMES * beside):

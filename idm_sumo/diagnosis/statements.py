@@ -147,7 +147,14 @@ EITHER_OR = ("chi", "eta", "phi", "xi", "zeta")  # companions that say which of 
 
 def _bin(evidence: ev.Evidence, name: str) -> float:
     """Return the width of the bins in which an effect was looked for (m, s), zero for none."""
-    return next((atom.high - atom.low for atom in evidence.atoms if atom.name == name and np.isfinite(atom.low)), 0.0)
+    return next(
+        (
+            regressor.high - regressor.low
+            for regressor in evidence.regressors
+            if regressor.name == name and np.isfinite(regressor.low)
+        ),
+        0.0,
+    )
 
 
 def _slack(symbol: str, value: float, width: float) -> float:
@@ -160,7 +167,7 @@ def _slack(symbol: str, value: float, width: float) -> float:
 def _edges(fit: Fit, candidate: Candidate) -> tuple[float, float]:
     """Return where a cause of the model begins and ends."""
     if candidate.name not in hy.SCANNED:
-        return candidate.atom.low, candidate.atom.high
+        return candidate.regressor.low, candidate.regressor.high
     _, begin, end = BY_NAME[candidate.name].acting(fit.by_lane[0])
     return float(fit.by_lane[0, begin.slot]), float(fit.by_lane[0, end.slot])
 
@@ -170,7 +177,7 @@ def _region(candidate: Candidate, edges: tuple[float, float]) -> Region | None:
         return Region(position_m=edges, lanes=candidate.only_lanes or None)
     if candidate.name == "time_of_day":
         return Region(time_s=edges)
-    return Region(lanes=(candidate.atom.lane,)) if candidate.atom.lane else None
+    return Region(lanes=(candidate.regressor.lane,)) if candidate.regressor.lane else None
 
 
 def _sentence(accepted: Accepted) -> str:
@@ -185,22 +192,22 @@ def _sentence(accepted: Accepted) -> str:
     rivals = f"; these data cannot tell it from {', '.join(accepted.rivals)}" if accepted.rivals else ""
     return (
         f"drivers behave as if each {BY_NAME[c.name].summary}{_lanes_in_words(c)}: {first.symbol} = {format_quantity(accepted.value, first.unit)}, "
-        f"{abs(c.z):.1f} standard errors beyond what null twins of the same drivers, noise and smoothing show{late}{rivals}"
+        f"{abs(c.z):.1f} standard errors beyond what null replicates of the same drivers, noise and smoothing show{late}{rivals}"
     )
 
 
 def _lanes_in_words(candidate: Candidate) -> str:
     """Return in which lane a cause is, or that it comes in from lane to lane; nothing of one that is in all alike."""
-    if candidate.atom.lane:
-        return f" in lane {candidate.atom.lane}"
-    lanes = dict(candidate.atom.fixed).get(slots.DESIRED_SPEED_ACROSS, 0.0)
+    if candidate.regressor.lane:
+        return f" in lane {candidate.regressor.lane}"
+    lanes = dict(candidate.regressor.fixed).get(slots.DESIRED_SPEED_ACROSS, 0.0)
     return f", from nothing in lane 1 to all of it in lane {lanes:.0f}" if lanes else ""
 
 
 def present(found: Found) -> list[Candidate]:
     """Return what is there beyond doubt although no rollout is better for it.
 
-    Not what beyond another law than the IDM that law's form may leave over, nor what has no null twin: in 40 recordings of four laws
+    Not what beyond another law than the IDM that law's form may leave over, nor what has no null replicate: in 40 recordings of four laws
     with nothing hidden there were ten of these, and none of the others.
     """
     is_idm = law_of(found.base) == laws.IDM
@@ -218,7 +225,7 @@ def without_gain(found: Found) -> tuple[CauseFound, ...]:
         first = hy.acting_of(c)[0]
         estimate = within_bounds(first, c.value, Z95 * c.error)
         sentence = f"present ({abs(c.z):.1f} standard errors) without making rollouts better"
-        region, drivers = _region(c, (c.atom.low, c.atom.high)), hy.effective_drivers(found.first, c)
+        region, drivers = _region(c, (c.regressor.low, c.regressor.high)), hy.effective_drivers(found.first, c)
         at_bound = hy.is_at_bound(c)
         out.append(
             CauseFound(
@@ -299,7 +306,7 @@ def untestable(recording: Recording, windows: Windows, found: Found) -> dict[str
     why = {
         "vehicle_class": "own class is part of the drivers' distribution, which is fitted driver by driver",
         "memory": "windows are seconds long: a slow trend cannot be told from time_of_day and speed_dependent_headway",
-        "correlated_noise": "modelled in the residuals' covariance and the null twins; it makes no bias",
+        "correlated_noise": "modelled in the residuals' covariance and the null replicates; it makes no bias",
     }
     blind = not recording.has_leader_rows
     if blind or recording.is_smooth:
@@ -331,7 +338,7 @@ def scans(evidence: ev.Evidence) -> tuple[Scan, ...]:
     """Return the free acceleration along the road and the free headway along the time."""
     out = []
     for name, covariate, unit in (("location", "position_m", "m/s^2"), ("time_of_day", "time_s", "1")):
-        rows = [n for n, atom in enumerate(evidence.atoms) if atom.name == name and not atom.fixed]
+        rows = [n for n, regressor in enumerate(evidence.regressors) if regressor.name == name and not regressor.fixed]
         if not rows:
             continue
         gram = evidence.gram[np.ix_(rows, rows)]
@@ -339,7 +346,7 @@ def scans(evidence: ev.Evidence) -> tuple[Scan, ...]:
         ridge = gram / np.outer(scale, scale) + 0.02 * np.eye(len(rows))
         inverse = np.linalg.inv(ridge) / np.outer(scale, scale)
         error = np.sqrt(np.diag(inverse @ gram @ inverse) * evidence.inflation)
-        edges = np.array([evidence.atoms[n].low for n in rows] + [evidence.atoms[rows[-1]].high])
+        edges = np.array([evidence.regressors[n].low for n in rows] + [evidence.regressors[rows[-1]].high])
         out.append(Scan(covariate, unit, edges, inverse @ evidence.total()[rows], error))
     return tuple(out)
 

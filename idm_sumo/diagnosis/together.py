@@ -7,16 +7,16 @@ import numpy as np
 from idm_sumo.diagnosis import choice, gain_gates, gates
 from idm_sumo.diagnosis import evidence as ev
 from idm_sumo.diagnosis import hypotheses as hy
+from idm_sumo.diagnosis.chance import Chance
 from idm_sumo.diagnosis.choice import Accepted
 from idm_sumo.diagnosis.fit import Fit
 from idm_sumo.diagnosis.look import Subject
-from idm_sumo.diagnosis.luck import Luck
 from idm_sumo.diagnosis.sizes import Tried, anew, gain_of, without_cause
 from idm_sumo.runtime.progress import Progress
 
 
 def two_together(
-    subject: Subject, fit: Fit, refused: Tried, lucks: list[Luck], rng: np.random.Generator, progress: Progress
+    subject: Subject, fit: Fit, refused: Tried, chances: list[Chance], rng: np.random.Generator, progress: Progress
 ) -> tuple[Accepted, ...]:
     """Return what was refused because it does not gain, and what gains beside it, if neither is worth anything without the other.
 
@@ -30,7 +30,7 @@ def two_together(
         Without either.
     refused : Tried
         Of most support, beside ``fit``.
-    lucks : list of Luck
+    chances : list of Chance
     rng : numpy.random.Generator
     progress : callable
 
@@ -45,13 +45,13 @@ def two_together(
         or not gates.is_there(refused)
     ):
         return ()
-    evidence = ev.examine(subject, refused.fit, lucks, progress=progress, stage="looking for two causes at once")
+    evidence = ev.examine(subject, refused.fit, chances, progress=progress, stage="looking for two causes at once")
     there = [c for c in gates.believed(evidence) if c.name != refused.candidate.name]
     likely = [c for c in there if gates.is_worth_trying(c, is_first=False)][: choice.TRIED]
     forms = [form for c in likely for form in hy.forms(evidence, c)]
     if not forms:
         return ()
-    _, second = choice.judged(subject, refused.fit, forms, refused, there, lucks, rng)
+    _, second = choice.judged(subject, refused.fit, forms, refused, there, chances, rng)
     if second is None or not gain_gates.is_clear(gain_of(subject, fit, second.tried.fit, rng)):
         return ()
     alone = anew(subject, without_cause(second.tried.fit, refused.candidate.name))

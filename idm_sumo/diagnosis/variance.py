@@ -1,4 +1,4 @@
-"""Where or when drivers are less steady than their null twins: second moments of the pulses' scores.
+"""Where or when drivers are less steady than their null replicates: second moments of the pulses' scores.
 
 Who looks aside, or cannot make up their mind, does not drive faster or slower on average: only the spread tells.
 """
@@ -57,7 +57,7 @@ def spread(pulses: Pulses, number: Integers, count: int) -> Spread:
 
 
 class Unsteady(NamedTuple):
-    """Bins ``first`` to ``last`` (exclusive) in which the variance is ``ratio`` times the twins', with its standard errors."""
+    """Bins ``first`` to ``last`` (exclusive) in which the variance is ``ratio`` times the replicates', with its standard errors."""
 
     first: int
     last: int
@@ -66,20 +66,20 @@ class Unsteady(NamedTuple):
     z: float
 
 
-def most_unsteady(found: Spread, twins: Floats, number: int) -> Unsteady | None:
-    """Return the stretch in which the spread most surely exceeds the twins'.
+def most_unsteady(found: Spread, replicates: Floats, number: int) -> Unsteady | None:
+    """Return the stretch in which the spread most surely exceeds the replicates'.
 
     Parameters
     ----------
     found : Spread
         Of the recording.
-    twins : float64, shape (bins,)
-        Mean sum of squares of the twins; only its course along the bins counts.
+    replicates : float64, shape (bins,)
+        Mean sum of squares of the replicates; only its course along the bins counts.
     number : int
-        Of twins.
+        Of replicates.
     """
     total, count = found.squares.sum(axis=0), found.counts.sum(axis=0)
-    expected = twins * total.sum() / max(twins.sum(), 1e-300)
+    expected = replicates * total.sum() / max(replicates.sum(), 1e-300)
     first, last = np.triu_indices(len(total) + 1, 1)
     known = np.concatenate([[0.0], expected.cumsum()])
     fits = (last - first >= NARROWEST) & (last - first <= WIDEST * len(total))

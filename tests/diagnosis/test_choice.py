@@ -7,13 +7,13 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from idm_sumo.diagnosis import atoms as at
 from idm_sumo.diagnosis import choice
+from idm_sumo.diagnosis import regressors as rg
 from idm_sumo.diagnosis import rollout as ro
+from idm_sumo.diagnosis.chance import Noises
 from idm_sumo.diagnosis.choice import Known, at_sizes, strongest
 from idm_sumo.diagnosis.fit import fit_drivers
 from idm_sumo.diagnosis.look import Subject
-from idm_sumo.diagnosis.luck import Noises
 from idm_sumo.diagnosis.noise import QUIET
 from idm_sumo.diagnosis.result import Gain
 from idm_sumo.diagnosis.sizes import Tried, gain_of, with_cause
@@ -26,7 +26,7 @@ def test_the_cause_that_drives_clearly_nearer_is_chosen():
     m[:, slots.BAND] = 1.0
     windows, _ = followers(m, np.random.default_rng(5))
     base = fit_drivers(windows, ro.PLAIN.copy(), np.array([1e-4, 1e-4]), rounds=8)
-    subject = Subject(windows, Noises(QUIET, QUIET), at.grid_of(windows), True)
+    subject = Subject(windows, Noises(QUIET, QUIET), rg.grid_of(windows), True)
     right = candidate(9.0, "perception_threshold", 0.8, ((slots.BAND, 0.6),))
     wrong = candidate(9.0, "acceleration_asymmetry", 0.3)
     rng = np.random.default_rng(0)
@@ -39,7 +39,7 @@ def test_which_of_two_places_is_meant_support_decides_unless_both_have_it(monkey
     windows, _ = followers(ro.PLAIN, np.random.default_rng(5))
     base = fit_drivers(windows, ro.PLAIN.copy(), np.array([1e-4, 1e-4]), rounds=2)
     worse = with_cause(base, candidate(9.0, "acceleration_asymmetry", 0.8))
-    subject = Subject(windows, Noises(QUIET, QUIET), at.grid_of(windows), True)
+    subject = Subject(windows, Noises(QUIET, QUIET), rg.grid_of(windows), True)
     rng = np.random.default_rng(0)
 
     def chosen(*names, support=20.0):
@@ -77,7 +77,7 @@ def test_a_form_or_a_shadow_with_less_support_is_not_taken_however_it_drives(
     windows, _ = followers(ro.PLAIN, np.random.default_rng(5))
     base = fit_drivers(windows, ro.PLAIN.copy(), np.array([1e-4, 1e-4]), rounds=2)
     worse = with_cause(base, candidate(9.0, "acceleration_asymmetry", 0.8))
-    subject = Subject(windows, Noises(QUIET, QUIET), at.grid_of(windows), True)
+    subject = Subject(windows, Noises(QUIET, QUIET), rg.grid_of(windows), True)
     each = [Tried(candidate(9.0, first, 0.6), worse, 100.0), Tried(candidate(9.0, second, 0.3), base, support)]
     monkeypatch.setattr(choice, "climbed", lambda *_: each.pop(0))
     best, _ = strongest(subject, base, [one.candidate for one in each], [], np.random.default_rng(0))
@@ -103,7 +103,7 @@ def test_forms_are_compared_at_rest(monkeypatch):
     windows, _ = followers(ro.PLAIN, np.random.default_rng(5))
     base = fit_drivers(windows, ro.PLAIN.copy(), np.array([1e-4, 1e-4]), rounds=6)
     on_the_way = replace(base, spread=1e-4 * base.spread)  # drivers are thought to be all the same still
-    subject = Subject(windows, Noises(QUIET, QUIET), at.grid_of(windows), True)
+    subject = Subject(windows, Noises(QUIET, QUIET), rg.grid_of(windows), True)
     each = [
         Tried(candidate(9.0), on_the_way, 100.0),
         Tried(candidate(9.0, value=0.3), with_cause(base, candidate(9.0, "acceleration_asymmetry", 0.2)), 60.0),
@@ -126,21 +126,21 @@ def test_candidates_climb_to_their_sizes_once(monkeypatch):
     assert sorted(came, key=str) == sorted([delay, band], key=str)
 
 
-@pytest.mark.parametrize(("twins", "heard"), [(0, 0), (1, 1), (2, 1), (3, 2), (5, 2)])
-def test_on_the_way_to_a_size_one_twin_of_two_and_two_of_more_are_heard(monkeypatch, twins, heard):
+@pytest.mark.parametrize(("replicates", "evaluated"), [(0, 0), (1, 1), (2, 1), (3, 2), (5, 2)])
+def test_on_the_way_to_a_size_one_replicate_of_two_and_two_of_more_are_evaluated(monkeypatch, replicates, evaluated):
     came = []
     monkeypatch.setattr(
-        choice, "climbed", lambda _subject, _fit, one, lucks: came.append(len(lucks)) or Tried(one, None, 1.0)
+        choice, "climbed", lambda _subject, _fit, one, chances: came.append(len(chances)) or Tried(one, None, 1.0)
     )
-    choice.at_sizes(None, None, [candidate(6.0)], [None] * twins, {})
-    assert came == [heard]
+    choice.at_sizes(None, None, [candidate(6.0)], [None] * replicates, {})
+    assert came == [evaluated]
 
 
 def climb_to(monkeypatch, supports):
     """Have delays climb to another size, with the support of what is known in spite of them."""
     monkeypatch.setattr(
         choice, "climbed",
-        lambda _subject, _fit, one, _lucks: Tried(replace(one, value=0.5), None, supports[one.atom.fixed[1:]]),
+        lambda _subject, _fit, one, _lucks: Tried(replace(one, value=0.5), None, supports[one.regressor.fixed[1:]]),
     )  # fmt: skip
 
 
@@ -174,7 +174,7 @@ def test_who_is_late_and_knows_both_is_asked_for_where_one_alone_says_more(monke
     ],
 )
 def test_all_that_may_be_known_is_asked_for_where_some_of_it_says_more(monkeypatch, own, in_rate, both, asked):
-    one, new, rate = at.KNOWN
+    one, new, rate = rg.KNOWN
     supports = {(): 100.0, (one,): own, (new,): 130.0, (one, rate): in_rate, (one, new): both, (one, new, rate): 140.0}
     each = [candidate(9.0, "reaction_delay", 0.4, ((slots.DELAY, 0.4), *form)) for form in supports]
     climb_to(monkeypatch, supports)
@@ -185,7 +185,7 @@ def test_all_that_may_be_known_is_asked_for_where_some_of_it_says_more(monkeypat
 def test_of_causes_with_nearly_as_much_support_the_one_that_drives_best_is_taken(monkeypatch, support, chosen):
     windows, _ = followers(ro.PLAIN, np.random.default_rng(5))
     base = fit_drivers(windows, ro.PLAIN.copy(), np.array([1e-4, 1e-4]), rounds=2)
-    subject = Subject(windows, Noises(QUIET, QUIET), at.grid_of(windows), True)
+    subject = Subject(windows, Noises(QUIET, QUIET), rg.grid_of(windows), True)
     each = [
         Tried(candidate(9.0), with_cause(base, candidate(9.0, "acceleration_asymmetry", 0.8)), 100.0),
         Tried(candidate(9.0, "hysteresis", 0.2), base, support),

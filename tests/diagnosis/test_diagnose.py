@@ -9,13 +9,13 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 
-from idm_sumo.diagnosis import atoms as at
+from idm_sumo.diagnosis import regressors as rg
 from idm_sumo.diagnosis import rollout as ro
+from idm_sumo.diagnosis.chance import Noises
 from idm_sumo.diagnosis.choice import Accepted
 from idm_sumo.diagnosis.fit import fit_drivers
 from idm_sumo.diagnosis.law import Followed, beneath, of
 from idm_sumo.diagnosis.look import Subject
-from idm_sumo.diagnosis.luck import Noises
 from idm_sumo.diagnosis.noise import QUIET
 from idm_sumo.diagnosis.result import Gain
 from idm_sumo.diagnosis.search import Found
@@ -35,7 +35,7 @@ def beyond():
     tried = Tried(candidate(6.0), with_cause(fit, candidate(6.0)), 60.0)
     cause = Accepted(tried, 0.5, 0.01, Gain("ade_m", 1.0, 0.99, 0.01, (0.0, 0.02), 10, False), ())
     nothing = Found(fit, fit, (), (), evidence(0.0), evidence(0.0), ())
-    subject = Subject(windows, Noises(QUIET, QUIET), at.grid_of(windows), True)
+    subject = Subject(windows, Noises(QUIET, QUIET), rg.grid_of(windows), True)
     return subject, nothing, replace(nothing, fit=tried.fit, accepted=(cause,))
 
 

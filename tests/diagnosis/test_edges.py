@@ -7,13 +7,13 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from idm_sumo.diagnosis import atoms as at
+from idm_sumo.diagnosis import regressors as rg
 from idm_sumo.diagnosis import rollout as ro
 from idm_sumo.diagnosis import windows as w
+from idm_sumo.diagnosis.chance import Noises
 from idm_sumo.diagnosis.edges import best_edges, sharpened
 from idm_sumo.diagnosis.fit import fit_drivers, improve
 from idm_sumo.diagnosis.look import Subject
-from idm_sumo.diagnosis.luck import Noises
 from idm_sumo.diagnosis.noise import QUIET
 from idm_sumo.models.effects import BY_NAME, slots
 from tests.helpers.followers import followers
@@ -45,15 +45,15 @@ def one_after_the_other(by_lane: np.ndarray) -> w.Windows:
 
 
 @pytest.mark.parametrize(("name", "symbol", "size", "ends", "width"), [
-    ("location", "alpha", -0.4, (45.0, 97.0), at.PLACE_BIN), ("location", "theta", 0.6, (45.0, 97.0), at.PLACE_BIN),
-    ("time_of_day", "theta", 0.4, (31.0, 66.0), at.TIME_BIN),
+    ("location", "alpha", -0.4, (45.0, 97.0), rg.PLACE_BIN), ("location", "theta", 0.6, (45.0, 97.0), rg.PLACE_BIN),
+    ("time_of_day", "theta", 0.4, (31.0, 66.0), rg.TIME_BIN),
 ])  # fmt: skip
 def test_edges_are_found_between_those_of_bins(name, symbol, size, ends, width):
     magnitude, begin, end = (parameter.slot for parameter in BY_NAME[name].named_by([symbol]))
     planted = ro.PLAIN.copy()
     planted[:, [magnitude, begin, end]] = size, *ends
     windows = one_after_the_other(planted)
-    subject = Subject(windows, Noises(QUIET, QUIET), at.grid_of(windows), True)
+    subject = Subject(windows, Noises(QUIET, QUIET), rg.grid_of(windows), True)
     off = planted.copy()
     off[:, begin] += 0.4 * width
     off[:, end] -= 0.4 * width
@@ -68,11 +68,11 @@ def test_a_drift_ends_with_the_recording():
     planted[:, [slots.PERIOD_DRIFT, slots.PERIOD_BEGIN, slots.PERIOD_END]] = 0.3, 10.0, 60.0
     windows = one_after_the_other(planted)
     fit = fit_drivers(windows, planted, np.array([1e-4, 1e-4]), rounds=1)
-    assert sharpened(Subject(windows, Noises(QUIET, QUIET), at.grid_of(windows), True), fit, ["time_of_day"]) is fit
+    assert sharpened(Subject(windows, Noises(QUIET, QUIET), rg.grid_of(windows), True), fit, ["time_of_day"]) is fit
 
 
 def test_what_has_no_edges_is_left_alone():
     windows, _ = followers(ro.PLAIN, np.random.default_rng(7))
     fit = fit_drivers(windows, ro.PLAIN.copy(), np.array([1e-4, 1e-4]), rounds=1)
-    assert sharpened(Subject(windows, Noises(QUIET, QUIET), at.grid_of(windows), True), fit, ["hysteresis"]) is fit
+    assert sharpened(Subject(windows, Noises(QUIET, QUIET), rg.grid_of(windows), True), fit, ["hysteresis"]) is fit
     assert not fit.by_lane[:, slots.PLACE].any()

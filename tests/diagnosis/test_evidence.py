@@ -10,17 +10,17 @@ from hypothesis import given
 from hypothesis import strategies as st
 from hypothesis.extra.numpy import arrays
 
-from idm_sumo.diagnosis import atoms as at
 from idm_sumo.diagnosis import evidence as ev
 from idm_sumo.diagnosis import fit as fitting
 from idm_sumo.diagnosis import law
+from idm_sumo.diagnosis import regressors as rg
 from idm_sumo.diagnosis import rollout as ro
 from idm_sumo.diagnosis.bins import numbered, pulse_means, response_by_bin
+from idm_sumo.diagnosis.chance import Noises, draw
 from idm_sumo.diagnosis.fit import fit_drivers
 from idm_sumo.diagnosis.look import Subject, guard, score
-from idm_sumo.diagnosis.luck import Noises, draw
 from idm_sumo.diagnosis.noise import QUIET
-from idm_sumo.diagnosis.twins import drawn_anew, start_behind
+from idm_sumo.diagnosis.replicates import drawn_anew, start_behind
 from idm_sumo.models import laws
 from idm_sumo.models.effects import slots
 from tests.helpers.followers import followers
@@ -59,7 +59,7 @@ def test_one_window_that_explodes_is_held_back_and_the_others_stay():
     columns = np.random.default_rng(0).uniform(0.5, 1.0, (50, 4, 2))
     columns[7, :, 0] *= 1e6
     columns[:, :, 1] = 0.0
-    tamed = at.tamed(columns)
+    tamed = rg.tamed(columns)
     usual = np.delete(np.arange(50), 7)
     np.testing.assert_array_equal(tamed[usual], columns[usual])
     assert np.abs(tamed[7]).max() < 4.0
@@ -70,10 +70,10 @@ def test_errors_of_a_window_count_less_in_proportion_to_what_it_answers_beyond_t
     response = np.random.default_rng(3).uniform(0.9, 1.1, (60, 24, 24))
     response[7] *= 10.0
     response[8] *= 20.0
-    counts = at.calm(response)
+    counts = rg.calm(response)
     usual = np.delete(np.arange(60), [7, 8])
     np.testing.assert_array_equal(counts[usual], 1.0)
-    np.testing.assert_allclose(counts[7:9], [at.MOST_ANSWERED / 10.0, at.MOST_ANSWERED / 20.0], rtol=0.02)
+    np.testing.assert_allclose(counts[7:9], [rg.MOST_ANSWERED / 10.0, rg.MOST_ANSWERED / 20.0], rtol=0.02)
 
 
 def test_a_rare_effect_is_not_its_own_noise():
@@ -82,7 +82,9 @@ def test_a_rare_effect_is_not_its_own_noise():
     rng = np.random.default_rng(1)
     noise = rng.standard_normal((200, 1)) * np.sqrt(part)
     u = 3.0 * part + noise
-    evidence = ev.Evidence([at.Atom("leader_class")], u, np.zeros((3, 1)), part.sum(0)[None], part, np.arange(200) // 5)
+    evidence = ev.Evidence(
+        [rg.Regressor("leader_class")], u, np.zeros((3, 1)), part.sum(0)[None], part, np.arange(200) // 5
+    )
     alone = replace(evidence, u=noise)
     assert evidence.clustered(np.eye(1)) == pytest.approx(alone.clustered(np.eye(1)))
 
@@ -91,14 +93,14 @@ def test_the_form_is_taken_out_of_all_but_laws_of_the_moment():
     names = [
         "acceleration_asymmetry",
         "speed_dependent_headway",
-        at.GUARD + "0",
+        rg.GUARD + "0",
         "location",
-        at.LOCAL + "reaction_delay",
+        rg.LOCAL + "reaction_delay",
     ]
-    atoms = [at.Atom(name) for name in names]
+    regressors = [rg.Regressor(name) for name in names]
     root = np.random.default_rng(3).standard_normal((5, 12))
     gram = root @ root.T
-    free = guard(atoms, gram)
+    free = guard(regressors, gram)
     form, others = [0, 1, 2], [3, 4]
     np.testing.assert_allclose((free.T @ gram)[np.ix_(others, form)], 0.0, atol=1e-9)
     np.testing.assert_array_equal(free[:, form], np.eye(5)[:, form])
@@ -125,7 +127,7 @@ def test_the_score_vanishes_at_the_planted_size_and_points_to_it_from_below(slot
     planted = ro.PLAIN.copy()
     planted[:, slot] = size
     windows, _ = followers(planted, np.random.default_rng(5))
-    subject = Subject(windows, Noises(QUIET, QUIET), at.grid_of(windows), True)
+    subject = Subject(windows, Noises(QUIET, QUIET), rg.grid_of(windows), True)
     name = {slots.HYSTERESIS: "hysteresis", slots.BAND: "perception_threshold"}[slot]
     half = planted.copy()
     half[:, slot] = 0.5 * size
@@ -141,7 +143,7 @@ def test_the_score_vanishes_at_the_planted_size_and_points_to_it_from_below(slot
 def test_what_all_drivers_share_is_no_effect_where_it_is_a_little_off(monkeypatch):
     """A tenth of a second off in the time in which a safe speed is reached looks like effects that cannot be."""
     windows, _ = followers(law.of(laws.KRAUSS, 0.9), np.random.default_rng(5))
-    subject = Subject(windows, Noises(QUIET, QUIET), at.grid_of(windows), True)
+    subject = Subject(windows, Noises(QUIET, QUIET), rg.grid_of(windows), True)
     with monkeypatch.context() as off:
         off.setattr(fitting, "SHARED", {})
         fit = fit_drivers(windows, law.of(laws.KRAUSS), START, rounds=8)
@@ -151,6 +153,6 @@ def test_what_all_drivers_share_is_no_effect_where_it_is_a_little_off(monkeypatc
 
 def standard_errors(subject, fit):
     """Return those of an acceleration asymmetry, free of nothing but the population."""
-    atoms, found = score(subject, subject.windows, fit)
-    n = [atom.name for atom in atoms].index("acceleration_asymmetry")
+    regressors, found = score(subject, subject.windows, fit)
+    n = [regressor.name for regressor in regressors].index("acceleration_asymmetry")
     return abs(found.u[:, n].sum()) / np.sqrt(found.gram[n, n])

@@ -7,8 +7,8 @@ from dataclasses import replace
 import pytest
 
 from idm_sumo.diagnosis import free_gates, gates
-from idm_sumo.diagnosis.atoms import Atom
 from idm_sumo.diagnosis.hypotheses import Candidate
+from idm_sumo.diagnosis.regressors import Regressor
 from idm_sumo.models.effects import slots
 from tests.helpers.followers import evidence, free
 
@@ -180,7 +180,7 @@ def test_what_says_more_than_the_catalogue_is_outside_it(delay, covariate, z, is
     [("position", 6.0, 1e-9), ("position", 5.0, 0.5), ("time", 6.0, 0.5), ("position and time", 6.0, 0.5)],
 )
 def test_a_place_that_stands_out_freely_is_that_of_the_catalogue(monkeypatch, covariate, z, p):
-    place = Candidate("location", -0.06, 0.01, -4.7, 0.5, Atom("location", low=100.0, high=200.0))
+    place = Candidate("location", -0.06, 0.01, -4.7, 0.5, Regressor("location", low=100.0, high=200.0))
     monkeypatch.setattr(gates.hy, "candidates", lambda _: [place])
     (found,) = gates.believed(evidence(0.0, free(covariate, z)))
     assert found == replace(place, p=p)
@@ -204,7 +204,7 @@ def test_a_region_that_a_place_leaves_needs_less_to_be_left():
 @pytest.mark.parametrize(("value", "is_outside"), [(0.2, False), (-0.2, True)])
 def test_who_drives_closer_after_a_change_relaxes_and_who_holds_back_does_something_else(value, is_outside):
     after = replace(free("since_change", 14.0), value=value)
-    relaxing = replace(evidence(8.0, after), atoms=[Atom("lane_change_relaxation", 0.2, ((2, 0.2),))])
+    relaxing = replace(evidence(8.0, after), regressors=[Regressor("lane_change_relaxation", 0.2, ((2, 0.2),))])
     assert bool(free_gates.outside(relaxing)) is is_outside
     assert free_gates.outside(evidence(8.0, after))
 
@@ -221,7 +221,7 @@ def test_who_drives_closer_after_a_change_relaxes_and_who_holds_back_does_someth
 )
 def test_headways_that_follow_the_leaders_acceleration_are_hysteresis(covariate, seen, value, is_outside):
     one = replace(free(covariate, 18.0), range=seen, value=value)
-    hysteresis = replace(evidence(8.0, one), atoms=[Atom("hysteresis", 0.2, ((slots.HYSTERESIS, 0.2),))])
+    hysteresis = replace(evidence(8.0, one), regressors=[Regressor("hysteresis", 0.2, ((slots.HYSTERESIS, 0.2),))])
     assert bool(free_gates.outside(hysteresis)) is is_outside
     assert free_gates.outside(evidence(0.0, one))
 
@@ -230,7 +230,7 @@ def test_headways_that_follow_the_leaders_acceleration_are_hysteresis(covariate,
 def test_long_leaders_are_more_than_trucks_where_their_length_says_far_more(z, is_outside):
     """Who keeps away from vans keeps away from trucks, too, which are a few of the long."""
     long = replace(free("headway over leader_length", z), range=(5.2, 40.0))
-    trucks = replace(evidence(8.0, long), atoms=[Atom("leader_class", 0.2, ((4, 0.2),))])
+    trucks = replace(evidence(8.0, long), regressors=[Regressor("leader_class", 0.2, ((4, 0.2),))])
     assert bool(free_gates.outside(trucks)) is is_outside
     assert free_gates.outside(evidence(0.0, long))
 
@@ -239,7 +239,7 @@ def test_long_leaders_are_more_than_trucks_where_their_length_says_far_more(z, i
 def test_a_follower_who_comes_near_is_no_sign_of_another_law(name, stands_out):
     """He does so where a driver starts slowly; acting before the leader does is a sign of one."""
     slow = free("since_standing", -5.8)
-    found = replace(evidence(-6.2, slow), atoms=[Atom(name, 0.2, ((0, 0.2),))])
+    found = replace(evidence(-6.2, slow), regressors=[Regressor(name, 0.2, ((0, 0.2),))])
     assert bool(free_gates.standing_out(found)) is stands_out
 
 
@@ -251,14 +251,14 @@ def test_what_rests_on_changes_to_come_is_what_the_catalogue_calls_it(covariate,
     """Its form there may be another: whoever yields brakes, or keeps a longer headway, for other seconds than five."""
     for value in (-0.3, 0.3):
         one = replace(free(covariate, 18.0), value=value)
-        there = replace(evidence(12.0, one), atoms=[Atom(name, 0.3, ((2, 0.3),))])
+        there = replace(evidence(12.0, one), regressors=[Regressor(name, 0.3, ((2, 0.3),))])
         assert not free_gates.outside(there)
         assert free_gates.outside(evidence(8.0, one))
 
 
 def test_what_shows_an_effect_that_is_too_small_for_a_name_is_not_told_as_unknown():
     one = replace(free("until_cut_in", 18.0), value=-0.3)
-    small = replace(evidence(5.0, one), atoms=[Atom("courtesy_yielding", 0.3, ((2, 0.3),))])
+    small = replace(evidence(5.0, one), regressors=[Regressor("courtesy_yielding", 0.3, ((2, 0.3),))])
     (there,) = gates.believed(small)
     assert gates.is_too_small(there)
     assert not free_gates.outside(small)
@@ -281,7 +281,7 @@ def test_what_shows_an_effect_that_is_too_small_for_a_name_is_not_told_as_unknow
 def test_a_pedal_left_alone_is_asked_for_where_small_approach_rates_seem_unnoticed(
     monkeypatch, name, z, pedal, stands_out
 ):
-    seen = [Candidate(name, 0.5, 0.01, z, 1e-6, Atom(name, 0.5), 1.0, 0.0)] if name else []
+    seen = [Candidate(name, 0.5, 0.01, z, 1e-6, Regressor(name, 0.5), 1.0, 0.0)] if name else []
     monkeypatch.setattr(gates, "believed", lambda _: seen)
     one = free("response over wanted_acceleration", -pedal)
     assert free_gates.is_stood_in_for(one, evidence(0.0, one))
@@ -304,8 +304,8 @@ def test_a_pedal_left_alone_is_asked_for_where_small_approach_rates_seem_unnotic
     ],
 )
 def test_what_changes_with_the_time_since_the_entry_is_told_from_a_place(monkeypatch, place, z, road, entry, is_it):
-    bins = [Atom("location", low=low, high=low + 20.0) for low in (0.0, 300.0)]
-    seen = [Candidate("location", -0.2, 0.01, z, 1e-6, Atom("location", -0.2, low=place), 1.0, 0.0)] if z else []
+    bins = [Regressor("location", low=low, high=low + 20.0) for low in (0.0, 300.0)]
+    seen = [Candidate("location", -0.2, 0.01, z, 1e-6, Regressor("location", -0.2, low=place), 1.0, 0.0)] if z else []
     monkeypatch.setattr(gates, "believed", lambda _: seen)
     one, along = (
         replace(free(covariate, z), range=(begin, begin + 30.0))
@@ -313,7 +313,7 @@ def test_what_changes_with_the_time_since_the_entry_is_told_from_a_place(monkeyp
     )
     monkeypatch.setattr(free_gates, "standing_out", lambda _: (one,))
     assert free_gates.is_stood_in_for(one, evidence(0.0, one))
-    assert bool(free_gates.outside(replace(evidence(0.0, one, along), atoms=bins))) is is_it
+    assert bool(free_gates.outside(replace(evidence(0.0, one, along), regressors=bins))) is is_it
 
 
 @pytest.mark.parametrize(("fixed", "place", "z", "stood_in_for"), [
@@ -323,8 +323,10 @@ def test_what_changes_with_the_time_since_the_entry_is_told_from_a_place(monkeyp
     (((slots.PERIOD_DRIFT, 1.0),), 0.0, 2.0, True),  # chance
 ])  # fmt: skip
 def test_what_changes_with_the_time_since_the_entry_may_be_a_drift(monkeypatch, fixed, place, z, stood_in_for):
-    drift = Candidate("time_of_day", 0.1, 0.01, z, 1e-6 if z > 4.0 else 1.0, Atom("time_of_day", 0.1, fixed), 1.0, 0.0)
-    where = Candidate("location", 0.1, 0.01, place, 1e-6 if place else 1.0, Atom("location", 0.1), 1.0, 0.0)
+    drift = Candidate(
+        "time_of_day", 0.1, 0.01, z, 1e-6 if z > 4.0 else 1.0, Regressor("time_of_day", 0.1, fixed), 1.0, 0.0
+    )
+    where = Candidate("location", 0.1, 0.01, place, 1e-6 if place else 1.0, Regressor("location", 0.1), 1.0, 0.0)
     monkeypatch.setattr(gates, "believed", lambda _: sorted([where, drift], key=lambda one: -abs(one.z)))
     entry = free("headway over since_entry", -12.9)
     assert free_gates.is_stood_in_for(entry, evidence(0.0, entry)) is stood_in_for
@@ -339,7 +341,7 @@ def test_what_changes_with_the_time_since_the_entry_may_be_a_drift(monkeypatch, 
     ],
 )
 def test_of_a_slower_lane_and_a_faster_one_that_is_believed_which_says_more(monkeypatch, name, z, drawn, is_outside):
-    seen = [Candidate(name, 0.05, 0.01, z, 1e-6, Atom(name, 0.05), 1.0, 0.0)]
+    seen = [Candidate(name, 0.05, 0.01, z, 1e-6, Regressor(name, 0.05), 1.0, 0.0)]
     monkeypatch.setattr(gates, "believed", lambda _: seen)
     assert bool(free_gates.outside(evidence(0.0, free("faster_difference", drawn)))) is is_outside
 
@@ -358,7 +360,9 @@ def test_who_brakes_with_the_one_ahead_must_say_more_than_the_best_cause_but_not
     monkeypatch, covariate, range_, z, is_outside
 ):
     """It is the reverse of hysteresis, and no form of any cause."""
-    best = Candidate("speed_dependent_headway", 0.24, 0.03, 8.3, 1e-14, Atom("speed_dependent_headway", 0.24), 1.0, 0.0)
+    best = Candidate(
+        "speed_dependent_headway", 0.24, 0.03, 8.3, 1e-14, Regressor("speed_dependent_headway", 0.24), 1.0, 0.0
+    )
     monkeypatch.setattr(gates, "believed", lambda _: [best])
     seen = evidence(0.0, replace(free(covariate, z), value=0.01 * z, range=range_))
     assert bool(free_gates.outside(seen)) is is_outside
@@ -370,7 +374,7 @@ def test_who_brakes_with_the_one_ahead_must_say_more_than_the_best_cause_but_not
 )
 def test_what_grows_along_the_whole_road_changes_with_the_time_since_the_entry(monkeypatch, kind, entry, covariate):
     """In light traffic: who entered where the road begins has been there the longer the farther he is."""
-    grown = Candidate("location", 0.12, 0.01, 8.5, 1e-9, Atom("location", low=40.0, high=480.0, fixed=kind))
+    grown = Candidate("location", 0.12, 0.01, 8.5, 1e-9, Regressor("location", low=40.0, high=480.0, fixed=kind))
     monkeypatch.setattr(free_gates.hy, "along_the_road", lambda _: grown)
     seen = evidence(0.0, free("trucks_beside", 5.0), free("since_entry", -entry))
     told = free_gates.standing_out(seen)

@@ -148,7 +148,7 @@ def test_what_is_underrated_near_zero_and_worth_much_at_its_size_is_a_cause(name
 def test_a_relaxation_in_one_lane_must_gain_clearly_however_sure_it_is():
     """SUMO's Krauss drivers, nothing hidden, showed one in one of three lanes with 5.7 standard errors, all else 3.6 at most."""
     alone = tried(5.7, "lane_change_relaxation")
-    alone = replace(alone, candidate=replace(alone.candidate, atom=replace(alone.candidate.atom, lane=3)))
+    alone = replace(alone, candidate=replace(alone.candidate, regressor=replace(alone.candidate.regressor, lane=3)))
     assert not gain_gates.is_worth_it(gain(0.003, 0.02), alone, None, 3.6)
     assert gain_gates.is_worth_it(gain(0.02, 0.01), alone, None, 3.6)
 
@@ -284,7 +284,7 @@ def test_of_what_is_not_quite_significant_a_clear_gain_decides(difference, margi
 
 
 @pytest.mark.parametrize(("difference", "accepted"), [(0.01, False), (0.03, True)])
-def test_what_has_no_null_twin_must_gain_more(difference, accepted):
+def test_what_has_no_null_replicate_must_gain_more(difference, accepted):
     assert gain_gates.is_worth_it(gain(difference, 0.005), tried(9.0, "follower_pressure"), None) is accepted
     assert gain_gates.is_worth_it(gain(0.01, 0.005), tried(9.0), None)
 

@@ -8,9 +8,9 @@ import numpy as np
 import pytest
 
 from idm_sumo.diagnosis import gates
-from idm_sumo.diagnosis.atoms import Atom
 from idm_sumo.diagnosis.evidence import Evidence
 from idm_sumo.diagnosis.hypotheses import Candidate
+from idm_sumo.diagnosis.regressors import Regressor
 from tests.helpers.followers import evidence, free, tried
 
 
@@ -30,12 +30,12 @@ def test_a_desired_speed_is_that_of_the_lane_that_stands_out_freely(lane, freely
     """Of the lane in which drivers stay it says less than of the others: they have fitted a speed of their own to it."""
     free_lane = replace(free("lane", freely), range=(float(lane), float(lane)), value=np.sign(freely) * 0.2)
     seen = replace(evidence(0.0), free=(free_lane,))
-    atoms = [*seen.atoms, *(Atom("desired_speed", lane=number) for number in (1, 2))]
+    regressors = [*seen.regressors, *(Regressor("desired_speed", lane=number) for number in (1, 2))]
     totals = np.hstack([seen.u, evidence(1.7 * own).u, evidence(own).u])
     part, gram = np.hstack([seen.part] * 3), np.eye(3) * seen.gram[0, 0]
-    both = replace(seen, atoms=atoms, u=totals, part=part, twins=np.zeros((2, 3)), gram=gram)
+    both = replace(seen, regressors=regressors, u=totals, part=part, replicates=np.zeros((2, 3)), gram=gram)
     wanted = next(one for one in gates.believed(both) if one.name == "desired_speed")
-    assert wanted.atom.lane == named
+    assert wanted.regressor.lane == named
     assert wanted.z == pytest.approx(freely if lane == named and abs(freely) > 7.0 else 1.7 * own, rel=0.1)
 
 
@@ -56,8 +56,8 @@ def test_where_there_is_hysteresis_a_fainter_delay_is_tried_too():
 )  # fmt: skip
 def test_what_a_delay_leaves_that_is_too_short_is_no_hysteresis(name, in_model, longer, is_rest):
     seen = evidence(longer)
-    (late,) = seen.atoms
-    seen = replace(seen, atoms=[replace(late, name="local:" + late.name)] if in_model else [late])
+    (late,) = seen.regressors
+    seen = replace(seen, regressors=[replace(late, name="local:" + late.name)] if in_model else [late])
     assert gates.is_rest_of_delay(tried(8.0, name).candidate, seen) is is_rest
 
 
@@ -67,9 +67,11 @@ def test_what_a_delay_leaves_that_is_too_short_is_no_hysteresis(name, in_model, 
 )
 def test_a_headway_that_falls_with_speed_must_be_far_surer_than_what_cannot_be(falling, delay, is_believed):
     seen, name = evidence(delay), "speed_dependent_headway"
-    atoms = [*seen.atoms, Atom(name)]
+    regressors = [*seen.regressors, Regressor(name)]
     u, part = np.hstack([seen.u, seen.u * 0.0 + evidence(falling).u]), np.hstack([seen.part] * 2)
-    both = replace(seen, atoms=atoms, u=u, part=part, twins=np.zeros((2, 2)), gram=np.eye(2) * seen.gram[0, 0])
+    both = replace(
+        seen, regressors=regressors, u=u, part=part, replicates=np.zeros((2, 2)), gram=np.eye(2) * seen.gram[0, 0]
+    )
     speed = next(one for one in gates.believed(both) if one.name == name)
     assert abs(speed.z) == pytest.approx(abs(falling), rel=0.1)
     assert (speed.p < gates.SIGNIFICANT) is is_believed
@@ -136,7 +138,7 @@ def test_what_is_underrated_near_zero_is_judged_at_its_size(name, z, value, supp
     ],
 )
 def test_a_place_that_is_still_there_beside_the_one_in_the_model_is_no_interval(name, first, left, another):
-    bins = [Atom(name, low=100.0 * n, high=100.0 * (n + 1)) for n in range(6)]
+    bins = [Regressor(name, low=100.0 * n, high=100.0 * (n + 1)) for n in range(6)]
     u = np.zeros((30, 6))
     u[:, :2] = evidence(left).u / np.sqrt(2.0)
     seen = Evidence(bins, u, np.zeros((2, 6)), 1e4 * np.eye(6), np.full((30, 6), 1e4 / 30), np.arange(30))
@@ -153,11 +155,11 @@ def test_a_place_that_is_still_there_beside_the_one_in_the_model_is_no_interval(
     ],
 )
 def test_more_of_the_same_in_most_of_an_interval_is_no_other_one(low, high, value, another):
-    bins = [Atom("time_of_day", low=100.0 * n, high=100.0 * (n + 1)) for n in range(6)]
+    bins = [Regressor("time_of_day", low=100.0 * n, high=100.0 * (n + 1)) for n in range(6)]
     u = np.zeros((30, 6))
     u[:, :2] = evidence(9.0).u / np.sqrt(2.0)
     seen = Evidence(bins, u, np.zeros((2, 6)), 1e4 * np.eye(6), np.full((30, 6), 1e4 / 30), np.arange(30))
-    first = Candidate("time_of_day", value, 0.01, 10.0, 1e-9, Atom("time_of_day", low=low, high=high))
+    first = Candidate("time_of_day", value, 0.01, 10.0, 1e-9, Regressor("time_of_day", low=low, high=high))
     assert gates.is_another(first, seen) is another
 
 
@@ -174,6 +176,6 @@ def test_more_of_the_same_in_most_of_an_interval_is_no_other_one(low, high, valu
     ],
 )
 def test_who_pushes_behind_the_entry_may_relax_from_a_change_before_it(value, low, high, accepted, unseen):
-    bins = [Atom("location", low=100.0 * n, high=100.0 * (n + 1)) for n in range(6)]
-    place = Candidate("location", value, 0.01, 9.0, 1e-9, Atom("location", low=low, high=high))
-    assert gates.is_past_unseen(place, replace(evidence(0.0), atoms=bins), {accepted}) is unseen
+    bins = [Regressor("location", low=100.0 * n, high=100.0 * (n + 1)) for n in range(6)]
+    place = Candidate("location", value, 0.01, 9.0, 1e-9, Regressor("location", low=low, high=high))
+    assert gates.is_past_unseen(place, replace(evidence(0.0), regressors=bins), {accepted}) is unseen

@@ -7,18 +7,18 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from idm_sumo.diagnosis import atoms as at
 from idm_sumo.diagnosis import evidence as ev
 from idm_sumo.diagnosis import hypotheses as hy
 from idm_sumo.diagnosis import injection
+from idm_sumo.diagnosis import regressors as rg
+from idm_sumo.diagnosis.chance import Noises, draws
 from idm_sumo.diagnosis.fit import fit_drivers
 from idm_sumo.diagnosis.injection import Laboratory, detectable
 from idm_sumo.diagnosis.look import Subject
-from idm_sumo.diagnosis.luck import Noises, draws
 from idm_sumo.diagnosis.noise import Noise
+from idm_sumo.diagnosis.replicates import make_replicate
 from idm_sumo.diagnosis.rollout import PLAIN
 from idm_sumo.diagnosis.search import Found
-from idm_sumo.diagnosis.twins import make_twin
 from idm_sumo.runtime.progress import silent
 from tests.helpers.followers import followers
 
@@ -29,11 +29,11 @@ MOVING = Noises(Noise(4e-4, np.zeros(0), np.zeros(0)), Noise(0.0, np.array([0.01
 def searched() -> tuple[Subject, Found]:
     """Return followers without any effect, as a search leaves them that finds nothing."""
     smooth = followers(PLAIN, np.random.default_rng(1))[0]
-    one, *lucks = draws(smooth, MOVING, 4, np.random.default_rng(0))
-    windows = make_twin(smooth, fit_drivers(smooth, PLAIN.copy(), np.full(2, 1e-4)), one, is_smooth=True)
-    subject = Subject(windows, MOVING, at.grid_of(windows), True)
+    one, *chances = draws(smooth, MOVING, 4, np.random.default_rng(0))
+    windows = make_replicate(smooth, fit_drivers(smooth, PLAIN.copy(), np.full(2, 1e-4)), one, is_smooth=True)
+    subject = Subject(windows, MOVING, rg.grid_of(windows), True)
     fit = fit_drivers(windows, PLAIN.copy(), np.full(2, 1e-3))
-    first = ev.examine(subject, fit, lucks, progress=silent, stage="")
+    first = ev.examine(subject, fit, chances, progress=silent, stage="")
     return subject, Found(fit, fit, (), (), first, first, ())
 
 
@@ -48,7 +48,7 @@ def test_twice_the_typical_size_stands_out_and_next_to_nothing_does_not(
     name: str, searched: tuple[Subject, Found], laboratory: Laboratory
 ) -> None:
     effect = next(one for one in hy.candidates(searched[1].first) if one.name == name)
-    large = injection._usual(effect, 2.0, laboratory.looked.atoms)
+    large = injection._usual(effect, 2.0, laboratory.looked.regressors)
     tiny = replace(large, value=0.001 * large.value)
     assert laboratory.trial(large, 4).found >= 3
     assert laboratory.trial(tiny, 4).found <= 1

@@ -7,10 +7,10 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from idm_sumo.diagnosis import atoms as at
 from idm_sumo.diagnosis import free_fields as ff
 from idm_sumo.diagnosis import gls, oscillation, variance
 from idm_sumo.diagnosis import left_over as lo
+from idm_sumo.diagnosis import regressors as rg
 from idm_sumo.diagnosis import rollout as ro
 from idm_sumo.diagnosis import windows as w
 from idm_sumo.diagnosis.bins import pulse_means
@@ -24,17 +24,17 @@ START = np.array([1e-4, 1e-4])
 
 
 @pytest.fixture(scope="module")
-def driven() -> tuple[w.Windows, Fit, at.Grid, at.Answer]:
+def driven() -> tuple[w.Windows, Fit, rg.Grid, rg.Answer]:
     windows, _ = followers(ro.PLAIN, np.random.default_rng(4))
     fit = fit_drivers(windows, ro.PLAIN.copy(), START, rounds=6)
-    return windows, fit, at.grid_of(windows), at.answer_of(windows, fit, at.grid_of(windows).pivot)
+    return windows, fit, rg.grid_of(windows), rg.answer_of(windows, fit, rg.grid_of(windows).pivot)
 
 
 def test_windows_are_weighed_by_how_calm_they_are(driven):
     windows, fit, _, answer = driven
-    expected = linearise(windows, fit).whitener * at.calm(answer.response)[:, None, None]
+    expected = linearise(windows, fit).whitener * rg.calm(answer.response)[:, None, None]
     np.testing.assert_allclose(answer.line.whitener, expected)
-    assert at.calm(answer.response).min() < 1.0
+    assert rg.calm(answer.response).min() < 1.0
 
 
 def test_pulses_add_up_to_the_score_and_the_gram_matrix_of_a_field(driven):
@@ -45,13 +45,13 @@ def test_pulses_add_up_to_the_score_and_the_gram_matrix_of_a_field(driven):
     u, gram = pulses.along(number, value, 3)
     line = answer.line
     fields = [np.where(number == k, value, 0.0) for k in range(3)] + [value]
-    columns = at.tamed(answer.response) @ np.stack([pulse_means(field) for field in fields], axis=2)
-    form = [n for n, name in enumerate(LINEAR) if name.startswith((*at.INSTANT, GUARD))]
-    nuisance = at.tamed(answer.response) @ answer.pulses[:, :, form]
-    every = np.concatenate([line.jacobian, at.tamed(nuisance), columns], axis=2)
-    error, own, atoms = (line.whitener @ part for part in (line.error[:, :, None], line.jacobian, every))
-    direct = gls.scores(error, own, atoms, np.linalg.inv(fit.spread), windows.driver, windows.drivers)
-    known = atoms.shape[2] - 4
+    columns = rg.tamed(answer.response) @ np.stack([pulse_means(field) for field in fields], axis=2)
+    form = [n for n, name in enumerate(LINEAR) if name.startswith((*rg.INSTANT, GUARD))]
+    nuisance = rg.tamed(answer.response) @ answer.pulses[:, :, form]
+    every = np.concatenate([line.jacobian, rg.tamed(nuisance), columns], axis=2)
+    error, own, regressors = (line.whitener @ part for part in (line.error[:, :, None], line.jacobian, every))
+    direct = gls.scores(error, own, regressors, np.linalg.inv(fit.spread), windows.driver, windows.drivers)
+    known = regressors.shape[2] - 4
     direct = direct.without(np.arange(known))
     np.testing.assert_allclose(u.sum(axis=0), direct.u.sum(axis=0)[known:], rtol=1e-5, atol=1e-6 * np.abs(u).max())
     np.testing.assert_allclose(gram, direct.gram[known:, known:], rtol=1e-5, atol=1e-6 * np.abs(gram).max())
@@ -80,16 +80,16 @@ def test_what_is_free_along_a_covariate_is_where_the_recording_shows_it(driven, 
         assert (number[~there] == -1).all()
 
 
-def test_twins_and_recording_count_the_same_fields_in_the_same_order(driven):
+def test_replicates_and_recording_count_the_same_fields_in_the_same_order(driven):
     windows, fit, grid, answer = driven
-    heard = lo.hear(windows, fit, grid, answer)
+    evaluated = lo.evaluate(windows, fit, grid, answer)
     pulses = pulses_of(windows, fit, answer)
     what = ff.contents(pulses.state)
     totals = [
         pulses.along(number, what[family.content], family.count)[0].sum(axis=0)
         for family, number in ff.families(windows, pulses.state, grid)
     ]
-    np.testing.assert_allclose(heard.totals, np.concatenate(totals), rtol=1e-9, atol=1e-9)
+    np.testing.assert_allclose(evaluated.totals, np.concatenate(totals), rtol=1e-9, atol=1e-9)
 
 
 def pushed(windows: w.Windows, fit: Fit, more: np.ndarray) -> w.Windows:
@@ -100,10 +100,10 @@ def pushed(windows: w.Windows, fit: Fit, more: np.ndarray) -> w.Windows:
     return replace(windows, seen=seen)
 
 
-def strongest(windows: w.Windows, fit: Fit, grid: at.Grid, quiet: w.Windows) -> lo.LeftOver:
-    """Return what says most, against a twin in which nothing is."""
-    twin = lo.hear(quiet, fit, grid, at.answer_of(quiet, fit, grid.pivot))
-    found = lo.left_over(windows, fit, grid, at.answer_of(windows, fit, grid.pivot), [twin], [twin], 1.0)
+def strongest(windows: w.Windows, fit: Fit, grid: rg.Grid, quiet: w.Windows) -> lo.LeftOver:
+    """Return what says most, against a replicate in which nothing is."""
+    replicate = lo.evaluate(quiet, fit, grid, rg.answer_of(quiet, fit, grid.pivot))
+    found = lo.left_over(windows, fit, grid, rg.answer_of(windows, fit, grid.pivot), [replicate], [replicate], 1.0)
     return next(one for one in found if one.is_credible)
 
 
@@ -123,16 +123,16 @@ def test_a_place_that_acts_for_a_while_is_told_from_one_that_acts_at_all_times(d
     seen[driven[0].driver % 3 > 0, w.TIME] += 60.0
     seen[driven[0].driver % 3 > 1, w.TIME] += 60.0
     windows = replace(driven[0], seen=seen)
-    grid, place, time = at.grid_of(windows), seen[:, w.X, w.LEAD : -1], seen[:, w.TIME, w.LEAD : -1]
+    grid, place, time = rg.grid_of(windows), seen[:, w.X, w.LEAD : -1], seen[:, w.TIME, w.LEAD : -1]
     there, then = (place >= 60.0) & (place < 110.0), time > 100.0
     held, ends = (there, (60.0, 110.0)) if axis == "position" else (then, (100.0, 140.0))
     families = ff.inside([ff.Interval(axis, *ends, ff.ACCELERATION, -1.0)])
-    twin = lo.hear(windows, fit, grid, at.answer_of(windows, fit, grid.pivot), families)
+    replicate = lo.evaluate(windows, fit, grid, rg.answer_of(windows, fit, grid.pivot), families)
 
     def within(where: np.ndarray) -> lo.LeftOver:
         slowed = pushed(windows, fit, np.where(where, -0.3, 0.0))
-        answer = at.answer_of(slowed, fit, grid.pivot)
-        found = lo.left_over(slowed, fit, grid, answer, [twin], [twin], 1.0, families)
+        answer = rg.answer_of(slowed, fit, grid.pivot)
+        found = lo.left_over(slowed, fit, grid, answer, [replicate], [replicate], 1.0, families)
         return next(one for one in found if one.covariate == ff.WITHIN[axis])
 
     both, always = within(there & then), within(held)
@@ -147,8 +147,8 @@ def test_a_pedal_half_left_alone_is_found_by_the_acceleration_that_is_wanted(dri
     windows, fit, grid, answer = driven
     wanted = answer.state[:, :, ro.BASE_A]
     idle = pushed(windows, fit, np.where(np.abs(wanted) < 0.3, -0.5 * wanted, 0.0))
-    twin = lo.hear(windows, fit, grid, answer)
-    every = lo.left_over(idle, fit, grid, at.answer_of(idle, fit, grid.pivot), [twin], [twin], 1.0)
+    replicate = lo.evaluate(windows, fit, grid, answer)
+    every = lo.left_over(idle, fit, grid, rg.answer_of(idle, fit, grid.pivot), [replicate], [replicate], 1.0)
     found = next(one for one in every if one.covariate == ff.PEDAL)
     assert found.is_credible
     # Half as much there, or that much more beyond: a driver's own parameters make the one of the other, and rounding chooses.
@@ -175,9 +175,9 @@ def test_nobody_answers_many_times_as_strongly_or_the_other_way_round(content, v
         ("position", 0.0, True),
         ("position", 4.0, True),  # the recording says more than the score
         ("position", -2.0, True),
-        ("position", -3.0, False),  # most of it is what twins of drawn drivers do the other way
+        ("position", -3.0, False),  # most of it is what replicates of drawn drivers do the other way
         ("position and time", -9.0, False),
-        ("leader_acceleration", -4.0, True),  # these twins are of the fitted drivers
+        ("leader_acceleration", -4.0, True),  # these replicates are of the fitted drivers
     ],
 )
 def test_what_the_recording_does_not_say_itself_of_where_and_when_is_not_told(covariate, bias, told):
@@ -211,8 +211,8 @@ def test_what_one_block_of_neighbours_does_is_not_told(driven, platoon):
     more = np.where((platoon is None) | (block == platoon), np.where(np.isfinite(time), -0.4, 0.0), 0.0)
     place = windows.seen[:, w.X, w.LEAD : -1]
     pushed_on = pushed(windows, fit, np.where((place > 60.0) & (place < 110.0), more, 0.0))
-    twin = lo.hear(windows, fit, grid, at.answer_of(windows, fit, grid.pivot))
-    found = lo.left_over(pushed_on, fit, grid, at.answer_of(pushed_on, fit, grid.pivot), [twin], [twin], 1.0)
+    replicate = lo.evaluate(windows, fit, grid, rg.answer_of(windows, fit, grid.pivot))
+    found = lo.left_over(pushed_on, fit, grid, rg.answer_of(pushed_on, fit, grid.pivot), [replicate], [replicate], 1.0)
     where = next(one for one in found if one.covariate == "position")
     assert where.is_credible is (platoon is None)
 
@@ -233,11 +233,11 @@ def test_an_own_oscillation_has_a_line_and_noise_of_some_memory_has_none():
         empty = np.empty(0)
         return oscillation.spectrum(Pulses(windows, empty, score, empty, empty, empty, empty, empty))
 
-    twins = np.mean([power(0.0).mean(axis=0) for _ in range(6)], axis=0)
-    line = oscillation.line(power(4.0), twins)
+    replicates = np.mean([power(0.0).mean(axis=0) for _ in range(6)], axis=0)
+    line = oscillation.line(power(4.0), replicates)
     assert line.low < 9.0 < line.high
     assert line.ratio > 2.0
-    assert oscillation.line(power(0.0), twins).z < 4.0
+    assert oscillation.line(power(0.0), replicates).z < 4.0
 
 
 def test_oscillations_of_each_drivers_own_period_have_no_common_line():
@@ -250,13 +250,13 @@ def test_oscillations_of_each_drivers_own_period_have_no_common_line():
         return power / power.sum(axis=1, keepdims=True)
 
     own = np.exp(rng.uniform(np.log(6.0), np.log(12.0), 300))
-    twins = [spectra(0.0, own) for _ in range(3)]
-    mean = np.mean(twins, axis=(0, 1))
+    replicates = [spectra(0.0, own) for _ in range(3)]
+    mean = np.mean(replicates, axis=(0, 1))
     assert not oscillation.line(spectra(8.0, own), mean).is_strong
-    many = oscillation.own_lines(spectra(8.0, own), twins)
+    many = oscillation.own_lines(spectra(8.0, own), replicates)
     assert many.is_strong
     assert many.z > 8.0
-    nothing = oscillation.own_lines(spectra(0.0, own), twins)
+    nothing = oscillation.own_lines(spectra(0.0, own), replicates)
     assert not nothing.is_strong
     assert abs(nothing.z) < 3.0
 
@@ -271,13 +271,13 @@ def test_oscillations_of_drivers_who_are_seen_for_two_periods_are_a_swell_and_a_
         power = rng.exponential(periods ** (1.0 + slope), (300, len(periods))) + swing * periods * np.exp(-(off**2))
         return power / power.sum(axis=1, keepdims=True)
 
-    twins = [spectra(0.0, 0.0) for _ in range(3)]
-    found = oscillation.swell(spectra(1.5, 0.0), twins)
+    replicates = [spectra(0.0, 0.0) for _ in range(3)]
+    found = oscillation.swell(spectra(1.5, 0.0), replicates)
     assert found.is_strong
     assert found.low < 9.0 < found.high
     assert found.z > 5.0
     for slope in (-0.3, 0.0, 0.3):
-        assert not oscillation.swell(spectra(0.0, slope), twins).is_strong
+        assert not oscillation.swell(spectra(0.0, slope), replicates).is_strong
 
 
 def test_who_is_around_a_driver_need_not_answer_for_the_looks_of_the_scans():
@@ -374,13 +374,13 @@ def test_a_band_that_moves_is_found_at_its_speed(driven, speed):
     shift = np.repeat(np.random.default_rng(3).uniform(0.0, 120.0, windows.drivers), len(seen) // windows.drivers)
     seen[:, w.TIME] += shift[:, None]  # driver by driver, or all would be at a place at the same time
     windows = replace(windows, seen=seen)
-    grid = at.grid_of(windows)
+    grid = rg.grid_of(windows)
     middle = 0.5 * (grid.time[0] + grid.time[-1])
     band = seen[:, w.X, w.LEAD : -1] - speed * (seen[:, w.TIME, w.LEAD : -1] - middle)
     begin = float(np.quantile(band, 0.42))
     pushed_on = pushed(windows, fit, np.where((band > begin) & (band < begin + 40.0), -0.4, 0.0))
-    twin = lo.hear(windows, fit, grid, at.answer_of(windows, fit, grid.pivot))
-    found = lo.left_over(pushed_on, fit, grid, at.answer_of(pushed_on, fit, grid.pivot), [twin], [twin], 1.0)
+    replicate = lo.evaluate(windows, fit, grid, rg.answer_of(windows, fit, grid.pivot))
+    found = lo.left_over(pushed_on, fit, grid, rg.answer_of(pushed_on, fit, grid.pivot), [replicate], [replicate], 1.0)
     moving = [one for one in found if one.covariate.startswith(ff.MOVING)]
     assert [one.covariate for one in moving] == [f"{ff.MOVING}{speed:g} m/s"]
     assert moving[0].value < 0.0

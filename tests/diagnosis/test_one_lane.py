@@ -9,9 +9,9 @@ import pytest
 
 from idm_sumo.diagnosis import hypotheses as hy
 from idm_sumo.diagnosis import one_lane
-from idm_sumo.diagnosis.atoms import Atom
 from idm_sumo.diagnosis.evidence import Evidence
 from idm_sumo.diagnosis.left_over import LeftOver
+from idm_sumo.diagnosis.regressors import Regressor
 from idm_sumo.models.effects import slots
 
 
@@ -44,10 +44,10 @@ def in_lanes(*sizes: float, name: str = "hysteresis", drivers: int = 40) -> Evid
         100.0 / drivers
     )  # of each driver: a standard error of 0.1 in each lane, and a little more by its inflation
     u = information * np.array(sizes)[lane - 1] + np.sqrt(information) * rng.standard_normal(len(lane))
-    atoms = [Atom(name, 0.2, ((slots.HYSTERESIS, 0.2),))]
+    regressors = [Regressor(name, 0.2, ((slots.HYSTERESIS, 0.2),))]
     part = np.full((len(lane), 1), information)
     return Evidence(
-        atoms, u[:, None], np.zeros((3, 1)), part.sum(axis=0)[:, None], part, np.arange(len(lane)), lane=lane
+        regressors, u[:, None], np.zeros((3, 1)), part.sum(axis=0)[:, None], part, np.arange(len(lane)), lane=lane
     )
 
 
@@ -108,10 +108,10 @@ def test_without_lanes_nothing_is_confined():
 
 def test_forms_in_one_lane_are_judged_by_its_drivers():
     seen = in_lanes(0.0, 2.0, 0.0, name="reaction_delay")
-    other = Atom("reaction_delay", 0.5, ((slots.DELAY, 0.5), (slots.OWN_SPEED_KNOWN, 1.0)))
+    other = Regressor("reaction_delay", 0.5, ((slots.DELAY, 0.5), (slots.OWN_SPEED_KNOWN, 1.0)))
     both = replace(
-        seen, atoms=[*seen.atoms, other], u=np.repeat(seen.u, 2, axis=1), part=np.repeat(seen.part, 2, axis=1),
-        twins=np.zeros((3, 2)), gram=np.full((2, 2), float(seen.gram[0, 0])),
+        seen, regressors=[*seen.regressors, other], u=np.repeat(seen.u, 2, axis=1), part=np.repeat(seen.part, 2, axis=1),
+        replicates=np.zeros((3, 2)), gram=np.full((2, 2), float(seen.gram[0, 0])),
     )  # fmt: skip
     (found,) = one_lane.confined(both)
     every = hy.forms(both, found)
@@ -126,4 +126,4 @@ def test_what_drivers_say_adds_up_to_what_all_say():
     parts = [seen.of(seen.lane == lane) for lane in (1, 2, 3)]
     np.testing.assert_allclose(sum(part.total() for part in parts), seen.total())
     np.testing.assert_allclose(sum(part.gram for part in parts), seen.gram)
-    np.testing.assert_allclose(sum(part.twins for part in parts), seen.twins)
+    np.testing.assert_allclose(sum(part.replicates for part in parts), seen.replicates)

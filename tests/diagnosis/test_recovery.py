@@ -7,12 +7,12 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from idm_sumo.diagnosis import atoms as at
+from idm_sumo.diagnosis import regressors as rg
 from idm_sumo.diagnosis import rollout as ro
 from idm_sumo.diagnosis import windows as w
+from idm_sumo.diagnosis.chance import Noises
 from idm_sumo.diagnosis.fit import Fit, fit_drivers, improve
 from idm_sumo.diagnosis.look import Subject
-from idm_sumo.diagnosis.luck import Noises
 from idm_sumo.diagnosis.noise import QUIET
 from idm_sumo.diagnosis.recovery import SOONEST, best_times, is_over_at_once, recovered
 from idm_sumo.models.effects import slots
@@ -37,7 +37,7 @@ def relaxing(share: float, time: float) -> w.Windows:
 def after_three(windows: w.Windows, share: float, time: float) -> Fit:
     begin = ro.PLAIN.copy()
     begin[:, BOTH] = share, time
-    subject = Subject(windows, Noises(QUIET, QUIET), at.grid_of(windows), True)
+    subject = Subject(windows, Noises(QUIET, QUIET), rg.grid_of(windows), True)
     fit = fit_drivers(windows, begin, np.array([1e-4, 1e-4]), rounds=8)
     for _ in range(3):
         fit = improve(windows, recovered(subject, fit))
@@ -65,7 +65,7 @@ def test_a_recovery_that_is_over_at_once_is_told(name, time, is_over):
 def test_without_a_relaxation_nothing_is_moved():
     windows = relaxing(0.6, 11.0)
     fit = fit_drivers(windows, ro.PLAIN.copy(), np.array([1e-4, 1e-4]), rounds=1)
-    assert recovered(Subject(windows, Noises(QUIET, QUIET), at.grid_of(windows), True), fit) is fit
+    assert recovered(Subject(windows, Noises(QUIET, QUIET), rg.grid_of(windows), True), fit) is fit
 
 
 def test_what_another_time_gains_is_what_both_columns_fit_better_by():

@@ -7,17 +7,17 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from idm_sumo.diagnosis import atoms as at
 from idm_sumo.diagnosis import free_fields as ff
+from idm_sumo.diagnosis import regressors as rg
 from idm_sumo.diagnosis import rollout as ro
 from idm_sumo.diagnosis import search
-from idm_sumo.diagnosis.atoms import Atom
+from idm_sumo.diagnosis.chance import Noises
 from idm_sumo.diagnosis.choice import Accepted
 from idm_sumo.diagnosis.fit import fit_drivers
 from idm_sumo.diagnosis.hypotheses import Candidate
 from idm_sumo.diagnosis.look import Subject
-from idm_sumo.diagnosis.luck import Noises
 from idm_sumo.diagnosis.noise import QUIET
+from idm_sumo.diagnosis.regressors import Regressor
 from idm_sumo.diagnosis.result import Gain
 from idm_sumo.diagnosis.search import Brief, _next
 from idm_sumo.diagnosis.sizes import Tried, with_cause
@@ -98,7 +98,7 @@ def test_a_place_that_may_be_a_past_nobody_saw_is_tried_with_the_other_sign_else
         followers(ro.PLAIN, np.random.default_rng(5))[0], ro.PLAIN.copy(), np.array([1e-4, 1e-4]), rounds=1
     )
     before, after = (
-        replace(candidate(6.0, "location", value), atom=Atom("location", low=low))
+        replace(candidate(6.0, "location", value), regressor=Regressor("location", low=low))
         for value, low in ((0.1, 0.0), (-0.1, 90.0))
     )
     nothing = Gain("ade_m", 1.0, 1.0, 0.0, (-0.1, 0.1), 10, False)
@@ -138,7 +138,7 @@ def test_a_place_that_is_not_so_at_all_times_is_no_cause_and_other_causes_stay(m
     found = search.Found(base, fit, causes, (), evidence(0.0), last, ())
     monkeypatch.setattr(search, "refined", lambda _subject, fit, *_: fit)
     monkeypatch.setattr(search, "_examined", lambda *_: evidence(0.0))
-    subject = Subject(windows, Noises(QUIET, QUIET), at.grid_of(windows), True)
+    subject = Subject(windows, Noises(QUIET, QUIET), rg.grid_of(windows), True)
     brief = Brief(np.random.default_rng(0))
     assert search._without(found, (), subject, [], brief) is found
     left = search._without(found, last.free, subject, [], brief)
@@ -191,8 +191,8 @@ def test_what_some_drivers_have_the_likelihood_may_refuse_but_they_drive_clearly
 def test_where_one_interval_does_not_hold_it_the_other_sign_in_another_is_tried(monkeypatch, which_holds):
     windows, _ = followers(ro.PLAIN, np.random.default_rng(5))
     base = fit_drivers(windows, ro.PLAIN.copy(), np.array([1e-4, 1e-4]), rounds=1)
-    subject = Subject(windows, Noises(QUIET, QUIET), at.grid_of(windows), True)
-    less, more = (Atom("time_of_day", low=low, high=low + 40.0) for low in (40.0, 80.0))
+    subject = Subject(windows, Noises(QUIET, QUIET), rg.grid_of(windows), True)
+    less, more = (Regressor("time_of_day", low=low, high=low + 40.0) for low in (40.0, 80.0))
     found = search.Found(base, base, (), (), evidence(0.0), evidence(0.0), ())
     monkeypatch.setattr(search.ev, "examine", lambda *_, **__: evidence(0.0))
     monkeypatch.setattr(search, "_outside", lambda *_: ())
@@ -254,8 +254,8 @@ def test_what_two_effects_together_take_away_is_not_outside_the_catalogue(monkey
 def test_a_place_is_asked_whether_it_is_so_at_all_times_of_one_period_only(monkeypatch, periods):
     windows, _ = followers(ro.PLAIN, np.random.default_rng(5))
     names = np.array(["p", "q"])[np.arange(windows.drivers) % periods]
-    subject = Subject(replace(windows, period=names), Noises(QUIET, QUIET), at.grid_of(windows), True)
-    place = Candidate("location", -0.2, 0.01, 8.0, 1e-9, Atom("location", low=50.0, high=90.0))
+    subject = Subject(replace(windows, period=names), Noises(QUIET, QUIET), rg.grid_of(windows), True)
+    place = Candidate("location", -0.2, 0.01, 8.0, 1e-9, Regressor("location", low=50.0, high=90.0))
     fit = with_cause(fit_drivers(windows, ro.PLAIN.copy(), np.array([1e-4, 1e-4]), rounds=1), place)
     cause = Accepted(Tried(place, fit, 60.0), -0.2, 0.01, Gain("ade_m", 1.0, 0.9, 0.1, (0.0, 0.2), 10, False), ())
     asked = []

@@ -63,7 +63,7 @@ def test_what_is_found_is_looked_at_beside_with_the_others_told_apart(kept, monk
     monkeypatch.setattr(sas, "anew", lambda _, fit: fit)
     went_on = []
 
-    def search_on(subject, base, first, strange, lucks, known, brief, begin):
+    def search_on(subject, base, first, strange, chances, known, brief, begin):
         went_on.append((subject.windows, begin))
         return found(*(begin if kept else ()))
 

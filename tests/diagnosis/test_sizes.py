@@ -10,19 +10,28 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from idm_sumo.diagnosis import atoms as at
 from idm_sumo.diagnosis import evidence as ev
+from idm_sumo.diagnosis import regressors as rg
 from idm_sumo.diagnosis import rollout as ro
 from idm_sumo.diagnosis import sizes
 from idm_sumo.diagnosis import windows as w
-from idm_sumo.diagnosis.atoms import Atom
+from idm_sumo.diagnosis.chance import Noises, draws
 from idm_sumo.diagnosis.fit import fit_drivers
 from idm_sumo.diagnosis.hypotheses import Candidate
 from idm_sumo.diagnosis.look import Subject
-from idm_sumo.diagnosis.luck import Noises, draws
 from idm_sumo.diagnosis.noise import QUIET
+from idm_sumo.diagnosis.regressors import Regressor
 from idm_sumo.diagnosis.result import Gain
-from idm_sumo.diagnosis.sizes import STEEPEST, Stride, TwinScore, climbed, drive_worse, refined, with_cause, with_value
+from idm_sumo.diagnosis.sizes import (
+    STEEPEST,
+    ReplicateScore,
+    Stride,
+    climbed,
+    drive_worse,
+    refined,
+    with_cause,
+    with_value,
+)
 from idm_sumo.models.effects import BY_NAME, slots
 from tests.helpers.followers import followers
 
@@ -65,26 +74,26 @@ def with_planted(slot, size):
     planted = ro.PLAIN.copy()
     planted[:, slot] = size
     windows, _ = followers(planted, np.random.default_rng(6))
-    subject = Subject(windows, Noises(QUIET, QUIET), at.grid_of(windows), True)
+    subject = Subject(windows, Noises(QUIET, QUIET), rg.grid_of(windows), True)
     return subject, fit_drivers(windows, ro.PLAIN.copy(), np.array([1e-4, 1e-4]), rounds=8)
 
 
 @pytest.mark.parametrize("size", [0.4, 0.8])
 def test_a_candidate_far_below_its_size_climbs_towards_it(size):
     subject, fit = with_planted(slots.BAND, size)
-    atom = Atom(NAME, 0.3, ((slots.BAND, 0.3),))
-    tried = climbed(subject, fit, Candidate(NAME, 0.5 * size, 0.05, 8.0, 1e-9, atom, score=200.0 * size))
+    regressor = Regressor(NAME, 0.3, ((slots.BAND, 0.3),))
+    tried = climbed(subject, fit, Candidate(NAME, 0.5 * size, 0.05, 8.0, 1e-9, regressor, score=200.0 * size))
     assert abs(tried.candidate.value / size - 1.0) < 0.25
     assert tried.support > 0.0
 
 
 @pytest.mark.parametrize(("tau", "near_zero"), [(0.15, 0.05), (0.5, 0.05), (0.5, -0.05)])
-def test_a_delay_climbs_to_its_size_with_twins_heard_on_the_way(tau, near_zero):
+def test_a_delay_climbs_to_its_size_with_replicates_evaluated_on_the_way(tau, near_zero):
     """Whichever sign it seems to have near zero: nobody acts on what is still to come."""
     subject, fit = with_planted(slots.DELAY, tau)
-    # Found with a long delay, of which twins had said too much: nothing of that is left.
-    atom, z, score = Atom("reaction_delay", 0.6, ((slots.DELAY, 0.6),)), 100.0 * near_zero, 1000.0 * near_zero
-    late = Candidate("reaction_delay", near_zero, 0.02, z, 1e-6, atom, score, 1e6)
+    # Found with a long delay, of which replicates had said too much: nothing of that is left.
+    regressor, z, score = Regressor("reaction_delay", 0.6, ((slots.DELAY, 0.6),)), 100.0 * near_zero, 1000.0 * near_zero
+    late = Candidate("reaction_delay", near_zero, 0.02, z, 1e-6, regressor, score, 1e6)
     tried = climbed(subject, fit, late, draws(subject.windows, subject.noises, 1, np.random.default_rng(0)))
     assert tried.candidate.value == pytest.approx(tau, rel=0.15)
     assert tried.support > 0.0
@@ -94,31 +103,33 @@ def test_a_desired_speed_that_falls_from_lane_to_lane_climbs_to_its_size():
     planted = ro.PLAIN.copy()
     planted[:, [slots.DESIRED_SPEED, slots.DESIRED_SPEED_ACROSS]] = -0.4, 3.0
     windows, _ = followers(planted, np.random.default_rng(6), lanes=3)
-    subject = Subject(windows, Noises(QUIET, QUIET), at.grid_of(windows), True)
+    subject = Subject(windows, Noises(QUIET, QUIET), rg.grid_of(windows), True)
     fit = fit_drivers(windows, ro.PLAIN.copy(), np.array([1e-4, 1e-4]), rounds=8)
     fixed = ((slots.DESIRED_SPEED, 1.0), (slots.DESIRED_SPEED_ACROSS, 3.0))
-    slower = Candidate("desired_speed", -0.05, 0.02, -5.0, 1e-6, Atom("desired_speed", fixed=fixed), -50.0)
+    slower = Candidate("desired_speed", -0.05, 0.02, -5.0, 1e-6, Regressor("desired_speed", fixed=fixed), -50.0)
     tried = climbed(subject, fit, slower, draws(subject.windows, subject.noises, 1, np.random.default_rng(0)))
     assert tried.candidate.value == pytest.approx(-0.4, rel=0.2)
     assert tried.support > 0.0
 
 
-def test_what_twins_say_at_the_size_where_a_climb_begins_is_taken_off(monkeypatch):
+def test_what_replicates_say_at_the_size_where_a_climb_begins_is_taken_off(monkeypatch):
     subject, fit = with_planted(slots.BAND, 0.8)
-    one = Candidate(NAME, 0.4, 0.05, 8.0, 1e-9, Atom(NAME, 0.3, ((slots.BAND, 0.3),)), score=160.0)
-    luck = draws(subject.windows, subject.noises, 1, np.random.default_rng(0))
-    assert climbed(subject, fit, one, luck).candidate.value > 0.5  # twins without any noise say next to nothing
+    one = Candidate(NAME, 0.4, 0.05, 8.0, 1e-9, Regressor(NAME, 0.3, ((slots.BAND, 0.3),)), score=160.0)
+    chance = draws(subject.windows, subject.noises, 1, np.random.default_rng(0))
+    assert climbed(subject, fit, one, chance).candidate.value > 0.5  # replicates without any noise say next to nothing
     monkeypatch.setattr(ev, "local_biases", lambda _subject, _fit, here, _lucks: ev.local_scores(here))
     # these say all that the recording does
-    assert climbed(subject, fit, one, luck).candidate.value == pytest.approx(0.4)
+    assert climbed(subject, fit, one, chance).candidate.value == pytest.approx(0.4)
 
 
 def test_a_form_that_the_data_want_the_other_way_climbs_nowhere():
     windows, _ = followers(ro.PLAIN, np.random.default_rng(6))
-    subject = Subject(windows, Noises(QUIET, QUIET), at.grid_of(windows), True)
+    subject = Subject(windows, Noises(QUIET, QUIET), rg.grid_of(windows), True)
     fit = fit_drivers(windows, ro.PLAIN.copy(), np.array([1e-4, 1e-4]), rounds=4)
     fixed = ((slots.RELAXATION, 0.5), (slots.RELAXATION_TIME, 5.0))
-    wrong = Candidate("lane_change_relaxation", -0.2, 0.1, -2.0, 0.5, Atom("lane_change_relaxation", 0.5, fixed), -20.0)
+    wrong = Candidate(
+        "lane_change_relaxation", -0.2, 0.1, -2.0, 0.5, Regressor("lane_change_relaxation", 0.5, fixed), -20.0
+    )
     tried = climbed(subject, fit, wrong)
     assert 0.0 < tried.candidate.value < 0.1
 
@@ -148,31 +159,31 @@ def test_a_delay_that_climbs_back_to_nothing_has_gained_nothing():
 
 
 @pytest.mark.parametrize("sign", [1.0, -1.0])
-def test_what_twins_say_of_a_place_lies_on_a_line_up_to_where_they_were_heard(sign: float) -> None:
-    heard = {0.0: 4.0, sign * 0.2: 10.0}
-    said = [sizes._between(heard, sign * value) for value in (0.0, 0.1, 0.2, 0.5)]
+def test_what_replicates_say_of_a_place_lies_on_a_line_up_to_where_they_were_evaluated(sign: float) -> None:
+    evaluated = {0.0: 4.0, sign * 0.2: 10.0}
+    said = [sizes._between(evaluated, sign * value) for value in (0.0, 0.1, 0.2, 0.5)]
     assert said == pytest.approx([4.0, 7.0, 10.0, 10.0])
 
 
-def test_twins_are_expected_on_the_line_through_two_magnitudes():
-    first = TwinScore.at(0.4, ev.Local(3.0, 100.0), None)
+def test_replicates_are_expected_on_the_line_through_two_magnitudes():
+    first = ReplicateScore.at(0.4, ev.Local(3.0, 100.0), None)
     assert first.expected(0.7) == 3.0
-    second = TwinScore.at(0.5, ev.Local(7.0, 100.0), first)
+    second = ReplicateScore.at(0.5, ev.Local(7.0, 100.0), first)
     assert second.expected(0.55) == pytest.approx(9.0)
     assert second.expected(0.4) == pytest.approx(3.0)
 
 
 def test_a_steep_or_unmoved_line_is_not_believed():
-    first = TwinScore.at(0.4, ev.Local(3.0, 10.0), None)
-    assert TwinScore.at(0.5, ev.Local(90.0, 10.0), first).slope == pytest.approx(STEEPEST * 10.0)
-    assert TwinScore.at(0.4001, ev.Local(90.0, 10.0), first).slope == 0.0
+    first = ReplicateScore.at(0.4, ev.Local(3.0, 10.0), None)
+    assert ReplicateScore.at(0.5, ev.Local(90.0, 10.0), first).slope == pytest.approx(STEEPEST * 10.0)
+    assert ReplicateScore.at(0.4001, ev.Local(90.0, 10.0), first).slope == 0.0
 
 
 def test_a_size_is_refined_to_what_was_planted():
     planted = ro.PLAIN.copy()
     planted[:, slots.HYSTERESIS] = 0.2
     windows, _ = followers(planted, np.random.default_rng(7))
-    subject = Subject(windows, Noises(QUIET, QUIET), at.grid_of(windows), True)
+    subject = Subject(windows, Noises(QUIET, QUIET), rg.grid_of(windows), True)
     there = ro.PLAIN.copy()
     there[:, slots.HYSTERESIS] = 0.1
     rng = np.random.default_rng(0)
@@ -207,9 +218,11 @@ def test_a_place_in_one_lane_stays_there_and_climbs_to_its_size():
     planted = ro.PLAIN.copy()
     planted[2, [slots.PLACE, slots.PLACE_BEGIN, slots.PLACE_END]] = -0.4, 40.0, 90.0
     windows = in_two_lanes(planted)
-    subject = Subject(windows, Noises(QUIET, QUIET), at.grid_of(windows), True)
+    subject = Subject(windows, Noises(QUIET, QUIET), rg.grid_of(windows), True)
     fit = fit_drivers(windows, ro.PLAIN.copy(), np.array([1e-4, 1e-4]), rounds=8)
-    one = Candidate("location", -0.2, 0.02, -10.0, 1e-9, Atom("location", lane=2, low=40.0, high=90.0), score=-80.0)
+    one = Candidate(
+        "location", -0.2, 0.02, -10.0, 1e-9, Regressor("location", lane=2, low=40.0, high=90.0), score=-80.0
+    )
     tried = climbed(subject, fit, one)
     assert tried.candidate.value == pytest.approx(-0.4, rel=0.15)
     assert np.flatnonzero(tried.fit.by_lane[:, slots.PLACE]).tolist() == [0, 2]
@@ -219,11 +232,11 @@ def test_other_values_and_small_steps_of_a_cause_act_where_it_does():
     windows, _ = followers(ro.PLAIN, np.random.default_rng(3))
     fit = fit_drivers(windows, ro.PLAIN.copy(), np.array([1e-4, 1e-4]), rounds=1)
     lanes = np.arange(9)
-    inside = Candidate("location", -0.2, 0.02, -10.0, 1e-9, Atom("location", lane=2, low=40.0, high=90.0))
-    everywhere = replace(inside, atom=replace(inside.atom, lane=0))
+    inside = Candidate("location", -0.2, 0.02, -10.0, 1e-9, Regressor("location", lane=2, low=40.0, high=90.0))
+    everywhere = replace(inside, regressor=replace(inside.regressor, lane=0))
     for candidate, acts in ((inside, np.isin(lanes, [0, 2])), (everywhere, lanes >= 0)):
         there = with_value(with_cause(fit, candidate), "location", -0.5)
         np.testing.assert_array_equal(there.by_lane[:, slots.PLACE], -0.5 * acts)
-        (step,) = at.local_atoms(there.by_lane)
-        moved = at.with_atom(there.by_lane, step) - there.by_lane
+        (step,) = rg.local_regressors(there.by_lane)
+        moved = rg.with_regressor(there.by_lane, step) - there.by_lane
         np.testing.assert_array_equal(moved[:, slots.PLACE] > 0.0, acts)

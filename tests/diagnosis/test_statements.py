@@ -8,9 +8,9 @@ import numpy as np
 import pytest
 
 from idm_sumo.diagnosis import rollout as ro
-from idm_sumo.diagnosis.atoms import Atom
 from idm_sumo.diagnosis.choice import Accepted
 from idm_sumo.diagnosis.law import beneath, of
+from idm_sumo.diagnosis.regressors import Regressor
 from idm_sumo.diagnosis.result import Estimate, Gain
 from idm_sumo.diagnosis.search import Found
 from idm_sumo.diagnosis.statements import (
@@ -70,18 +70,20 @@ NOTHING, PLACE, STRANGE = found(), found(tried(20.0, "location")), found(left=(f
 
 
 @pytest.mark.parametrize(
-    ("atom", "said"),
+    ("regressor", "said"),
     [
-        (Atom("desired_speed", lane=2), " in lane 2: "),
+        (Regressor("desired_speed", lane=2), " in lane 2: "),
         (
-            Atom("desired_speed", fixed=((slots.DESIRED_SPEED, 1.0), (slots.DESIRED_SPEED_ACROSS, 4.0))),
+            Regressor("desired_speed", fixed=((slots.DESIRED_SPEED, 1.0), (slots.DESIRED_SPEED_ACROSS, 4.0))),
             ", from nothing in lane 1 to all of it in lane 4: ",
         ),
     ],
 )
-def test_the_lanes_of_a_desired_speed_are_said(atom, said):
+def test_the_lanes_of_a_desired_speed_are_said(regressor, said):
     slower = tried(9.0, "desired_speed", -0.3)
-    (cause,) = causes(found(replace(slower, candidate=replace(slower.candidate, atom=atom))), {"desired_speed": 1.0})
+    (cause,) = causes(
+        found(replace(slower, candidate=replace(slower.candidate, regressor=regressor))), {"desired_speed": 1.0}
+    )
     assert f"has another desired speed than the limit{said}delta = -0.3," in cause.evidence
 
 

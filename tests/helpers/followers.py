@@ -8,11 +8,11 @@ import pandas as pd
 from idm_sumo.diagnosis import noise as no
 from idm_sumo.diagnosis import rollout as ro
 from idm_sumo.diagnosis import windows as w
-from idm_sumo.diagnosis.atoms import Atom
 from idm_sumo.diagnosis.evidence import Evidence
 from idm_sumo.diagnosis.fit import Fit
 from idm_sumo.diagnosis.hypotheses import Candidate
 from idm_sumo.diagnosis.left_over import LeftOver
+from idm_sumo.diagnosis.regressors import Regressor
 from idm_sumo.diagnosis.sizes import Tried
 from idm_sumo.diagnosis.smoother import local_cubic
 from idm_sumo.recordings import columns as c
@@ -54,7 +54,7 @@ def followers(by_lane: np.ndarray, rng: np.random.Generator, lanes: int = 1) -> 
 
 def candidate(z, name="perception_threshold", value=0.5, fixed=()):
     """Return a cause that stands out by ``z`` standard errors."""
-    return Candidate(name, value, 0.01, z, 1e-9, Atom(name, value, fixed), 1.0, 0.0)
+    return Candidate(name, value, 0.01, z, 1e-9, Regressor(name, value, fixed), 1.0, 0.0)
 
 
 FIT = Fit(np.zeros(5), np.eye(5), np.zeros((1, 5)), np.eye(1), np.ones(1), np.ones(2), ro.PLAIN)
@@ -62,7 +62,7 @@ FIT = Fit(np.zeros(5), np.eye(5), np.zeros((1, 5)), np.eye(1), np.ones(1), np.on
 
 def tried(z, name="perception_threshold", value=0.5, support=100.0):
     """Return such a cause, fitted, likelier by ``support``."""
-    return Tried(Candidate(name, value, 0.01, z, 1e-9, Atom(name, value), 1.0, 0.0), FIT, support)
+    return Tried(Candidate(name, value, 0.01, z, 1e-9, Regressor(name, value), 1.0, 0.0), FIT, support)
 
 
 def free(covariate, z, *, is_credible=True):
@@ -72,11 +72,11 @@ def free(covariate, z, *, is_credible=True):
 
 def evidence(delay, *left):
     """Return what is seen if a delay stands out by so many standard errors, with what is free."""
-    atoms = [Atom("reaction_delay", 0.2, ((0, 0.2),))]
+    regressors = [Regressor("reaction_delay", 0.2, ((0, 0.2),))]
     drivers, information = 30, 1e4
     u = np.full((drivers, 1), delay * np.sqrt(1.5 * 1.5 * information) / drivers)
     part = np.full((drivers, 1), information / drivers)
-    return Evidence(atoms, u, np.zeros((2, 1)), np.array([[information]]), part, np.arange(drivers), left)
+    return Evidence(regressors, u, np.zeros((2, 1)), np.array([[information]]), part, np.arange(drivers), left)
 
 
 def recorded(x: np.ndarray, *, is_smooth: bool = False) -> Recording:

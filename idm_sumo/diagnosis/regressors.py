@@ -1,4 +1,4 @@
-"""Atoms: what a little of each effect does to the rollouts, one column each.
+"""Regressors: what a little of each effect does to the rollouts, one column each.
 
 What adds to the acceleration, or changes the time headway or the desired speed, goes through the linear response to pulses;
 what is not linear near zero (delay, second leader, relaxation, dead band) is a secant at several sizes.
@@ -59,7 +59,7 @@ SECANTS: tuple[tuple[str, int, tuple[float, ...], tuple[tuple[int, float], ...]]
 
 
 @dataclass(frozen=True)
-class Atom:
+class Regressor:
     """One column: the effect's name, the size it stands for (1 where it is linear), further values it fixes.
 
     ``low`` and ``high`` bound a bin of place or time.
@@ -79,12 +79,12 @@ MOST_ANSWERED = 1.5  # times the median window's answer to pulses, from which on
 
 
 def tamed(columns: Floats) -> Floats:
-    """Return the columns ``(windows, moments, atoms)``, shortened by :func:`taming`."""
+    """Return the columns ``(windows, moments, regressors)``, shortened by :func:`taming`."""
     return np.asarray(columns * taming(columns)[:, None, :])
 
 
 def taming(columns: Floats) -> Floats:
-    """Return factors ``(windows, atoms)`` that leave no window's column longer than a few times what nine of ten with any effect have.
+    """Return factors ``(windows, regressors)`` that leave no window's column longer than a few times what nine of ten with any effect have.
 
     Where a simulated vehicle nearly hits its leader, a little more of anything moves it by kilometres: without a limit a handful
     of such windows would be all the information there is.
@@ -109,7 +109,7 @@ FORM = [n for n, name in enumerate(LINEAR) if name.startswith((*INSTANT, GUARD))
 
 @dataclass(frozen=True)
 class Grid:
-    """What the atoms of a recording share with those of its twins: bin edges, lanes, pivot speed (m/s)."""
+    """What the regressors of a recording share with those of its replicates: bin edges, lanes, pivot speed (m/s)."""
 
     place: Floats
     time: Floats
@@ -157,23 +157,23 @@ def calm(response: Floats) -> Floats:
     return np.asarray(np.minimum(1.0, MOST_ANSWERED * np.median(size) / np.maximum(size, NOTHING)))
 
 
-def build(windows: w.Windows, fit: Fit, answer: Answer, grid: Grid) -> tuple[list[Atom], Floats]:
-    """Return the atoms and their columns ``(windows, moments, atoms)``."""
-    secants = [*SECANT_ATOMS, *local_atoms(fit.by_lane)]
+def build(windows: w.Windows, fit: Fit, answer: Answer, grid: Grid) -> tuple[list[Regressor], Floats]:
+    """Return the regressors and their columns ``(windows, moments, regressors)``."""
+    secants = [*SECANT_REGRESSORS, *local_regressors(fit.by_lane)]
     return _columns(windows, fit, answer, range(len(LINEAR)), grid, _scans(windows, answer.state, grid), secants)
 
 
 def build_local(
-    windows: w.Windows, fit: Fit, answer: Answer, grid: Grid, more: Sequence[Atom] = ()
-) -> tuple[list[Atom], Floats]:  # fmt: skip
-    """Return, as :func:`build`, the accepted magnitudes' own atoms only, and the car-following's form; and more secants."""
-    return _columns(windows, fit, answer, FORM, grid, [], [*local_atoms(fit.by_lane), *more])
+    windows: w.Windows, fit: Fit, answer: Answer, grid: Grid, more: Sequence[Regressor] = ()
+) -> tuple[list[Regressor], Floats]:  # fmt: skip
+    """Return, as :func:`build`, the accepted magnitudes' own regressors only, and the car-following's form; and more secants."""
+    return _columns(windows, fit, answer, FORM, grid, [], [*local_regressors(fit.by_lane), *more])
 
 
 class Scan(NamedTuple):
-    """Atoms of bins, each frame's bin (-1 for none), and the acceleration there (m/s² per unit; None for one)."""
+    """Regressors of bins, each frame's bin (-1 for none), and the acceleration there (m/s² per unit; None for one)."""
 
-    atoms: list[Atom]
+    regressors: list[Regressor]
     number: Integers
     value: Floats | None
 
@@ -185,12 +185,12 @@ def _scans(windows: w.Windows, state: Floats, grid: Grid) -> list[Scan]:
     time = numbered(seen[:, w.TIME], grid.time)
     lanes = grid.lanes if len(grid.lanes) > 1 else grid.lanes[:0]
     lane = np.searchsorted(grid.lanes, seen[:, w.LANE]) if len(lanes) else np.full(time.shape, -1)
-    by_place = [Atom("location", low=low, high=high) for low, high in itertools.pairwise(grid.place)]
-    of_headway = [replace(atom, fixed=((slots.PLACE_HEADWAY, 1.0),)) for atom in by_place]
-    by_time = [Atom("time_of_day", low=low, high=high) for low, high in itertools.pairwise(grid.time)]
+    by_place = [Regressor("location", low=low, high=high) for low, high in itertools.pairwise(grid.place)]
+    of_headway = [replace(regressor, fixed=((slots.PLACE_HEADWAY, 1.0),)) for regressor in by_place]
+    by_time = [Regressor("time_of_day", low=low, high=high) for low, high in itertools.pairwise(grid.time)]
     by_v0 = state[:, :, ro.BY_V0]
     return [
-        Scan([Atom("desired_speed", lane=int(number)) for number in lanes], lane, by_v0),
+        Scan([Regressor("desired_speed", lane=int(number)) for number in lanes], lane, by_v0),
         *([_across(seen[:, w.LANE], by_v0, lanes[-1])] if len(lanes) >= FALLS_OVER else []),
         Scan(by_place, place, None),
         Scan(of_headway, place, state[:, :, ro.BY_T]),
@@ -200,14 +200,16 @@ def _scans(windows: w.Windows, state: Floats, grid: Grid) -> list[Scan]:
 
 def _across(lane: Floats, by_v0: Floats, lanes: float) -> Scan:
     """Return the desired speed that falls from the leftmost lane to the rightmost."""
-    atom = Atom("desired_speed", fixed=((slots.DESIRED_SPEED, 1.0), (slots.DESIRED_SPEED_ACROSS, float(lanes))))
-    return Scan([atom], np.zeros(lane.shape, dtype=np.int64), by_v0 * rank(lane, lanes))
+    regressor = Regressor(
+        "desired_speed", fixed=((slots.DESIRED_SPEED, 1.0), (slots.DESIRED_SPEED_ACROSS, float(lanes)))
+    )
+    return Scan([regressor], np.zeros(lane.shape, dtype=np.int64), by_v0 * rank(lane, lanes))
 
 
 def _columns(
-    windows: w.Windows, fit: Fit, answer: Answer, linear: Sequence[int], grid: Grid, scans: list[Scan], secants: list[Atom]
-) -> tuple[list[Atom], Floats]:  # fmt: skip
-    """Return linear atoms, scans and secants, and the columns of all."""
+    windows: w.Windows, fit: Fit, answer: Answer, linear: Sequence[int], grid: Grid, scans: list[Scan], secants: list[Regressor]
+) -> tuple[list[Regressor], Floats]:  # fmt: skip
+    """Return linear regressors, scans and secants, and the columns of all."""
     companions = {
         LINEAR.index("speed_dependent_headway"): ((slots.SPEED_HEADWAY, 1.0), (slots.PIVOT_SPEED, grid.pivot)),
         OF_LATE: ((slots.HYSTERESIS, 1.0), (slots.HYSTERESIS_OF_LATE, 1.0)),
@@ -215,28 +217,32 @@ def _columns(
         YIELDING: ((slots.COURTESY_BRAKING, 1.0),),
         MOVING: ((slots.PRE_INSERTION_BRAKING, 1.0),),
     }
-    atoms = [Atom(LINEAR[n], fixed=companions.get(n, ())) for n in linear]
-    count = len(atoms) + sum(len(scan.atoms) for scan in scans) + len(secants)
+    regressors = [Regressor(LINEAR[n], fixed=companions.get(n, ())) for n in linear]
+    count = len(regressors) + sum(len(scan.regressors) for scan in scans) + len(secants)
     columns = np.zeros((*answer.response.shape[:2], count))
-    columns[:, :, : len(atoms)] = answer.response @ answer.pulses[:, :, list(linear)]
+    columns[:, :, : len(regressors)] = answer.response @ answer.pulses[:, :, list(linear)]
     for scan in scans:
-        response_by_bin(answer.response, scan.number, scan.value, columns[:, :, len(atoms) :])
-        atoms += scan.atoms
-    moved = ro.positions_otherwise(windows, fit.theta, [with_atom(fit.by_lane, atom) for atom in secants])
+        response_by_bin(answer.response, scan.number, scan.value, columns[:, :, len(regressors) :])
+        regressors += scan.regressors
+    moved = ro.positions_otherwise(
+        windows, fit.theta, [with_regressor(fit.by_lane, regressor) for regressor in secants]
+    )
     moved -= answer.line.simulated[:, :, None]
-    np.divide(moved, [atom.size for atom in secants], out=columns[:, :, len(atoms) :])
-    return [*atoms, *secants], columns
+    np.divide(moved, [regressor.size for regressor in secants], out=columns[:, :, len(regressors) :])
+    return [*regressors, *secants], columns
 
 
 # Of effects that are not linear near zero.
-SECANT_ATOMS = tuple(Atom(name, size, ((slot, size), *more)) for name, slot, sizes, more in SECANTS for size in sizes)
-LOCAL = "local:"  # marks an atom that is a small step of a magnitude already accepted
+SECANT_REGRESSORS = tuple(
+    Regressor(name, size, ((slot, size), *more)) for name, slot, sizes, more in SECANTS for size in sizes
+)
+LOCAL = "local:"  # marks an regressor that is a small step of a magnitude already accepted
 OTHERWISE = "otherwise:"  # marks one that is an accepted magnitude with another companion
 
 
-def local_atoms(by_lane: Floats) -> list[Atom]:
+def local_regressors(by_lane: Floats) -> list[Regressor]:
     """Return a small step for each accepted magnitude, linear or not."""
-    atoms = []
+    regressors = []
     for effect in CATALOGUE:
         if not effect.parameters:
             continue
@@ -247,8 +253,8 @@ def local_atoms(by_lane: Floats) -> list[Atom]:
             fixed = [(first.slot, size)]
             if first.slot == slots.RELAXATION:
                 fixed.append((slots.RELAXATION_TIME, float(by_lane[0, slots.RELAXATION_TIME])))
-            atoms.append(Atom(LOCAL + effect.name, size, tuple(fixed)))
-    return atoms
+            regressors.append(Regressor(LOCAL + effect.name, size, tuple(fixed)))
+    return regressors
 
 
 def _small_step(slot: int, value: float, typical: float) -> float:
@@ -256,10 +262,10 @@ def _small_step(slot: int, value: float, typical: float) -> float:
     return STEP * (1.0 + value) if slot == slots.DESIRED_SPEED else 0.25 * max(abs(value), 0.5 * typical)
 
 
-def with_atom(by_lane: Floats, atom: Atom) -> Floats:
-    """Return the magnitudes with the atom's on top (added to the accepted magnitude, where it acts; companions set)."""
+def with_regressor(by_lane: Floats, regressor: Regressor) -> Floats:
+    """Return the magnitudes with the regressor's on top (added to the accepted magnitude, where it acts; companions set)."""
     moved = by_lane.copy()
-    for number, (slot, value) in enumerate(atom.fixed):
+    for number, (slot, value) in enumerate(regressor.fixed):
         moved[:, slot] = moved[:, slot] + acts(by_lane, slot) * value if number == 0 else value
     return moved
 
