@@ -126,7 +126,7 @@ class Power(_Part):
 
 
 class Detectable(_Part):
-    """An effect's size that was injected into the recording's own followers.
+    """An effect's size, injected into the recording's own followers.
 
     Attributes
     ----------
