@@ -312,8 +312,9 @@ def law_of(outcome: Outcome) -> str:
 
 def _seen(outcome: Outcome) -> str:
     """Return how much was looked at."""
-    (low, high), (begin, end) = outcome.whole["position"], outcome.whole["time"]
-    return f"{len(outcome.drivers)} drivers in {outcome.windows} windows" + where((low, high), (begin, end))
+    position, time = outcome.whole["position"], outcome.whole["time"]
+    seen = where(position, time) if position[0] < position[1] else ""
+    return f"{len(outcome.drivers)} drivers in {outcome.windows} windows{seen}"
 
 
 def _listed(parts: Iterable[str]) -> str:

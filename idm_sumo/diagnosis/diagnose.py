@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import itertools
 import time
-from collections.abc import Mapping
+from collections.abc import Iterable, Mapping
 from dataclasses import replace
 
 import numpy as np
@@ -43,8 +43,9 @@ LEAST_HELD_OUT = 1e-3  # of the ADE of held-out drivers, that a further cause mu
 
 
 def diagnose(
-    recording: Recording, *, seed: int = 0, jobs: int = 1, injections: int = 0, progress: Progress = silent
-) -> Diagnosis:
+    recording: Recording, *, seed: int = 0, jobs: int = 1, injections: int = 0, only: Iterable[int] | None = None,
+    progress: Progress = silent,
+) -> Diagnosis:  # fmt: skip
     """Show what the simulation gets wrong, name the cause, extend the model, measure the gain.
 
     Parameters
@@ -57,6 +58,8 @@ def diagnose(
         Threads of the compiled rollouts.
     injections : int
         Of each effect and size, to see which would have been found.
+    only : iterable of int or None
+        Vehicles whose drivers are examined, among the traffic of all; None for every one.
     progress : callable
 
     Returns
@@ -72,12 +75,14 @@ def diagnose(
     set_num_threads(max(1, min(jobs, before)))
     try:
         with threadpool_limits(1, user_api="blas"):  # the threads are ours: many windows, small matrices
-            return _diagnose(recording, np.random.default_rng(seed), injections, progress)
+            return _diagnose(recording, np.random.default_rng(seed), injections, only, progress)
     finally:
         set_num_threads(before)
 
 
-def _diagnose(recording: Recording, rng: np.random.Generator, injections: int, progress: Progress) -> Diagnosis:
+def _diagnose(
+    recording: Recording, rng: np.random.Generator, injections: int, only: Iterable[int] | None, progress: Progress
+) -> Diagnosis:
     clock = [("start", time.perf_counter())]
     progress("cutting windows", 0, 1)
     seam = find_seam(recording)
@@ -86,6 +91,8 @@ def _diagnose(recording: Recording, rng: np.random.Generator, injections: int, p
     motion = no.motion_noise(recording, measurement)
     own = _follower_filter(measurement, rng)
     windows = cut_windows(recording, own, posterior_mean(measurement, motion) if recording.has_leader_rows else own)
+    if only is not None:
+        windows = windows.of_drivers(np.flatnonzero(np.isin(windows.vehicle, list(only))))
     train, held = _split(windows, rng)
     clock.append(("windows", time.perf_counter()))
     if train.drivers < LEAST_DRIVERS or len(train.seen) < LEAST_WINDOWS:
