@@ -233,6 +233,8 @@ def _basis(outcome: Outcome) -> tuple[str, ...]:
     out = [sentence(f"{_seen(outcome)}; {held} of the drivers were held out, and took no part in what was found")]
     for cause in content.causes:
         shown = f"{plain(cause.name)}: {p_value(cause.p_value)}, corrected for all that was tested"
+        if cause.probability is not None:
+            shown += f"; probability {cause.probability:.2f} that it is this and nothing else"
         rests = f"; it rests on about {cause.effective_drivers:.0f} drivers" if cause.effective_drivers else ""
         alone = f"; by itself it spares {_spared(cause.gain)}" if cause.gain is not None else ""
         out.append(sentence(shown + rests + alone))

@@ -90,6 +90,7 @@ def _cause(cause: CauseFound, whole: dict[str, Range]) -> dict[str, Any]:
         "gain": None if cause.gain is None else {name: getattr(cause.gain, name) for name in GAIN},
         "effective_drivers": cause.effective_drivers,
         "at_bound": cause.at_bound,
+        "probability": cause.probability,
     }
 
 

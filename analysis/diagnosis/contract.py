@@ -82,6 +82,8 @@ class Cause(_Part):
         On how many drivers it rests.
     at_bound : bool
         Whether its magnitude is at a bound of what is searched.
+    probability : float or None
+        That it is this effect and neither another one nor nothing.
     """
 
     name: str
@@ -94,6 +96,7 @@ class Cause(_Part):
     gain: Gain | None
     effective_drivers: Annotated[float, Field(ge=0.0, allow_inf_nan=False)]
     at_bound: bool
+    probability: Probability | None
 
 
 class Unexplained(_Part):

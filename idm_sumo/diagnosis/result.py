@@ -61,6 +61,9 @@ class CauseFound:
         On how many drivers it rests: one who says it all counts as one. Zero where that was not measured.
     at_bound : bool
         Whether its magnitude is at a bound of what is searched.
+    probability : float or None
+        That it is this effect, and neither another one nor nothing; those that cannot be told apart share it. None where it was not
+        measured.
     """
 
     name: str
@@ -73,6 +76,7 @@ class CauseFound:
     gain: Gain | None = None
     effective_drivers: float = 0.0
     at_bound: bool = False
+    probability: float | None = None
 
 
 @dataclass(frozen=True)

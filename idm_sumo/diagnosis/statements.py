@@ -15,6 +15,7 @@ from idm_sumo.diagnosis.fit import Fit
 from idm_sumo.diagnosis.hypotheses import Candidate
 from idm_sumo.diagnosis.law import law_of, reaction_of
 from idm_sumo.diagnosis.noise import Noise
+from idm_sumo.diagnosis.probability import probability
 from idm_sumo.diagnosis.result import (
     Z95,
     CauseFound,
@@ -135,10 +136,12 @@ def _cause(found: Found, accepted: Accepted, share: float, doubt: float, gain: G
     if found.share is not None and of_some(fit, candidate.name):
         parameters[SHARE] = found.share
         sentence += f"; {found.share.value:.0%} of the drivers have it, the others are likelier without"
-    drivers = hy.effective_drivers(found.first, candidate)
+    named = {one.candidate.name for one in found.accepted}
+    beside = [one for one in hy.candidates(found.first) if one.name not in named]
     return CauseFound(
-        candidate.name, parameters, region, candidate.p, share, sentence, accepted.rivals, gain, drivers, at_bound
-    )
+        candidate.name, parameters, region, candidate.p, share, sentence, accepted.rivals, gain,
+        hy.effective_drivers(found.first, candidate), at_bound, probability(accepted, beside),
+    )  # fmt: skip
 
 
 EDGES = ("x_1", "x_2", "t_1", "t_2")
