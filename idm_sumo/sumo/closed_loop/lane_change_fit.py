@@ -21,10 +21,10 @@ from idm_sumo.evaluation.traffic_measures import TrafficMeasures
 
 Floats = npt.NDArray[np.float64]
 
-# Between what each is searched; SUMO's default is 1, within all of them.
+# Between what each is searched; SUMO's default is 1, within all of them. The gaps that are taken are none of them: they
+# follow from the drivers' deceleration (:func:`idm_sumo.sumo.closed_loop.populations.assertiveness`).
 BOUNDS = {
-    "lcSpeedGain": (0.5, 50.0), "lcLookaheadLeft": (0.5, 20.0), "lcAssertive": (0.7, 8.0), "lcStrategic": (0.3, 10.0),
-    "lcCooperative": (0.1, 1.0),
+    "lcSpeedGain": (0.5, 50.0), "lcLookaheadLeft": (0.5, 20.0), "lcStrategic": (0.3, 10.0), "lcCooperative": (0.1, 1.0),
 }  # fmt: skip
 RUNS, FIRST = 16, 7  # in all; that are spread over the box before the process says where to go
 CANDIDATES = 2048

@@ -21,7 +21,6 @@ from idm_sumo.runtime.progress import Progress, silent
 from idm_sumo.sumo import network
 from idm_sumo.sumo.closed_loop.demand import SAFE, write_routes
 from idm_sumo.sumo.closed_loop.ego import Ego
-from idm_sumo.sumo.closed_loop.entrance import Entrance
 from idm_sumo.sumo.closed_loop.extended_loop import ModelDrivers
 from idm_sumo.sumo.closed_loop.lane_change_output import changes_between_main_lanes
 from idm_sumo.sumo.closed_loop.signs import SpeedSign, write_signs
@@ -246,7 +245,6 @@ def _loop(
     """
     departed: dict[str, float] = {}
     collisions: set[tuple[str, str]] = set()
-    entrance = Entrance(files.demand)
     steps, arrived = round(files.duration / FRAME_STEP), 0
     for step in range(steps):
         sumo.simulationStep()
@@ -259,7 +257,6 @@ def _loop(
             ours.drive(sumo, step)
         if ego is not None:
             ego.drive(sumo, step)
-        entrance.admit(sumo, step * FRAME_STEP)
         if step % 100 == 0:
             progress("simulating", step, steps)
     progress("simulating", steps, steps)
