@@ -111,6 +111,7 @@ def export(options: argparse.Namespace) -> None:
     from idm_sumo.sumo.export.routes import export_routes
 
     drivers = read_drivers(options.drivers)
+    said: tuple[str, ...]
     if options.law != "idm":
         drivers, price = _of_law(drivers, options)
         which, said = f"{options.law}, all windows", (price,)
