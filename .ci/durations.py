@@ -25,7 +25,7 @@ Two cores, in seconds; processor time is that of all processes which had ended b
 |---|---|---|
 """
 BETWEEN = """
-Modules with tests, or inputs of tests, that take more than two seconds. Two processes run them beside the
+Modules with tests, or inputs of tests, that take more than {least:.0f} seconds. Two processes run them beside the
 other work of that step, so that a test takes up to twice what it takes alone.
 
 | module | what it holds | its slow tests (s) | together (s) |
@@ -69,7 +69,9 @@ def held(module: str) -> str:
 def main() -> None:
     """Print the page."""
     log = Path(sys.argv[1]).read_text(encoding="utf-8", errors="replace")
-    print(HEAD + "\n".join(steps(log)) + "\n" + BETWEEN + "\n".join(modules(log)) + "\n" + FOOT, end="")
+    least = min(float(seconds) for seconds, *_ in TEST.findall(log))
+    parts = (HEAD, *(f"{row}\n" for row in steps(log)), BETWEEN.format(least=least))
+    print(*parts, *(f"{row}\n" for row in modules(log)), FOOT, sep="", end="")
 
 
 if __name__ == "__main__":

@@ -1,3 +1,5 @@
+"""Drivers fitted to all of their windows: nearer over them than any single window's fit."""
+
 from pathlib import Path
 
 import numpy as np
