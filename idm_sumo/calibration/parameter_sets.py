@@ -126,9 +126,9 @@ def with_law(drivers: pd.DataFrame, law: str, source: str) -> tuple[pd.DataFrame
     unknown = at_bound(theta)[:, :4].any(axis=1)
     if not unknown.all():
         theta[unknown] = np.median(theta[~unknown], axis=0)
-    means = [known.loc[~unknown, name].mean() for name in (names[4], WHOLE_ADE)]
+    means = known[[names[4], WHOLE_ADE]].mean()
     price = (
-        f"{law}: {means[0]:.2f} m from the recording on average over all windows, the IDM {means[1]:.2f} m; "
+        f"{law}: {means.iloc[0]:.2f} m from the recording on average over all windows, the IDM {means.iloc[1]:.2f} m; "
         f"{int(unknown.sum())} of {len(known)} drivers are at a bound and drive as the others' median"
     )
     return known.assign(**dict(zip(NAMES, theta.T, strict=True))), price
