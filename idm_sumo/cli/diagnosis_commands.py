@@ -83,7 +83,7 @@ def diagnose(options: argparse.Namespace) -> None:
     """
     keep_freed_memory()
     if many.are_meant(options):
-        many.run(options, study_module("many.work").Diagnose(options.seed))
+        many.run(options, study_module("many.work").Diagnose(options.seed, options.injections))
         return
     (options.recording,) = options.recording
     module, words = study_module("diagnosis.report"), study_module("diagnosis.words")

@@ -18,7 +18,8 @@ from idm_sumo.diagnosis.law_misfit import FormEvidence
 from idm_sumo.diagnosis.left_over import Evaluated, LeftOver, evaluate, left_over
 from idm_sumo.diagnosis.linear_pulses import GUARD
 from idm_sumo.diagnosis.look import Build, Look, Subject, look, score
-from idm_sumo.diagnosis.replicates import drawn_anew, make_replicate, refit, start_behind
+from idm_sumo.diagnosis.replicates import driven_again, refit
+from idm_sumo.diagnosis.windows import Windows
 from idm_sumo.runtime.progress import Progress
 from idm_sumo.runtime.threads import each_in_threads
 
@@ -131,10 +132,8 @@ def examine(
     evaluated = None if free is None else Replicates([], [], free)
     totals = null_totals(subject, fit, chances, looked, evaluated)
     progress(stage, 1, 1)
-    # The replicates' mean is taken off each driver by its share of the windows.
     windows = subject.windows
-    share = np.bincount(windows.driver, minlength=windows.drivers) / len(windows.driver)
-    corrected = looked.u - share[:, None] * totals.corrected.mean(axis=0)
+    corrected = less_chance(looked.u, totals.corrected, windows)
     evidence = Evidence(
         looked.regressors,
         corrected,
@@ -166,6 +165,12 @@ class Replicates(NamedTuple):
     fitted: list[Evaluated]
     drawn: list[Evaluated]
     families: Families
+
+
+def less_chance(u: Floats, nulls: Floats, windows: Windows) -> Floats:
+    """Return scores, shape ``(drivers, regressors)``, without what null replicates show: their mean by each driver's share of the windows."""
+    share = np.bincount(windows.driver, minlength=windows.drivers) / len(windows.driver)
+    return np.asarray(u - share[:, None] * nulls.mean(axis=0))
 
 
 class Totals(NamedTuple):
@@ -222,9 +227,7 @@ def _replicate(
     subject: Subject, fit: Fit, chance: Chance, build: Build, *, drawn: bool, listen: Families | None
 ) -> tuple[Floats, Evaluated | None]:
     """Return the total scores of a replicate, with the fitted drivers or with drawn ones, and what is evaluated of everything free."""
-    drivers = drawn_anew(fit, chance) if drawn else fit
-    behind = start_behind(subject.windows, fit, drivers) if drawn else 0.0
-    replicate = make_replicate(subject.windows, drivers, chance, is_smooth=subject.is_smooth, behind=behind)
+    replicate, drivers = driven_again(subject.windows, fit, chance, drawn=drawn, is_smooth=subject.is_smooth)
     fitted = refit(replicate, drivers)
     answer = rg.answer_of(replicate, fitted, subject.grid.pivot)
     total = np.asarray(score(subject, replicate, fitted, build, answer)[1].u.sum(axis=0))

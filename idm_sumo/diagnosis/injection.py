@@ -23,7 +23,7 @@ from idm_sumo.diagnosis.chance import Chance, draws
 from idm_sumo.diagnosis.fit import Fit
 from idm_sumo.diagnosis.hypotheses import Candidate
 from idm_sumo.diagnosis.look import Look, Subject, look, score
-from idm_sumo.diagnosis.replicates import drawn_anew, make_replicate, refit, start_behind
+from idm_sumo.diagnosis.replicates import driven_again, refit
 from idm_sumo.diagnosis.result import Detectable
 from idm_sumo.diagnosis.search import CLOSE, FIRST_REPLICATES, Found, replicates_of, with_its_noise
 from idm_sumo.diagnosis.sizes import Tried, gain_of, with_cause
@@ -126,21 +126,17 @@ class Laboratory:
 
         What differs between drivers is injected into drivers drawn anew: fitted ones are of a recording without it.
         """
-        subject, windows = self.subject, self.subject.windows
-        is_drawn = effect.name in ev.BETWEEN
-        drivers = drawn_anew(self.fit, chance) if is_drawn else self.fit
-        behind = start_behind(windows, self.fit, drivers) if is_drawn else 0.0
-        followers = make_replicate(
-            windows, with_cause(drivers, effect), chance, is_smooth=subject.is_smooth, behind=behind
-        )
+        followers, drivers = driven_again(
+            self.subject.windows, self.fit, chance, drawn=effect.name in ev.BETWEEN, is_smooth=self.subject.is_smooth,
+            having=lambda drivers: with_cause(drivers, effect),
+        )  # fmt: skip
         return Injected(followers, refit(followers, refit(followers, drivers)))
 
     def evidence(self, injected: Injected) -> ev.Evidence:
         """Return what followers show at the model without the effect."""
-        subject, (windows, fitted) = self.subject, injected
-        own = score(subject, windows, fitted)[1].u @ self.looked.free_of_form
-        share = np.bincount(windows.driver, minlength=windows.drivers) / len(windows.driver)
+        windows, fitted = injected
+        own = score(self.subject, windows, fitted)[1].u @ self.looked.free_of_form
         return ev.Evidence(
-            self.looked.regressors, own - share[:, None] * self.nulls.mean(axis=0), self.nulls, self.looked.gram,
+            self.looked.regressors, ev.less_chance(own, self.nulls, windows), self.nulls, self.looked.gram,
             self.looked.found.part, windows.platoon, lane=windows.usual_lane,
         )  # fmt: skip

@@ -5,6 +5,7 @@ Whatever effect a replicate shows was made by noise, smoothing and refitting, fo
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import replace
 
 import numpy as np
@@ -66,6 +67,24 @@ def drawn_anew(fit: Fit, chance: Chance) -> Fit:
     """
     own = fit.mean + chance.drivers @ np.linalg.cholesky(fit.spread).T
     return replace(fit, own=np.clip(own, LOWER, UPPER))
+
+
+def driven_again(
+    windows: w.Windows,
+    fit: Fit,
+    chance: Chance,
+    *,
+    drawn: bool,
+    is_smooth: bool,
+    having: Callable[[Fit], Fit] = lambda fit: fit,
+) -> tuple[w.Windows, Fit]:
+    """Return the windows, driven once more by the fitted drivers or by ``drawn`` ones, and those drivers.
+
+    What they are ``having`` beside, they drive with; the drivers that are returned are without it.
+    """
+    drivers = drawn_anew(fit, chance) if drawn else fit
+    behind = start_behind(windows, fit, drivers) if drawn else 0.0
+    return make_replicate(windows, having(drivers), chance, is_smooth=is_smooth, behind=behind), drivers
 
 
 def start_behind(windows: w.Windows, fitted: Fit, drawn: Fit) -> Floats:

@@ -16,6 +16,7 @@ import pandas as pd
 from idm_sumo.calibration import driver_table as d
 from idm_sumo.calibration.departures import DESTINATION, THROUGH
 from idm_sumo.calibration.departures import departures as departures_of
+from idm_sumo.calibration.whole import IDM
 from idm_sumo.models.effects import ExtendedModel
 from idm_sumo.models.idm import TEXTBOOK
 from idm_sumo.recordings import columns as c
@@ -38,7 +39,7 @@ from idm_sumo.sumo.export.translation import (
     sumo_parameters,
     with_parameters,
 )
-from idm_sumo.sumo.export.vtypes import IDM, number, type_element
+from idm_sumo.sumo.export.vtypes import number, type_element
 from idm_sumo.sumo.network import RoadNetwork
 from idm_sumo.sumo.plain_paths import check_name
 

@@ -9,6 +9,7 @@ import re
 from typing import NamedTuple
 from xml.etree.ElementTree import Element, SubElement
 
+from idm_sumo.calibration.whole import IDM, KRAUSS
 from idm_sumo.models import idm
 from idm_sumo.recordings.columns import FRAME_STEP
 
@@ -37,7 +38,6 @@ AS_CALIBRATED = {
 }  # fmt: skip
 
 # What other laws need in place of the IDM's own attributes; ``sigma`` is a noise that was not fitted.
-IDM, KRAUSS = "idm", "krauss"
 OF_THE_IDM = ("delta", "stepping")
 OTHER_LAWS = {KRAUSS: {"carFollowModel": "Krauss", "sigma": "0"}}
 
