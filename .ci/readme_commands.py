@@ -10,6 +10,7 @@ from __future__ import annotations
 
 import os
 import re
+import resource
 import subprocess
 import sys
 import tempfile
@@ -40,17 +41,23 @@ def chosen(which: str) -> list[str]:
     return list(dict.fromkeys(parts[which]))
 
 
+def cpu_seconds() -> float:
+    """Return what the commands so far have spent, on all cores."""
+    used = resource.getrusage(resource.RUSAGE_CHILDREN)
+    return used.ru_utime + used.ru_stime
+
+
 def run(command: str, recording: Path) -> None:
     """Run one command in the environment that the README makes; exit if it fails."""
     tools = ROOT / ".venv/bin"
     if "RECORDING" in command and not recording.exists():
         subprocess.run([tools / "idm-sumo", "surrogate", "-o", recording, "--minutes", "2"], check=True, cwd=ROOT)
-    begin = time.monotonic()
+    begin, spent = time.monotonic(), cpu_seconds()
     print(f"$ {command}", flush=True)
     environment = os.environ | {"PATH": f"{tools}{os.pathsep}{os.environ['PATH']}"}
     line = command.replace("RECORDING", str(recording))
     done = subprocess.run(line, shell=True, cwd=ROOT, env=environment, check=False)
-    print(f"  ({time.monotonic() - begin:.0f} s)", flush=True)
+    print(f"  ({time.monotonic() - begin:.0f} s, {cpu_seconds() - spent:.0f} CPU s)", flush=True)
     if done.returncode:
         sys.exit(f"documented command failed with {done.returncode}: {command}")
 

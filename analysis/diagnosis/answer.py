@@ -11,6 +11,7 @@ from idm_sumo.models.effects import BY_NAME, format_quantity
 
 from . import contract as c
 from .outcome import Outcome, outcome_of, told
+from .shape import lacks
 from .words import lanes, p_value, plain, sentence, where
 
 FEW_NAMES = 4  # effects named one by one
@@ -155,6 +156,8 @@ def _none(outcome: Outcome) -> tuple[str, str]:
     if content.without_gain:
         there = _listed(behaviour(outcome, cause) for cause in content.without_gain)
         return sentence(f"No cause improves the simulation. Present, but without gain: {there}"), looked
+    if shape := lacks(outcome):
+        return f"No effect of the catalogue was found, but {law_of(outcome)} lacks a shape: {shape}.", looked
     return f"No cause was found: these data show nothing beyond {law_of(outcome)}.", looked
 
 
@@ -202,6 +205,11 @@ def better(outcome: Outcome) -> str:
 def _advice(outcome: Outcome) -> tuple[str, ...]:
     content = outcome.content
     if content.verdict == "none":
+        if lacks(outcome):
+            return (
+                f"Expect errors there, however {law_of(outcome)} is calibrated: no parameters make up for it.",
+                "A law with more freedom in gap, speed and approach rate would follow these drivers more closely.",
+            )
         known = content.gain.vehicles or content.without_gain
         return ("Calibrate and simulate as before.",) if known else ("Record more drivers, or for longer.",)
     if content.verdict == "unknown":
@@ -222,20 +230,19 @@ def _advice(outcome: Outcome) -> tuple[str, ...]:
 def _basis(outcome: Outcome) -> tuple[str, ...]:
     content = outcome.content
     held = content.gain.vehicles
-    out = [sentence(f"{_seen(outcome)}; {held} of the drivers were held out, and took no part in what was found")]
+    out = [sentence(f"{_seen(outcome)}; each of {held} was held out once, from the sizes with which it is simulated")]
     for cause in content.causes:
         shown = f"{plain(cause.name)}: {p_value(cause.p_value)}, corrected for all that was tested"
+        shown += f"; probability {cause.probability:.2f} that it is this and nothing else"
         rests = f"; it rests on about {cause.effective_drivers:.0f} drivers" if cause.effective_drivers else ""
         alone = f"; by itself it spares {_spared(cause.gain)}" if cause.gain is not None else ""
         out.append(sentence(shown + rests + alone))
     return tuple(out)
 
 
-def _spared(gain: c.Gain) -> str:
-    """Return a cause's gain, in metres or as a share."""
-    shown = [f"{v:.3f}" if gain.metric == "ade_m" else f"{v:.1%}" for v in (gain.difference, *gain.ci95)]
-    unit = " m of the error" if gain.metric == "ade_m" else " of a driver's error"
-    return f"{shown[0]}{unit} (95 %: {shown[1]} to {shown[2]})"
+def _spared(gain: c.Share) -> str:
+    low, high = gain.ci95
+    return f"{gain.difference:.1%} of a driver's error (95 %: {low:.1%} to {high:.1%})"
 
 
 def _limits(outcome: Outcome) -> tuple[str, ...]:
@@ -259,6 +266,8 @@ def _limits(outcome: Outcome) -> tuple[str, ...]:
         out.append(f"Present, but without a gain of the simulation: {there}.")
     if content.causes and content.unexplained:
         out.append(f"Left unexplained: {_listed(plain(one.covariate) for one in content.unexplained)}.")
+    if content.verdict != "none" and (shape := lacks(outcome)):
+        out.append(f"{law_of(outcome)} lacks a shape, whatever its parameters: {shape}.")
     if content.untestable:
         names = [plain(name) for name in content.untestable]
         some = f"{_listed(names[:FEW_NAMES])}{' and more' if len(names) > FEW_NAMES else ''}"
@@ -302,8 +311,9 @@ def law_of(outcome: Outcome) -> str:
 
 def _seen(outcome: Outcome) -> str:
     """Return how much was looked at."""
-    (low, high), (begin, end) = outcome.whole["position"], outcome.whole["time"]
-    return f"{len(outcome.drivers)} drivers in {outcome.windows} windows" + where((low, high), (begin, end))
+    position, time = outcome.whole["position"], outcome.whole["time"]
+    seen = where(position, time) if position[0] < position[1] else ""
+    return f"{len(outcome.drivers)} drivers in {outcome.windows} windows{seen}"
 
 
 def _listed(parts: Iterable[str]) -> str:

@@ -6,7 +6,7 @@ from typing import Any
 
 import numpy as np
 
-from idm_sumo.diagnosis import CauseFound, Diagnosis, Gain
+from idm_sumo.diagnosis import CauseFound, Diagnosis, Gain, LawMisfit
 
 GAIN = ("metric", "base", "extended", "difference", "ci95", "vehicles", "held_out")
 NOT_MEASURED = Gain("ade_m", 0.0, 0.0, 0.0, (0.0, 0.0), 0)  # zero vehicles: none were held out
@@ -51,10 +51,21 @@ def contract(found: Diagnosis) -> dict[str, Any]:
         ],
         "without_gain": [_cause(cause, whole) for cause in found.without_gain],
         "untestable": dict(found.untestable),
-        "detectable": [vars(one) for one in found.detectable],
-        "law_misfit": vars(found.misfit),
         "law": found.model.law,
+        "law_misfit": _misfit(found.law_misfit),
+        "detectable": [{**vars(one), "found": one.share} for one in found.detectable],
     }
+
+
+def _misfit(misfit: LawMisfit | None) -> dict[str, Any] | None:
+    if misfit is None:
+        return None
+    cell = misfit.surest
+    surest = None if cell is None else {
+        "x_name": cell.x_name, "x_m_s": list(cell.x_m_s), "gap_m": list(cell.gap_m),
+        "acceleration_m_s2": cell.acceleration, "standard_error_m_s2": cell.standard_error, "drivers": cell.drivers,
+    }  # fmt: skip
+    return {"typical_m_s2": misfit.typical_m_s2, "p_value": misfit.p_value, "surest": surest}
 
 
 def _cause(cause: CauseFound, whole: dict[str, Range]) -> dict[str, Any]:
@@ -74,10 +85,10 @@ def _cause(cause: CauseFound, whole: dict[str, Range]) -> dict[str, Any]:
         "p_value": cause.p_value,
         "evidence": cause.evidence,
         "one_of": list(cause.one_of),
-        "probability": cause.probability,
         "gain": None if cause.gain is None else {name: getattr(cause.gain, name) for name in GAIN},
         "effective_drivers": cause.effective_drivers,
         "at_bound": cause.at_bound,
+        "probability": cause.probability,
     }
 
 

@@ -84,12 +84,12 @@ class Cause(_Part):
         Effects from which these data cannot tell it.
     gain : Share or None
         Share of a driver's error that it spares beside the other causes, on drivers that took no part in its size.
-    probability : float
-        That it is this and nothing else.
     effective_drivers : float
         On how many drivers it rests.
     at_bound : bool
         Whether its magnitude is at a bound of what is searched.
+    probability : float
+        That it is this effect and neither another one nor nothing.
     """
 
     name: str
@@ -99,9 +99,9 @@ class Cause(_Part):
     evidence: Annotated[str, Field(min_length=1)]
     one_of: list[str]
     gain: Share | None
-    probability: Probability
     effective_drivers: Annotated[float, Field(ge=0.0, allow_inf_nan=False)]
     at_bound: bool
+    probability: Probability
 
 
 class Unexplained(_Part):
@@ -124,7 +124,15 @@ class RuledOut(_Part):
 
 
 class Detectable(_Part):
-    """How often an effect was found in the recording's followers."""
+    """An effect's size, injected into the recording's own followers.
+
+    Attributes
+    ----------
+    found : float
+        Share of the injections in which it stood out.
+    of : int
+        Number of injections.
+    """
 
     name: str
     symbol: str
@@ -134,19 +142,31 @@ class Detectable(_Part):
     of: Annotated[int, Field(ge=1)]
 
 
+class MisfitCell(_Part):
+    """What the law lacks in a range of states."""
+
+    x_name: Literal["speed", "approach_rate"]
+    x_m_s: Interval
+    gap_m: Interval
+    acceleration_m_s2: Number
+    standard_error_m_s2: Number
+    drivers: Annotated[int, Field(ge=0)]
+
+
 class LawMisfit(_Part):
-    """The smooth acceleration that the law lacks.
+    """The shape that the law lacks.
 
     Attributes
     ----------
-    deviation : float
-        Standard deviation (m/s²).
-    standard_errors : float
-        How sure it is.
+    typical_m_s2 : float
+        Typical size of its coefficients; zero if the law lacks nothing.
+    surest : MisfitCell or None
+        Where it is most standard errors.
     """
 
-    deviation: Annotated[float, Field(ge=0.0, allow_inf_nan=False)]
-    standard_errors: Annotated[float, Field(ge=0.0, allow_inf_nan=False)]
+    typical_m_s2: Number
+    p_value: Probability
+    surest: MisfitCell | None
 
 
 class Diagnosis(_Part):
@@ -162,9 +182,9 @@ class Diagnosis(_Part):
     ruled_out: list[RuledOut]
     without_gain: list[Cause]
     untestable: dict[str, str]
-    detectable: list[Detectable]
-    law_misfit: LawMisfit
     law: str
+    law_misfit: LawMisfit | None
+    detectable: list[Detectable]
 
     @model_validator(mode="after")
     def _consistent(self) -> Self:

@@ -76,9 +76,8 @@ def draw(found: Diagnosis, folder: Path, progress: Progress) -> dict[str, Path]:
     tests = [(one.name, one.p_value, kind) for kind, each in zip(figures.KINDS, tried, strict=True) for one in each]
     if tests:
         drawn["evidence"] = figures.evidence(pd.DataFrame(tests, columns=["name", "p_value", "kind"]))
-    if found.power:
-        shares = [{**vars(one), "share": one.size / words.magnitude(one).typical} for one in found.power]
-        drawn["power"] = figures.power_sizes(pd.DataFrame(shares))
+    if found.law_misfit is not None and found.law_misfit.surest is not None:
+        drawn["law_misfit"] = figures.law_misfit(found.law_misfit)
     paths = {}
     for done, (name, figure) in enumerate(drawn.items()):
         progress("drawing", done, len(drawn))

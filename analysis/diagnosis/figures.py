@@ -8,10 +8,13 @@ import numpy as np
 import numpy.typing as npt
 import pandas as pd
 from matplotlib.axes import Axes
+from matplotlib.collections import PatchCollection
 from matplotlib.colors import TwoSlopeNorm
 from matplotlib.figure import Figure
+from matplotlib.patches import Rectangle
 
-from idm_sumo.diagnosis import Scan
+from idm_sumo.diagnosis import LawMisfit, Scan
+from idm_sumo.diagnosis.law_misfit import Cell
 
 from ..page.style import method_colour, method_name, new_figure
 from .curves import COVARIATES, clustered_mean
@@ -247,3 +250,52 @@ def free_accelerations(scans: Sequence[Scan]) -> Figure:
                 float((scan.estimate - 1.2 * half)[sure].min()), float((scan.estimate + 1.2 * half)[sure].max())
             )
     return figure
+
+
+def law_misfit(misfit: LawMisfit) -> Figure:
+    """Draw the acceleration that the law lacks.
+
+    Over gap and speed, and over gap and approach rate.
+
+    Parameters
+    ----------
+    misfit : LawMisfit
+        Of a diagnosis.
+
+    Returns
+    -------
+    matplotlib.figure.Figure
+        Two panels; cells within two standard errors of zero are hatched, and without five drivers left grey.
+    """
+    figure, axes = new_figure(10, 4.0, columns=2)
+    limit = max(abs(cell.acceleration) for cell in misfit.cells)
+    for ax, (name, label) in zip(axes, MISFIT_AXES.items(), strict=True):
+        here = [cell for cell in misfit.cells if cell.x_name == name]
+        shown = _patches(here, limit)
+        ax.set_facecolor("0.88")
+        ax.grid(visible=False)
+        ax.add_collection(shown)
+        unsure = [cell for cell in here if abs(cell.acceleration) < 2.0 * cell.standard_error]
+        ax.add_collection(
+            PatchCollection(
+                [_patch(cell) for cell in unsure], facecolor="none", edgecolor="0.4", hatch="////", linewidth=0
+            )
+        )
+        ax.set(xlabel=label, ylabel="gap (m)")
+        ax.autoscale_view()
+    figure.colorbar(shown, ax=axes, label="acceleration that the law lacks (m/s²)")
+    return figure
+
+
+MISFIT_AXES = {"speed": "speed (m/s)", "approach_rate": "approach rate (m/s); above 0: closing in"}
+
+
+def _patch(cell: Cell) -> Rectangle:
+    (left, right), (low, high) = cell.x_m_s, cell.gap_m
+    return Rectangle((left, low), right - left, high - low)
+
+
+def _patches(cells: Sequence[Cell], limit: float) -> PatchCollection:
+    shown = PatchCollection([_patch(cell) for cell in cells], cmap="RdBu_r", norm=TwoSlopeNorm(0.0, -limit, limit))
+    shown.set_array(np.array([cell.acceleration for cell in cells]))
+    return shown

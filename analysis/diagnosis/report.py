@@ -30,6 +30,7 @@ from .drawing import MODELS, draw, marks_of, marks_on_the_road, samples_of
 from .effect_picture import Section, picture_of
 from .held_out import write_replays
 from .outcome import Outcome, outcome_of
+from .shape import ALT, CAPTION, lacks
 from .tables import causes_table, gains_table, laws_table, ruled_out_table, unexplained_table, untestable_table
 
 # In this order; the stages of the search in between depend on the data.
@@ -40,6 +41,7 @@ STAGES = (
     "comparing car-following laws",
     "looking for what some drivers have",
     "measuring the gain",
+    "injecting effects",
     "drawing",
 )
 MODEL, DRIVERS, DIAGNOSIS = "model.json", "drivers.parquet", "diagnosis.json"
@@ -47,8 +49,9 @@ RECENT = 30.0  # s, within which a change of leader is recent
 
 
 def diagnose_file(
-    file: Path, out: Path, *, location: str, seed: int, jobs: int, command: list[str], progress: Progress = silent
-) -> Diagnosis:
+    file: Path, out: Path, *, location: str, seed: int, jobs: int, command: list[str], injections: int = 0,
+    progress: Progress = silent,
+) -> Diagnosis:  # fmt: skip
     """Diagnose a recording and write the results to a folder.
 
     Parameters
@@ -65,6 +68,8 @@ def diagnose_file(
         Number of processes.
     command : list of str
         The command line, for the manifest.
+    injections : int
+        Of each effect and size, to see which would have been found.
     progress : Progress
         Called as the work proceeds.
 
@@ -83,7 +88,7 @@ def diagnose_file(
         progress("reading", 0, 1)
         recording = clean(read_recording(file, location=location, any_length=True))
         progress("reading", 1, 1)
-        found = diagnose(recording, seed=seed, jobs=jobs, progress=progress)
+        found = diagnose(recording, seed=seed, jobs=jobs, injections=injections, progress=progress)
         notes = list(dict.fromkeys((*found.notes, *recording.notes, *recording.accounting.notes)))
         write_diagnosis(part / DIAGNOSIS, contract(found))
         replace(found.model, drivers=DRIVERS).write(part / MODEL)
@@ -92,7 +97,9 @@ def diagnose_file(
         outcome = outcome_of(found)
         pictures = Pictures(file.name, draw(found, part / "figures", progress), notes, command)
         pictures.first = _first_picture(outcome, found, recording, part / "figures")
-        settings = {"recording": str(file), "location": location, "seed": seed, "jobs": jobs}
+        if pictures.first is None and lacks(outcome):
+            pictures.first = pictures.files["law_misfit"], ALT, CAPTION
+        settings = {"recording": str(file), "location": location, "seed": seed, "jobs": jobs, "injections": injections}
         _write_page(found, outcome, recording, part, pictures)
         record = manifest(
             command,
@@ -201,8 +208,9 @@ def _write_tables(found: Diagnosis, folder: Path) -> None:
         "gains": gains_table([found.gain, *found.other_gains]),
         "ruled_out": ruled_out_table(found),
         "untestable": untestable_table(found).rename(columns={"effect": "name"}),
-        "power": pd.DataFrame([vars(one) for one in found.power]),
         "laws": laws_table(found),
+        "detectable": pd.DataFrame([vars(one) for one in found.detectable]),
+        "law_misfit": pd.DataFrame() if found.law_misfit is None else found.law_misfit.table,
         "scans": pd.concat(
             [
                 pd.DataFrame(
@@ -236,6 +244,9 @@ def _write_page(found: Diagnosis, outcome: Outcome, recording: Recording, part: 
         found=found,
         answer=answer(outcome),
         law_sentence=words.law_sentence(found),
+        shape=lacks(outcome),
+        shape_alt=ALT,
+        shape_caption=CAPTION,
         first=pictures.first,
         pictures=pictures.files,
         marks=bool(marks_of(found)),
@@ -250,7 +261,7 @@ def _write_page(found: Diagnosis, outcome: Outcome, recording: Recording, part: 
         laws=laws_table(found),
         ruled_out=ruled_out_table(found),
         untestable=untestable_table(found),
-        power=words.power_sentences(found),
+        detectable=words.detectable_sentences(found),
         notes=pictures.notes,
         repeat=f"To repeat: {repeated(pictures.command)}",
     )

@@ -99,14 +99,14 @@ def causes_table(causes: Sequence[CauseFound]) -> pd.DataFrame:
                 "value": format_quantity(one.value, one.unit) + (" (bound)" if cause.at_bound and n == 0 else ""),
                 "95 %": f"{one.ci95[0]:.3g} to {one.ci95[1]:.3g}",
                 "p": f"{cause.p_value:.2g}",
-                "gain in ADE (m)": "–" if cause.gain is None else f"{cause.gain.difference:.3g}",
-                "share of the gain": f"{cause.share_of_gain:.0%}",
+                "spared of a driver's ADE": "–" if cause.gain is None else f"{cause.gain.difference:.1%}",
+                "probability": f"{cause.probability:.2f}",
                 "drivers it rests on": f"{cause.effective_drivers:.0f}" if cause.effective_drivers else "–",
                 "where and when": "everywhere"
                 if cause.where is None
                 else (where(cause.where.position_m, cause.where.time_s) + lanes(cause.where.lanes)).strip()
                 or "everywhere",
-                "cannot be told from": ", ".join(map(plain, cause.inseparable_from)) or "–",
+                "cannot be told from": ", ".join(map(plain, cause.one_of)) or "–",
             }
             for cause in causes
             for n, (symbol, one) in enumerate(cause.parameters.items())

@@ -2,11 +2,12 @@
 
 from __future__ import annotations
 
+import itertools
 from collections.abc import Sequence
 
-from idm_sumo.diagnosis import Diagnosis, Power
+from idm_sumo.diagnosis import Detectable, Diagnosis
 from idm_sumo.models import laws
-from idm_sumo.models.effects import BY_NAME, Parameter, format_quantity
+from idm_sumo.models.effects import format_quantity
 
 
 def plain(name: str) -> str:
@@ -128,8 +129,6 @@ def law_of(found: Diagnosis) -> str:
 def law_sentence(found: Diagnosis) -> str:
     """Name the drivers' law if it is not the IDM.
 
-    It also says whether their law deviates from all known ones.
-
     Parameters
     ----------
     found : Diagnosis
@@ -140,7 +139,7 @@ def law_sentence(found: Diagnosis) -> str:
     str
         Sentences, empty for the IDM.
     """
-    return " ".join(filter(None, (_followed(found), _with_causes(found), _another(found))))
+    return " ".join(filter(None, (_followed(found), _with_causes(found))))
 
 
 def _followed(found: Diagnosis) -> str:
@@ -176,20 +175,8 @@ def _with_causes(found: Diagnosis) -> str:
     )
 
 
-def _another(found: Diagnosis) -> str:
-    if found.other_law is None:
-        return ""
-    law, whose = found.other_law, law_of(found)
-    return (
-        f"{sentence(whose).rstrip('.')} is not quite the law of these drivers, whatever its parameters: the "
-        f"residuals look like {plain(law.name)} with {law.symbol} = {format_quantity(law.value, law.unit, 2)} "
-        f"({law.standard_errors:.1f} standard errors), a sign that it cannot have. Estimated sizes refer to "
-        "that law, their intervals are wider because of it, and small effects may stay undetected."
-    )
-
-
-def power_sentences(found: Diagnosis) -> list[str]:
-    """Return which size of each effect would have been found.
+def detectable_sentences(found: Diagnosis) -> list[str]:
+    """Return in how many injections each effect was found.
 
     Parameters
     ----------
@@ -199,31 +186,12 @@ def power_sentences(found: Diagnosis) -> list[str]:
     Returns
     -------
     list of str
-        One line an effect, with the probability.
+        One line an effect; empty if nothing was injected.
     """
-    return [_seen(one) for one in found.power]
+    by_effect = itertools.groupby(found.detectable, key=lambda one: (one.name, one.symbol))
+    return [_injected(plain(name), symbol, list(each)) for (name, symbol), each in by_effect]
 
 
-def magnitude(power: Power) -> Parameter:
-    """Return the parameter to which a statement of power refers.
-
-    Parameters
-    ----------
-    power : Power
-        Size and probability.
-
-    Returns
-    -------
-    Parameter
-        Parameter of the catalogue.
-    """
-    return next(p for p in BY_NAME[power.name].all_parameters if p.symbol == power.symbol)
-
-
-def _seen(one: Power) -> str:
-    largest = magnitude(one).upper
-    if one.size > largest:
-        bound = f"{one.symbol} = {format_quantity(largest, one.unit)}"
-        return f"no {plain(one.name)} up to {bound} would have been found for sure"
-    size = f"{one.symbol} = {format_quantity(one.size, one.unit)}"
-    return f"{plain(one.name)} of {size} would have been found with probability {one.probability:.2f}"
+def _injected(name: str, symbol: str, each: list[Detectable]) -> str:
+    shares = ", ".join(f"of {format_quantity(one.size, one.unit)} in {one.found} of {one.of}" for one in each)
+    return f"{name}, injected into these very drivers ({symbol}): {shares}"

@@ -13,7 +13,7 @@ from idm_sumo.calibration.drawn import drawn_columns, one_a_driver
 from idm_sumo.calibration.parameter_sets import pooled_columns
 from idm_sumo.calibration.search import Search
 from idm_sumo.calibration.table import GAUSS_NEWTON_SEARCH
-from idm_sumo.calibration.whole import fit_whole_drivers, whole_columns
+from idm_sumo.calibration.whole import IDM, fit_whole_drivers, whole_columns
 from idm_sumo.calibration.without_d1 import refit_table, without_d1_costs
 from idm_sumo.prediction.driving_code import driving_code
 from idm_sumo.runtime.progress import Progress, silent
@@ -40,6 +40,8 @@ class Calibration:
         m/s, "auto", or None for the speed limit.
     all_windows : bool
         One set for each driver from all of its windows.
+    laws : tuple of str
+        SUMO's models, beside the IDM, of which vehicle types are fitted.
     """
 
     window: Window
@@ -48,6 +50,7 @@ class Calibration:
     search: Search = GAUSS_NEWTON_SEARCH
     desired_speed: float | str | None = None
     all_windows: bool = False
+    laws: tuple[str, ...] = ()
 
 
 def calibrated(source: Source, how: Calibration, *, jobs: int = 1, progress: Progress = silent) -> Drivers:
@@ -104,7 +107,8 @@ def driver_table(windows: Scenes, how: Calibration, *, jobs: int = 1, progress: 
         table = beside(table, refit_table(table, scenes))
         table = beside(table, without_d1_costs(table, scenes))
     if one_each or how.all_windows:
-        table = beside(table, whole_columns(fits, windows, _named("vehicle types", progress)))
+        for law in (IDM, *how.laws):
+            table = beside(table, whole_columns(fits, windows, _named(f"{law} types", progress), law=law))
     return beside(table, driving_code(scenes))
 
 

@@ -98,9 +98,12 @@ class Diagnose:
     ----------
     seed : int
         Of all random draws.
+    injections : int
+        Of each effect and size, to see which would have been found.
     """
 
     seed: int
+    injections: int = 0
 
     def on(self, source: Source) -> Result:
         """Name causes and measure the gain.
@@ -112,7 +115,7 @@ class Diagnose:
         import numba
 
         recording = clean(source.read(any_length=True))
-        found = diagnose(recording, seed=self.seed, jobs=numba.get_num_threads())
+        found = diagnose(recording, seed=self.seed, jobs=numba.get_num_threads(), injections=self.injections)
         content = Contract.model_validate(contract(found)).model_dump(mode="json")
         account = recording.accounting
         row = {

@@ -3,6 +3,8 @@
 The paper's transition model is Euler with the old speed. SUMO offers Euler with the new
 speed (its default) and the ballistic update. Every figure has to say which one made it: over
 a minute the three differ by decimetres (``tests/sumo/export/test_parity.py``).
+
+A fourth scheme drives by another law: ``krauss`` is SUMO's default model with SUMO's default step.
 """
 
 from __future__ import annotations
@@ -13,15 +15,16 @@ from numba import njit
 
 from idm_sumo.calibration.kernel import look_ahead
 from idm_sumo.calibration.problem import Problem
-from idm_sumo.models import idm
+from idm_sumo.models import idm, sumo_krauss
 from idm_sumo.recordings.columns import FRAME_STEP
 from idm_sumo.runtime.errors import InputError
 from idm_sumo.runtime.threads import in_threads
 
 Floats = npt.NDArray[np.float64]
 
-PAPER, EULER, BALLISTIC = 0, 1, 2
+PAPER, EULER, BALLISTIC, KRAUSS = 0, 1, 2, 3
 CODES = {"paper": PAPER, "euler": EULER, "ballistic": BALLISTIC}
+LAWS = {"krauss": KRAUSS}
 IN_SUMO = ("euler", "ballistic")
 SHARES = {"paper": 0.0, "euler": 1.0, "ballistic": 0.5}  # of the new speed in what a step travels
 DT = FRAME_STEP
@@ -166,18 +169,26 @@ def drive_one(p, i, theta, scheme, x, speed):  # type: ignore[no-untyped-def]
     theta : float64, shape (5,)
         ``a, b, T, d0, d1`` in SI units.
     scheme : int
-        ``PAPER``, ``EULER`` or ``BALLISTIC``.
+        ``PAPER``, ``EULER``, ``BALLISTIC`` or ``KRAUSS``.
     x, speed : float64, shape (h + 1,)
         Filled with the front bumper (m) and m/s.
     """
     x[0], speed[0] = p.start_x[i], p.start_speed[i]
+    stepping = EULER if scheme == KRAUSS else scheme
     for k in range(x.shape[0] - 1):
         rear, leader_speed = look_ahead(p, i, k, x[k])
-        acceleration = idm.acceleration(
-            speed[k], speed[k] - leader_speed, rear - x[k],
-            theta[0], theta[1], theta[2], theta[3], theta[4], p.desired_speed[i],
-        )  # fmt: skip
-        x[k + 1], speed[k + 1] = advance(scheme, x[k], speed[k], acceleration, p.desired_speed[i], p.forward[i, k], DT)
+        approach_rate, gap = speed[k] - leader_speed, rear - x[k]
+        if scheme == KRAUSS:
+            acceleration = sumo_krauss.acceleration(
+                speed[k], approach_rate, gap, theta[0], theta[1], theta[2], theta[3], DT
+            )
+        else:
+            acceleration = idm.acceleration(
+                speed[k], approach_rate, gap, theta[0], theta[1], theta[2], theta[3], theta[4], p.desired_speed[i]
+            )
+        x[k + 1], speed[k + 1] = advance(
+            stepping, x[k], speed[k], acceleration, p.desired_speed[i], p.forward[i, k], DT
+        )
 
 
 @njit(cache=True)
@@ -192,7 +203,7 @@ def ade_one(p, i, theta, scheme):  # type: ignore[no-untyped-def]
     theta : float64, shape (5,)
         ``a, b, T, d0, d1`` in SI units.
     scheme : int
-        ``PAPER``, ``EULER`` or ``BALLISTIC``.
+        ``PAPER``, ``EULER``, ``BALLISTIC`` or ``KRAUSS``.
 
     Returns
     -------
@@ -231,7 +242,7 @@ def drive(problem: Problem, parameters: npt.ArrayLike, integration: str) -> tupl
         Of :func:`idm_sumo.calibration.problem.prepare`.
     parameters : array_like, shape (n, 5) or (5,)
         ``a, b, T, d0, d1``.
-    integration : {"paper", "euler", "ballistic"}
+    integration : {"paper", "euler", "ballistic", "krauss"}
 
     Returns
     -------
@@ -259,7 +270,7 @@ def ades(problem: Problem, parameters: npt.ArrayLike, integration: str) -> Float
         With the objective ``"ade"``.
     parameters : array_like, shape (n, 5) or (5,)
         ``a, b, T, d0, d1``.
-    integration : {"paper", "euler", "ballistic"}
+    integration : {"paper", "euler", "ballistic", "krauss"}
 
     Returns
     -------
@@ -288,6 +299,8 @@ def integrated(problem: Problem, integration: str) -> Problem:
     InputError
         If there is no such integration.
     """
+    if integration in LAWS:
+        raise InputError(f"integration: {integration!r} is a law; its fits have no derivatives")
     if code(integration) == PAPER:
         return problem
     return problem._replace(share=SHARES[integration], in_sumo=True, forward=np.ones_like(problem.forward))
@@ -314,7 +327,7 @@ def code(integration: str) -> int:
 
     Parameters
     ----------
-    integration : {"paper", "euler", "ballistic"}
+    integration : {"paper", "euler", "ballistic", "krauss"}
 
     Returns
     -------
@@ -325,6 +338,7 @@ def code(integration: str) -> int:
     InputError
         If there is no such scheme.
     """
-    if integration not in CODES:
-        raise InputError(f"integration: {integration!r} is unknown; use one of {', '.join(CODES)}")
-    return CODES[integration]
+    schemes = CODES | LAWS
+    if integration not in schemes:
+        raise InputError(f"integration: {integration!r} is unknown; use one of {', '.join(schemes)}")
+    return schemes[integration]

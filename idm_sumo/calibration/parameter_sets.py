@@ -2,11 +2,13 @@
 
 from __future__ import annotations
 
+import numpy as np
 import pandas as pd
 
 from idm_sumo.calibration.drawn import DRAWN, NAMES, as_drawn, without_refits
+from idm_sumo.calibration.identifiability import at_bound
 from idm_sumo.calibration.pooled import pooled
-from idm_sumo.calibration.whole import WHOLE, as_whole
+from idm_sumo.calibration.whole import WHOLE, WHOLE_ADE, as_whole, names_for
 from idm_sumo.runtime.errors import InputError
 from idm_sumo.scenes.windows import Scenes
 
@@ -89,3 +91,44 @@ def with_set(drivers: pd.DataFrame, which: str, source: str) -> pd.DataFrame:
         )
     table = without_refits(drivers)
     return table.assign(**{name: table[one] for name, one in zip(NAMES, POOLED, strict=True)})
+
+
+def with_law(drivers: pd.DataFrame, law: str, source: str) -> tuple[pd.DataFrame, str]:
+    """Return drivers whose parameters are those of another law.
+
+    Who is at a bound of the search is not known, and gets the others' medians.
+
+    Parameters
+    ----------
+    drivers : pandas.DataFrame
+        With the columns of :func:`idm_sumo.calibration.whole.whole_columns`, for that law and for the IDM.
+    law : {"krauss"}
+    source : str
+        How messages name them.
+
+    Returns
+    -------
+    drivers : pandas.DataFrame
+        Those that could be fitted; ``d1`` is 0.
+    price : str
+        What the law costs, in a sentence.
+
+    Raises
+    ------
+    InputError
+        If the columns are missing or empty.
+    """
+    names = list(names_for(law))
+    if not set(names) <= set(drivers) or drivers[names].isna().all(axis=None):
+        raise InputError(f"{source}: has no types of {law}; write it with `idm-sumo calibrate --law {law}`")
+    known = without_refits(drivers[drivers[names[0]].notna()]).reset_index(drop=True)
+    theta = np.column_stack([known[names[:4]].to_numpy(np.float64), np.zeros(len(known))])
+    unknown = at_bound(theta)[:, :4].any(axis=1)
+    if not unknown.all():
+        theta[unknown] = np.median(theta[~unknown], axis=0)
+    means = known[[names[4], WHOLE_ADE]].mean()
+    price = (
+        f"{law}: {means.iloc[0]:.2f} m from the recording on average over all windows, the IDM {means.iloc[1]:.2f} m; "
+        f"{int(unknown.sum())} of {len(known)} drivers are at a bound and drive as the others' median"
+    )
+    return known.assign(**dict(zip(NAMES, theta.T, strict=True))), price

@@ -40,6 +40,8 @@ WHOLE = ("a_whole", "b_whole", "T_whole", "d0_whole")  # fitted to all windows w
 WHOLE_ADE = "whole_ade_m"  # mean over those windows, under SUMO's integration
 WINDOWS = "windows"  # column: how many windows of the driver its parameters were fitted to
 INTEGRATION = "euler"  # SUMO's default
+IDM, KRAUSS = "idm", "krauss"
+LAWS = {IDM: INTEGRATION, KRAUSS: KRAUSS}  # of vehicle types, and the scheme that drives by each
 
 
 class _Piece(NamedTuple):
@@ -53,7 +55,26 @@ class _Piece(NamedTuple):
     begin: Integers
 
 
-def whole_columns(drivers: pd.DataFrame, scenes: Scenes, progress: Progress = silent) -> pd.DataFrame:
+def names_for(law: str) -> tuple[str, ...]:
+    """Return the columns of a law's vehicle types.
+
+    Parameters
+    ----------
+    law : {"idm", "krauss"}
+
+    Returns
+    -------
+    tuple of str
+        Four parameters and their error.
+    """
+    if law == IDM:
+        return (*WHOLE, WHOLE_ADE)
+    return (*(f"{name}_{law}" for name in PARAMETERS[:4]), f"{law}_ade_m")
+
+
+def whole_columns(
+    drivers: pd.DataFrame, scenes: Scenes, progress: Progress = silent, *, law: str = IDM
+) -> pd.DataFrame:
     """Fit vehicle types to all windows of each driver.
 
     Parameters
@@ -64,15 +85,18 @@ def whole_columns(drivers: pd.DataFrame, scenes: Scenes, progress: Progress = si
         Windows of these drivers, in the order of the rows, those of a driver one after the other.
     progress : Progress
         Called with the drivers done and their total.
+    law : {"idm", "krauss"}
+        SUMO's model that the types are of.
 
     Returns
     -------
     pandas.DataFrame
-        ``a_whole, b_whole, T_whole, d0_whole`` (SI) with the smallest mean error over all windows that can be fitted,
-        without ``d1`` and under SUMO's integration; ``whole_ade_m``, that error; ``windows``, their number. NaN and 0
-        for drivers without such a window.
+        ``a_whole, b_whole, T_whole, d0_whole`` (SI; of another law as :func:`names_for` says) with the smallest mean
+        error over all windows that can be fitted, without ``d1`` and under SUMO's integration; ``whole_ade_m``, that
+        error; ``windows``, their number. NaN and 0 for drivers without such a window.
     """
-    table = pd.DataFrame(np.nan, drivers.index, [*WHOLE, WHOLE_ADE]).assign(**{WINDOWS: 0})
+    names, scheme = list(names_for(law)), LAWS[law]
+    table = pd.DataFrame(np.nan, drivers.index, names).assign(**{WINDOWS: 0})
     row = pd.MultiIndex.from_frame(drivers[[c.PERIOD, c.VEHICLE]]).get_indexer(
         pd.MultiIndex.from_frame(scenes.keys()[[c.PERIOD, c.VEHICLE]])
     )
@@ -87,10 +111,10 @@ def whole_columns(drivers: pd.DataFrame, scenes: Scenes, progress: Progress = si
         problem = prepare(piece.scenes, desired_speed=np.repeat(speed[here], windows))
         pace = np.add.reduceat(mean_speeds(piece.scenes), piece.begin[:-1]) / windows
         own = linearise(theta, pace, speed[here])
-        found = fit_types(problem, piece.begin, own, integration=INTEGRATION)
-        each = integrators.ades(problem, np.repeat(found, windows, axis=0), INTEGRATION)
+        found = fit_types(problem, piece.begin, own, integration=scheme)
+        each = integrators.ades(problem, np.repeat(found, windows, axis=0), scheme)
         error = np.add.reduceat(each, piece.begin[:-1]) / windows
-        table.loc[table.index[here], [*WHOLE, WHOLE_ADE]] = np.column_stack([found[:, :4], error])
+        table.loc[table.index[here], names] = np.column_stack([found[:, :4], error])
         table.loc[table.index[here], WINDOWS] = windows
         progress("calibration", piece.drivers.stop, len(rows))
     return table

@@ -57,9 +57,9 @@ next    open DIR/report.html"""
 INTERACTIVE = """\
 let the recorded demand drive as vehicles that react, and compare
 
-Every recorded vehicle enters at its recorded time, place, lane and speed; from
-there on all of them react to each other. Populations with different parameters
-are held against the recording and ranked.
+Every recorded vehicle enters in its recorded lane, in time to reach the section
+when it was recorded; from there on all of them react to each other. Populations
+with different parameters are held against the recording and ranked.
 
 reads   RECORDING; with --drivers a driver table, without one the drivers are
         calibrated

@@ -10,14 +10,12 @@ from importlib.util import find_spec
 from types import ModuleType
 from typing import TYPE_CHECKING
 
-from rich.console import Console
-from rich.progress import BarColumn, Progress, TaskID, TaskProgressColumn, TextColumn, TimeRemainingColumn
-
 from idm_sumo.cli.guard import say
 from idm_sumo.runtime.text import number
 
 if TYPE_CHECKING:
     import pandas as pd
+    from rich.progress import TaskID
 
     from idm_sumo.runtime.progress import Progress as Report
 
@@ -36,10 +34,14 @@ def progress_bar(stages: Sequence[str] = ()) -> Iterator[Report]:
     stages : sequence of str
         Stages that will come, in order; each is shown with its number. Others are shown without.
     """
+    from rich.console import Console  # here: help shows no progress
+
     console = Console(stderr=True)
     if not console.is_terminal:
         yield _StageLog(stages)
         return
+    from rich.progress import BarColumn, Progress, TaskProgressColumn, TextColumn, TimeRemainingColumn
+
     columns = (
         TextColumn("{task.description}"),
         BarColumn(),

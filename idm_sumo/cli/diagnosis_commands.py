@@ -10,6 +10,7 @@ from typing import Any
 from idm_sumo.cli import many, outputs
 from idm_sumo.cli import options as shared
 from idm_sumo.cli.console import note, progress_bar, say, study_module
+from idm_sumo.runtime import limits
 from idm_sumo.runtime.memory import keep_freed_memory
 
 ABOUT = f"""\
@@ -57,6 +58,14 @@ def add(commands: Any) -> None:
         commands, "diagnose", diagnose, ABOUT, "idm-sumo diagnose RECORDING -o out/diagnosis", jobs=None
     )
     many.add_arguments(parser)
+    parser.add_argument(
+        "--injections",
+        type=shared.whole(limits.INJECTIONS),
+        default=0,
+        metavar="N",
+        help="inject each effect N times, at three sizes, into the recording's own followers, and say in how many it "
+        "stands out (default: 0)",
+    )
     shared.output_argument(
         parser,
         "DIR",
@@ -74,7 +83,7 @@ def diagnose(options: argparse.Namespace) -> None:
     """
     keep_freed_memory()
     if many.are_meant(options):
-        many.run(options, study_module("many.work").Diagnose(options.seed))
+        many.run(options, study_module("many.work").Diagnose(options.seed, options.injections))
         return
     (options.recording,) = options.recording
     module, words = study_module("diagnosis.report"), study_module("diagnosis.words")
@@ -87,11 +96,13 @@ def diagnose(options: argparse.Namespace) -> None:
             seed=options.seed,
             jobs=options.jobs or os.cpu_count() or 1,
             command=sys.argv,
+            injections=options.injections,
             progress=report,
         )
     say(*filter(None, (*first.spoken(found), words.law_sentence(found))))
-    if found.verdict == "none" and found.power:
-        say(*words.power_sentences(found))
+    say(*words.detectable_sentences(found))
+    if found.verdict == "none" and not found.detectable:
+        note("--injections 10 shows which sizes of each effect would have been found in these drivers")
     if options.verbose:
         for name, seconds in found.seconds.items():
             note(f"{name}: {seconds:.1f} s")

@@ -80,6 +80,10 @@ def _add_calibrate(commands: Any) -> None:
         "back those seconds, not the driver (windows follow each other unless --every says otherwise)",
     )  # fmt: skip
     parser.add_argument(
+        "--law", action="append", choices=("krauss",), metavar="LAW",
+        help="types of this one of SUMO's models, too, fitted to all of a driver's windows, for `export --law`: krauss",
+    )  # fmt: skip
+    parser.add_argument(
         "--objective", choices=("ade", "gap", "speed", "log-gap"), default="ade", help="what is minimised (default ade)"
     )
     parser.add_argument(
@@ -155,6 +159,7 @@ def calibrate(options: argparse.Namespace) -> None:
         search=Search(options.solver, seed=options.seed),
         desired_speed=options.desired_speed,
         all_windows=options.all_windows,
+        laws=tuple(dict.fromkeys(options.law or ())),
     )
     if many.are_meant(options):
         many.run(options, study_module("many.work").Calibrate(how))

@@ -46,6 +46,12 @@ def add(commands: Any) -> None:
         "best (default for predicted drivers); one set for all",
     )
     parser.add_argument(
+        "--law",
+        choices=("idm", "krauss"),
+        default="idm",
+        help="SUMO's model: the IDM (default), or the types of another one that `calibrate --law` fitted",
+    )
+    parser.add_argument(
         "--without-d1",
         "--jam-distance",
         choices=("refit", "linearised", "none"),
@@ -105,9 +111,14 @@ def export(options: argparse.Namespace) -> None:
     from idm_sumo.sumo.export.routes import export_routes
 
     drivers = read_drivers(options.drivers)
-    which = options.parameters or usual_set(drivers)
-    said = _said_of(which, drivers, options)
-    drivers = with_set(drivers, which, str(options.drivers))
+    said: tuple[str, ...]
+    if options.law != "idm":
+        drivers, price = _of_law(drivers, options)
+        which, said = f"{options.law}, all windows", (price,)
+    else:
+        which = options.parameters or usual_set(drivers)
+        said = _said_of(which, drivers, options)
+        drivers = with_set(drivers, which, str(options.drivers))
     model = None if options.model is None else ExtendedModel.read(options.model)
     if options.distribution:
         if model is not None:
@@ -132,7 +143,8 @@ def export(options: argparse.Namespace) -> None:
         net_file=options.net_file,
         road=road_of_drivers(options.drivers),
         model=model,
-        without_d1=options.without_d1,
+        law=options.law,
+        without_d1=options.without_d1 if options.law == "idm" else "none",
         integration=options.integration,
         source=str(options.drivers),
     )
@@ -152,6 +164,21 @@ def export(options: argparse.Namespace) -> None:
         if len(late):
             more = [f"... and {len(late) - LISTED} that are less late"] if len(late) > LISTED else []
             say(text_table(late.head(LISTED)), *more)
+
+
+def _of_law(drivers: pd.DataFrame, options: argparse.Namespace) -> tuple[pd.DataFrame, str]:
+    """Return drivers by another law, and its price."""
+    from idm_sumo.calibration.parameter_sets import with_law
+    from idm_sumo.runtime.errors import InputError
+
+    given = {
+        "--parameters": options.parameters, "--without-d1": options.without_d1, "--model": options.model,
+        "--distribution": options.distribution, "--integration ballistic": options.integration != "euler",
+    }  # fmt: skip
+    for name, value in given.items():
+        if value:
+            raise InputError(f"--law {options.law}: is fitted to all windows under Euler steps; leave out {name}")
+    return with_law(drivers, options.law, str(options.drivers))
 
 
 def _said_of(which: str, drivers: pd.DataFrame, options: argparse.Namespace) -> tuple[str, ...]:

@@ -278,6 +278,8 @@ def path_of(options: argparse.Namespace, name: str) -> Path:
     options : argparse.Namespace
     name : str
     """
+    if name != SURROGATE:  # what makes it takes longer to load than most files take to read
+        return Path(name)
     from idm_sumo.sumo.surrogate.builtin import recording_path
 
     with progress_bar() as report:
@@ -315,11 +317,12 @@ def read(options: argparse.Namespace) -> Recording:
     ----------
     options : argparse.Namespace
     """
-    from idm_sumo.recordings.reading import read_recording
+    if options.net_file is None:
+        from idm_sumo.recordings.reading import read_recording
+
+        return read_recording(recording_path(options), location=options.location)
     from idm_sumo.sumo.own_recording import read_on_network
 
-    if options.net_file is None:
-        return read_recording(recording_path(options), location=options.location)
     return read_on_network(_path(options), **_network(options))
 
 

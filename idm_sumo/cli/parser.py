@@ -9,8 +9,6 @@ from collections.abc import Iterable, Sequence
 from pathlib import Path
 from typing import Any, NoReturn
 
-import shtab
-
 import idm_sumo
 from idm_sumo.cli import (
     closed_loop_commands,
@@ -50,6 +48,7 @@ RECORDING is a file of trajectories (NGSIM text, portal CSV or Parquet,
 leader-follower pairs, SUMO FCD), or the word `surrogate`: traffic simulated
 with SUMO, made at first use and kept in the cache. It is not measured.
 """
+SHELLS = ("bash", "zsh", "tcsh", "fish", "powershell")  # that shtab knows
 EPILOG = """\
 shell completion:
   idm-sumo --print-completion bash > ~/.local/share/bash-completion/completions/idm-sumo
@@ -119,7 +118,10 @@ def build_parser() -> argparse.ArgumentParser:
         prog="idm-sumo", description=DESCRIPTION, epilog=EPILOG, formatter_class=argparse.RawDescriptionHelpFormatter
     )
     parser.add_argument("--version", action="version", version=f"idm-sumo {idm_sumo.__version__}")
-    shtab.add_argument_to(parser, "--print-completion", help="print what makes a shell complete commands and options")
+    parser.add_argument(
+        "--print-completion", action=_PrintCompletion, choices=SHELLS,
+        help="print what makes a shell complete commands and options",
+    )  # fmt: skip
     commands = parser.add_subparsers(title="commands", metavar="COMMAND", required=True, parser_class=OneLineParser)
     for module in (
         recording_commands,
@@ -132,12 +134,27 @@ def build_parser() -> argparse.ArgumentParser:
         report_command,
     ):
         module.add(commands)
-    _complete_paths(parser)
     return parser
+
+
+class _PrintCompletion(argparse.Action):
+    """Print a shell's completion and exit; only then is shtab needed."""
+
+    def __call__(
+        self, parser: argparse.ArgumentParser, namespace: argparse.Namespace, values: Any, option_string: Any = None
+    ) -> NoReturn:
+        import shtab
+
+        shtab.OPTION_END = (*shtab.OPTION_END, _PrintCompletion)  # type: ignore[assignment]  # nothing follows it
+        _complete_paths(parser)
+        say(shtab.complete(parser, values))
+        sys.exit(0)
 
 
 def _complete_paths(parser: argparse.ArgumentParser) -> None:
     """Let a shell complete files and folders."""
+    import shtab
+
     for action in parser._actions:
         if isinstance(action, argparse._SubParsersAction):
             for command in action.choices.values():

@@ -5,11 +5,16 @@ from __future__ import annotations
 import argparse
 import json
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 from idm_sumo.cli import options as shared
 from idm_sumo.cli import outputs
 from idm_sumo.cli.console import progress_bar, say, text_table
+
+if TYPE_CHECKING:
+    import pandas as pd
+
+    from idm_sumo.recordings.recording import Recording
 
 INSPECT = """\
 account for every row of a recording, and list its vehicles
@@ -88,14 +93,13 @@ def inspect(options: argparse.Namespace) -> None:
     options : argparse.Namespace
     """
     from idm_sumo.recordings.cleaning import clean
-    from idm_sumo.recordings.inspection import summarise, vehicle_table
-    from idm_sumo.scenes.windows import Window
+    from idm_sumo.recordings.inspection import summarise
 
     read = shared.read(options)
     cleaned = clean(read)
     path = options.recording if options.net_file else shared.recording_path(options)
     inspection = summarise(read, cleaned, str(path))
-    vehicles = vehicle_table(read, cleaned, least_frames=Window().frames) if options.vehicles else None
+    vehicles = _vehicles(read, cleaned) if options.vehicles else None
     if options.json:
         listed = {} if vehicles is None else {"vehicles": json.loads(vehicles.to_json(orient="records"))}
         say(json.dumps(inspection.to_json() | listed, indent=2))
@@ -103,6 +107,13 @@ def inspect(options: argparse.Namespace) -> None:
     say(*inspection.lines())
     if vehicles is not None:
         say("", text_table(vehicles.assign(eligible=vehicles["eligible"].map({True: "yes", False: "no"}))))
+
+
+def _vehicles(read: Recording, cleaned: Recording) -> pd.DataFrame:
+    from idm_sumo.recordings.inspection import vehicle_table
+    from idm_sumo.scenes.windows import Window
+
+    return vehicle_table(read, cleaned, least_frames=Window().frames)
 
 
 def fetch(options: argparse.Namespace) -> None:

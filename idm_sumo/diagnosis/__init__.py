@@ -1,6 +1,7 @@
 """What the simulation gets wrong, and why: :func:`diagnose` a recording."""
 
 from idm_sumo.diagnosis.diagnose import diagnose
+from idm_sumo.diagnosis.law_misfit import LawMisfit
 from idm_sumo.diagnosis.result import (
     CauseFound,
     Detectable,
@@ -8,7 +9,6 @@ from idm_sumo.diagnosis.result import (
     Estimate,
     Gain,
     Law,
-    LawMisfit,
     Region,
     RuledOut,
     Scan,

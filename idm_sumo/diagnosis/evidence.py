@@ -13,10 +13,10 @@ from scipy.sparse import csr_matrix
 from idm_sumo.diagnosis import columns as co
 from idm_sumo.diagnosis import gls
 from idm_sumo.diagnosis import windows as w
+from idm_sumo.diagnosis.chance import Chance, Noises
 from idm_sumo.diagnosis.fit import Fit, Linear
-from idm_sumo.diagnosis.luck import Luck, Noises
+from idm_sumo.diagnosis.replicates import driven_again, refit
 from idm_sumo.diagnosis.rollout import PARAMETERS
-from idm_sumo.diagnosis.twins import drawn_anew, make_twin, refit, start_behind
 from idm_sumo.models.effects import BY_NAME
 from idm_sumo.recordings.columns import TRUCK
 from idm_sumo.runtime.threads import each_in_threads
@@ -55,6 +55,8 @@ class Evidence:
         Of neighbours.
     share : float64, shape (drivers,)
         Of the windows.
+    longest : float64, shape (columns,)
+        How long a column may be in one window.
     """
 
     plan: co.Plan
@@ -64,6 +66,7 @@ class Evidence:
     part: Floats
     block: Integers
     share: Floats
+    longest: Floats
 
     @property
     def score(self) -> Floats:
@@ -100,7 +103,7 @@ class Evidence:
         return float(max(np.median((sums**2).sum(axis=0) / np.diag(self.gram)[known]), 1.0))
 
 
-def examine(subject: Subject, fit: Fit, plan: co.Plan, lucks: Sequence[Luck]) -> Evidence:
+def examine(subject: Subject, fit: Fit, plan: co.Plan, chances: Sequence[Chance]) -> Evidence:
     """Score a recording and its null replicates at one model."""
     windows = subject.windows
     answer = co.answer_of(windows, fit)
@@ -112,19 +115,20 @@ def examine(subject: Subject, fit: Fit, plan: co.Plan, lucks: Sequence[Luck]) ->
         is_between = at_places or (not group.is_free and group.name != co.MISFIT and BY_NAME[group.name].between)
         between[group.first : group.first + group.count] = is_between
 
-    def replicate(what: tuple[bool, Luck]) -> Floats:
-        drawn, luck = what
-        drivers = drawn_anew(fit, luck) if drawn else fit
-        behind = start_behind(windows, fit, drivers) if drawn else 0.0
-        null = make_twin(windows, drivers, luck, is_smooth=subject.is_smooth, behind=behind)
-        fitted = refit(null, drivers)
-        known = co.answer_of(null, fitted)
-        return np.asarray(_scores(null, fitted, known, plan, longest, whole=False).u.sum(axis=0))
+    def replicate(what: tuple[bool, Chance]) -> Floats:
+        drawn, chance = what
+        null, drivers = driven_again(windows, fit, chance, drawn=drawn, is_smooth=subject.is_smooth)
+        return np.asarray(by_driver(null, refit(null, drivers), plan, longest).sum(axis=0))
 
-    totals = each_in_threads(replicate, [(drawn, luck) for drawn in (False, True) for luck in lucks])
-    nulls = np.where(between, np.array(totals[len(lucks) :]), np.array(totals[: len(lucks)]))
+    totals = each_in_threads(replicate, [(drawn, chance) for drawn in (False, True) for chance in chances])
+    nulls = np.where(between, np.array(totals[len(chances) :]), np.array(totals[: len(chances)]))
     share = np.bincount(windows.driver, minlength=windows.drivers) / len(windows.driver)
-    return Evidence(plan, found.u, nulls, found.gram, found.part, windows.platoon, share)
+    return Evidence(plan, found.u, nulls, found.gram, found.part, windows.platoon, share, longest)
+
+
+def by_driver(windows: w.Windows, fit: Fit, plan: co.Plan, longest: Floats) -> Floats:
+    """Return the scores of windows at a fit, shape ``(drivers, columns)``."""
+    return _scores(windows, fit, co.answer_of(windows, fit), plan, longest, whole=False).u
 
 
 def _longest(windows: w.Windows, fit: Fit, answer: co.Answer, plan: co.Plan, most: int = 600) -> Floats:

@@ -1,7 +1,7 @@
 r"""Generalised least squares with random drivers, as sums over drivers.
 
 For the windows of driver :math:`i`, :math:`r_i = J_i(\mu + b_i) + G_i\beta + e_i` with :math:`b_i \sim N(0, \Lambda)` and
-window covariance :math:`V_w`. With :math:`B_i = \sum_w J^\top V^{-1} J + \Lambda^{-1}` every atom's score and all Gram
+window covariance :math:`V_w`. With :math:`B_i = \sum_w J^\top V^{-1} J + \Lambda^{-1}` every regressor's score and all Gram
 entries follow from whitened products; everything after (single causes, joint fits, scans, bootstraps) is algebra on them.
 
 References
@@ -25,13 +25,13 @@ Integers = npt.NDArray[np.int64]
 
 @dataclass(frozen=True)
 class Scores:
-    """Scores of atoms, by driver, and their Gram matrix.
+    """Scores of regressors, by driver, and their Gram matrix.
 
     Attributes
     ----------
-    u : float64, shape (drivers, atoms)
-    gram : float64, shape (atoms, atoms)
-    part : float64, shape (drivers, atoms)
+    u : float64, shape (drivers, regressors)
+    gram : float64, shape (regressors, regressors)
+    part : float64, shape (drivers, regressors)
         Each driver's part of the diagonal of ``gram``, before anything common to all is projected out.
     """
 
@@ -40,7 +40,7 @@ class Scores:
     part: Floats
 
     def without(self, nuisance: Integers) -> Scores:
-        """Project the nuisance atoms out of all others (which keep their places; the nuisance's become zero)."""
+        """Project the nuisance regressors out of all others (which keep their places; the nuisance's become zero)."""
         if not len(nuisance):
             return self
         by = scaled_inverse(self.gram[np.ix_(nuisance, nuisance)]) @ self.gram[nuisance]
@@ -105,31 +105,31 @@ def by_driver(values: Floats, driver: Integers, drivers: int) -> Floats:
     return out
 
 
-def scores(residual: Floats, own: Floats, atoms: Floats, prior: Floats, driver: Integers, drivers: int) -> Scores:
-    """Return the scores of whitened atoms after the drivers' own parameters took what they can.
+def scores(residual: Floats, own: Floats, regressors: Floats, prior: Floats, driver: Integers, drivers: int) -> Scores:
+    """Return the scores of whitened regressors after the drivers' own parameters took what they can.
 
     Parameters
     ----------
     residual : float64, shape (windows, moments, 1)
         Whitened, as are the next two.
     own : float64, shape (windows, moments, parameters)
-    atoms : float64, shape (windows, moments, atoms)
+    regressors : float64, shape (windows, moments, regressors)
     prior : float64, shape (parameters, parameters)
         Inverse covariance of the drivers' parameters.
     driver : int64, shape (windows,)
         Sorted.
     drivers : int
     """
-    own_t, atoms_t = own.transpose(0, 2, 1), atoms.transpose(0, 2, 1)
+    own_t, regressors_t = own.transpose(0, 2, 1), regressors.transpose(0, 2, 1)
     inner = np.linalg.inv(by_driver(own_t @ own, driver, drivers) + prior)
     own_r = by_driver(own_t @ residual, driver, drivers)
-    own_g = by_driver(own_t @ atoms, driver, drivers)
-    direct = by_driver(atoms_t @ residual, driver, drivers)[:, :, 0]
+    own_g = by_driver(own_t @ regressors, driver, drivers)
+    direct = by_driver(regressors_t @ residual, driver, drivers)[:, :, 0]
     u = direct - np.einsum("ipa,ipq,iq->ia", own_g, inner, own_r[:, :, 0], optimize=True)
-    flat = atoms.reshape(-1, atoms.shape[2])
-    taken = np.einsum("ipq,iqa->ipa", inner, own_g, optimize=True).reshape(-1, atoms.shape[2])
-    gram = flat.T @ flat - own_g.reshape(-1, atoms.shape[2]).T @ taken
-    part = by_driver((atoms**2).sum(axis=1), driver, drivers) - np.einsum(
+    flat = regressors.reshape(-1, regressors.shape[2])
+    taken = np.einsum("ipq,iqa->ipa", inner, own_g, optimize=True).reshape(-1, regressors.shape[2])
+    gram = flat.T @ flat - own_g.reshape(-1, regressors.shape[2]).T @ taken
+    part = by_driver((regressors**2).sum(axis=1), driver, drivers) - np.einsum(
         "ipa,ipq,iqa->ia", own_g, inner, own_g, optimize=True
     )
     return Scores(u, gram, part)

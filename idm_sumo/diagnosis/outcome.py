@@ -16,6 +16,7 @@ from idm_sumo.diagnosis.fit import Fit, for_rollouts
 from idm_sumo.diagnosis.gain import all_gains, compare, driven
 from idm_sumo.diagnosis.law import Followed, reaction_of
 from idm_sumo.diagnosis.law import law_of as number_of
+from idm_sumo.diagnosis.law_misfit import law_misfit
 from idm_sumo.diagnosis.library import magnitude_of
 from idm_sumo.diagnosis.model import Placed
 from idm_sumo.diagnosis.noise import Noise
@@ -26,7 +27,6 @@ from idm_sumo.diagnosis.result import (
     Diagnosis,
     Estimate,
     Law,
-    LawMisfit,
     Region,
     RuledOut,
     Scan,
@@ -72,8 +72,7 @@ def told(
         excluded=dict(windows.excluded),
         notes=_notes(recording, windows, measurement),
         by_law=followed.by_law,
-        misfit=LawMisfit(decision.look.selection.tau, decision.look.selection.misfit_z),
-        misfit_map=tables.misfit(windows, decision.look),
+        law_misfit=law_misfit(windows, decision.look.of_form, decision.look.library.plan.speed),
     )
 
 

@@ -10,6 +10,7 @@ import numpy as np
 import numpy.typing as npt
 import pandas as pd
 
+from idm_sumo.diagnosis.law_misfit import LawMisfit
 from idm_sumo.models.effects import ExtendedModel
 
 Floats = npt.NDArray[np.float64]
@@ -59,7 +60,7 @@ class CauseFound:
     effective_drivers : float
         On how many drivers it rests.
     at_bound : bool
-        Whether its size is at a bound of what is searched.
+        Whether its magnitude is at a bound of what is searched.
     """
 
     name: str
@@ -148,22 +149,6 @@ class LawCompared(NamedTuple):
 
 
 @dataclass(frozen=True)
-class LawMisfit:
-    """What the law itself lacks, whatever its parameters: a smooth acceleration of gap, speed and approach rate.
-
-    Attributes
-    ----------
-    deviation : float
-        Likeliest standard deviation of that acceleration (m/s²); zero if there is none.
-    standard_errors : float
-        How sure it is.
-    """
-
-    deviation: float
-    standard_errors: float
-
-
-@dataclass(frozen=True)
 class RuledOut:
     """An effect that is not claimed, with its corrected p-value, its estimated size, and why not."""
 
@@ -176,14 +161,19 @@ class RuledOut:
 
 @dataclass(frozen=True)
 class Detectable:
-    """A size of an effect that was put into the recording's own followers, and how often it was found."""
+    """An effect's size, in how many injections into the recording's own followers it was found, and of how many."""
 
     name: str
     symbol: str
     unit: str
     size: float
-    found: float
+    found: int
     of: int
+
+    @property
+    def share(self) -> float:
+        """Share of the injections in which it was found."""
+        return self.found / self.of
 
 
 @dataclass(frozen=True)
@@ -232,15 +222,14 @@ class Diagnosis:
     notes : tuple of str
     seconds : mapping of str to float
         Wall time of each stage.
-    misfit : LawMisfit
-        Of the law to which causes are added.
-    detectable : tuple of Detectable
-    misfit_map : pandas.DataFrame
-        ``gap`` (m), ``speed, approach_rate`` (m/s) and the ``acceleration`` (m/s²) that the law lacks there.
     law : Law or None
         Which drivers follow more likely than the IDM; it is then in both models, and gains are beside it. None for the IDM.
     by_law : mapping of str to LawCompared
         By its name, what each law makes of some drivers that fit, no causes in any.
+    law_misfit : LawMisfit or None
+        The acceleration that the law lacks with the causes in the model; None of too little data.
+    detectable : tuple of Detectable
+        Effects that were injected, by name, sizes ascending; empty if none were asked for.
     """
 
     verdict: str
@@ -259,8 +248,7 @@ class Diagnosis:
     excluded: Mapping[str, int]
     notes: tuple[str, ...] = ()
     seconds: Mapping[str, float] = field(default_factory=dict)
-    misfit: LawMisfit = LawMisfit(0.0, 0.0)
-    detectable: tuple[Detectable, ...] = ()
-    misfit_map: pd.DataFrame = field(default_factory=pd.DataFrame)
     law: Law | None = None
     by_law: Mapping[str, LawCompared] = field(default_factory=dict)
+    law_misfit: LawMisfit | None = None
+    detectable: tuple[Detectable, ...] = ()

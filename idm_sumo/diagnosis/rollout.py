@@ -38,7 +38,7 @@ STEADY, VARYING = (), (0,)
 
 @njit(cache=True, error_model="numpy", forceinline=True)
 def _moment(row, m):  # type: ignore[no-untyped-def]
-    """Return the moment of a frame, seen from where the recorded twin is: that does not matter."""
+    """Return the moment of a frame, seen from where the recorded vehicle is: that does not matter."""
     x = row[w.X]
     see = Stimuli(
         x, row[w.TIME], row[w.ACCELERATION], row[w.KIND], row[w.OWN_KIND], row[w.LANE],
@@ -79,7 +79,7 @@ def _noted(of, n):  # type: ignore[no-untyped-def]
 
 @njit(cache=True, error_model="numpy")
 def _remember(seen, gap, speed, rate, models, begin):  # type: ignore[no-untyped-def]
-    """Fill the past with what the recorded twin did before the start; the last axis is of rollouts side by side."""
+    """Fill the past with what the recorded vehicle did before the start; the last axis is of rollouts side by side."""
     for k in range(begin):
         gap[k] = seen[w.REAR, k] - seen[w.X, k]
         speed[k] = seen[w.V, k]

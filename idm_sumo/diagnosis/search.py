@@ -10,11 +10,12 @@ import numpy.typing as npt
 
 from idm_sumo.diagnosis import columns as co
 from idm_sumo.diagnosis import selection as se
+from idm_sumo.diagnosis.chance import draws
 from idm_sumo.diagnosis.driving import Driven, Road
 from idm_sumo.diagnosis.evidence import Evidence, Subject, examine
 from idm_sumo.diagnosis.fit import Fit
+from idm_sumo.diagnosis.law_misfit import FormEvidence
 from idm_sumo.diagnosis.library import Library, library_of
-from idm_sumo.diagnosis.luck import draws
 from idm_sumo.diagnosis.model import Placed, placed_of, present_columns, whole_score
 from idm_sumo.diagnosis.settings import Settings
 from idm_sumo.runtime.progress import Progress
@@ -72,6 +73,14 @@ class Look:
         chance = max(float(self.selection.threshold[family]), 0.0)
         return log_bf(0.0) >= chance and log_bf(float(arena.fixed[hypothesis])) + odds >= 0.0
 
+    @property
+    def of_form(self) -> FormEvidence:
+        """What the recording says of the law's form, beside all that competes successfully."""
+        smooth = self.library.plan.of(co.MISFIT)[:-1]  # the last is the response, of no place in this space
+        gram = self.evidence.gram[smooth] / self.evidence.inflation
+        left = self.score[smooth] / self.evidence.inflation - gram @ self.selection.explained
+        return FormEvidence(left, gram[:, smooth])
+
     def effective_drivers(self, hypothesis: int) -> float:
         """Return on how many drivers a hypothesis rests, by Kish's formula on what each says for it."""
         row = self.library.mix[hypothesis]
@@ -99,13 +108,13 @@ def search(subject: Subject, base: Fit, settings: Settings, rng: np.random.Gener
     The linear competition says what is worth driving, the likelihood of the driven effect whether it enters the model and at which
     size; then everything competes anew around it, and what no longer wins leaves.
     """
-    lucks = draws(subject.windows, subject.noises, settings.replicates, rng)
+    chances = draws(subject.windows, subject.noises, settings.replicates, rng)
 
     def look(fit: Fit, effects: tuple[Placed, ...]) -> Look:
         stage = "comparing hypotheses at the sizes reached" if effects else "comparing hypotheses"
         progress(stage, 0, 1)
         plan = co.plan_of(subject.windows, fit)
-        evidence = examine(subject, fit, plan, lucks)
+        evidence = examine(subject, fit, plan, chances)
         library = library_of(plan, settings)
         score = whole_score(evidence, effects)
         selection = se.compete(evidence, library, settings, score, np.random.default_rng(0))
@@ -116,7 +125,7 @@ def search(subject: Subject, base: Fit, settings: Settings, rng: np.random.Gener
     road = Road(subject, base, first.library.plan)
     gone: set[str] = set()
     for _ in range(ROUNDS):
-        kept = tuple(one for one in now.effects if one.name in _winners(now, settings))
+        kept = tuple(one for one in now.effects if one.name in winners(now, settings))
         if len(kept) < len(now.effects):
             gone |= {one.name for one in now.effects} - {one.name for one in kept}
             now = look(*road.together(kept, [_slope(now, one) for one in kept])) if kept else first
@@ -134,7 +143,7 @@ def search(subject: Subject, base: Fit, settings: Settings, rng: np.random.Gener
     return Found(base, first, now, settings)
 
 
-def _winners(now: Look, settings: Settings) -> dict[str, int]:
+def winners(now: Look, settings: Settings) -> dict[str, int]:
     """Return the hypothesis of each name that wins a component on enough drivers."""
     out: dict[str, int] = {}
     for component in now.selection.components:
@@ -163,7 +172,9 @@ def _resized(now: Look, settings: Settings) -> tuple[Placed, ...]:
     for one in now.effects:
         size, error = moved.get(one.name, (one.value, np.inf))
         first = one.magnitude
-        size = float(np.clip(size, max(first.lower, one.value - abs(one.value)), min(first.upper, one.value + abs(one.value))))
+        size = float(
+            np.clip(size, max(first.lower, one.value - abs(one.value)), min(first.upper, one.value + abs(one.value)))
+        )
         out.append(replace(one, value=size) if abs(size - one.value) > UNSETTLED * error else one)
     return tuple(out)
 
@@ -175,7 +186,7 @@ def _candidates(now: Look, refused: set[str], settings: Settings) -> list[list[t
     every form is driven, each where it is likeliest.
     """
     there = {one.name for one in now.effects}
-    if not set(_winners(now, settings)) - there:
+    if not set(winners(now, settings)) - there:
         return []
     library, arena = now.library, now.arena(settings)
     held: list[se.Component] = []

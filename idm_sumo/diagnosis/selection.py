@@ -82,17 +82,14 @@ class Selection:
         Of the law's misfit (m/s²).
     threshold : float64, shape (names,)
         Of each family's largest ``by_family``.
-    misfit : float64, shape (functions,)
-        Posterior mean of the law's misfit (m/s²).
-    misfit_z : float
-        Its size in standard errors.
+    explained : float64, shape (columns,)
+        Sizes that the components expect together.
     """
 
     components: tuple[Component, ...]
     tau: float
     threshold: Floats
-    misfit: Floats
-    misfit_z: float
+    explained: Floats
 
 
 def misfit_columns(library: Library, tau: float) -> tuple[Integers, Floats]:
@@ -203,10 +200,8 @@ def compete(
     arena = Competition(evidence, library, settings, score, TAUS[best])
     components = _settled(arena, tried[best][1])
     order = sorted(components, key=lambda one: -float(one.by_family.max()))
-    misfit, surely = _misfit(
-        evidence, library, score, TAUS[best], np.sum([arena.contribution(one) for one in components], axis=0)
-    )
-    return Selection(tuple(order), TAUS[best], arena.thresholds(rng), misfit, surely)
+    explained = np.sum([arena.contribution(one) for one in components], axis=0)
+    return Selection(tuple(order), TAUS[best], arena.thresholds(rng), explained)
 
 
 def _at(arena: Competition) -> tuple[float, list[Component]]:
@@ -231,13 +226,3 @@ def _settled(arena: Competition, components: list[Component]) -> list[Component]
             components[n] = arena.component(others)
             parts[n] = arena.contribution(components[n])
     return components
-
-
-def _misfit(evidence: Evidence, library: Library, score: Floats, tau: float, sizes: Floats) -> tuple[Floats, float]:
-    """Return the posterior mean of the law's misfit, given effects, and its largest standard error."""
-    rough, precision = misfit_columns(library, tau)
-    gram = evidence.gram / evidence.inflation
-    left = score[rough] / evidence.inflation - gram[rough] @ sizes
-    inner = gram[np.ix_(rough, rough)]
-    mean = np.asarray(np.linalg.solve(inner + np.diag(precision), left), dtype=np.float64)
-    return mean, float(np.sqrt(max(float(mean @ inner @ mean), 0.0)))

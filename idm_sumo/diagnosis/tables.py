@@ -11,15 +11,11 @@ import pandas as pd
 
 from idm_sumo.calibration.driver_table import DESIRED_SPEED, HAS
 from idm_sumo.diagnosis import windows as w
-from idm_sumo.diagnosis.columns import basis
 from idm_sumo.diagnosis.fit import Fit
-from idm_sumo.diagnosis.search import Look
 from idm_sumo.models import idm
 from idm_sumo.recordings.columns import FRAME_STEP
 
 Floats = npt.NDArray[np.float64]
-
-WITHIN, GRID = (0.05, 0.95), (9, 9, 5)  # quantiles between which the law's misfit is shown, and at how many of each
 
 FITTED = ("a", "b", "T", "d0", DESIRED_SPEED)
 COVARIATES = (
@@ -49,18 +45,6 @@ def residuals(windows: w.Windows, base: Floats | None, extended: Floats | None) 
     table.loc[table["since_change"] > 1e5, "since_change"] = np.nan
     table.loc[~np.isfinite(table["rear_gap"]), "rear_gap"] = np.nan
     return table
-
-
-def misfit(windows: w.Windows, look: Look) -> pd.DataFrame:
-    """Return the acceleration that the law lacks, over gap, speed and approach rate: where vehicles were, between quantiles."""
-    at = windows.seen[:, :, w.LEAD : -1]
-    seen = {"gap": at[:, w.REAR] - at[:, w.X], "speed": at[:, w.V], "approach_rate": at[:, w.V] - at[:, w.SPEED]}
-    axes = [np.quantile(values, np.linspace(*WITHIN, count)) for values, count in zip(seen.values(), GRID, strict=True)]
-    gap, speed, rate = (one.ravel() for one in np.meshgrid(*axes, indexing="ij"))
-    smooth = look.selection.misfit[:-1]  # the last is the response, of no place in this space
-    by = basis(speed, rate, gap, look.library.plan.speed)
-    lacks = by @ smooth if len(smooth) else np.zeros(len(gap))
-    return pd.DataFrame({"gap": gap, "speed": speed, "approach_rate": rate, "acceleration": lacks})
 
 
 def drivers(windows: w.Windows, own: Fit, held: Mapping[str, Any]) -> pd.DataFrame:

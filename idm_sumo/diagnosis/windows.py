@@ -17,7 +17,7 @@ from idm_sumo.recordings.columns import FRAME_STEP
 from idm_sumo.recordings.recording import Recording
 from idm_sumo.recordings.smoothing import running_mean, same_run
 
-LEAD = 25  # frames before the start: the past that a delay reaches into, and a twin's run-up
+LEAD = 25  # frames before the start: the past that a delay reaches into, and a replicate's run-up
 HORIZON = 120  # frames, 12 s
 LEAST_HORIZON = 50  # frames, 5 s: below, a driver has not answered yet
 EVERY = 10  # frames between compared positions
@@ -62,7 +62,7 @@ class Windows:
         cause is found).
         The simulation starts at frame ``LEAD``.
     blurred : float64, shape (windows, 5, LEAD + horizon + 1)
-        The columns ``LEADERS``, smoothed once more: what a twin's measurement sees.
+        The columns ``LEADERS``, smoothed once more: what a replicate's measurement sees.
     driver : int64, shape (windows,)
         Index into ``vehicle`` and ``period``.
     vehicle, period : shape (drivers,)

@@ -9,7 +9,7 @@ import numpy.typing as npt
 import pandas as pd
 from scipy.stats import norm
 
-from idm_sumo.calibration.hierarchical import SHIFT
+from idm_sumo.calibration.population import SHIFT
 from idm_sumo.models.idm import LOWER, UPPER
 from idm_sumo.prediction.spread import logarithms
 from idm_sumo.simulation.driver_parameters import DESIRED_SPEED, PARAMETERS

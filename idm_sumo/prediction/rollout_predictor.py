@@ -9,8 +9,8 @@ import numpy.typing as npt
 import pandas as pd
 from sklearn.utils.validation import check_is_fitted
 
-from idm_sumo.calibration.hierarchical import SHIFT
 from idm_sumo.calibration.kernel import from_search, sensitivities, slopes_at, to_search
+from idm_sumo.calibration.population import SHIFT
 from idm_sumo.calibration.problem import Problem, only, prepare
 from idm_sumo.models.idm import IDMParameters
 from idm_sumo.prediction import basis

@@ -7,8 +7,10 @@ from collections.abc import Sequence
 import numpy as np
 import numpy.typing as npt
 
-from idm_sumo.calibration.hierarchical import LEAST_VARIANCE, LOWER, SHIFT, STEPS, UPPER, Part, Population
+from idm_sumo.calibration.hierarchical import STEPS
 from idm_sumo.calibration.kernel import PARAMETERS
+from idm_sumo.calibration.population import LEAST_VARIANCE, LOWER, SHIFT, UPPER, Population
+from idm_sumo.calibration.posterior import Part
 from idm_sumo.calibration.problem import Problem
 
 Floats = npt.NDArray[np.float64]

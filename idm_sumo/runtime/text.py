@@ -2,10 +2,8 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Iterable
-from itertools import islice
-
-import numpy as np
 
 MOST_RANGES = 8  # of a list of numbers in one line
 
@@ -22,7 +20,7 @@ def number(value: float, digits: int = 3, missing: str = "–") -> str:
     missing : str
         What stands for NaN.
     """
-    if np.isnan(value):
+    if math.isnan(value):
         return missing
     if float(value).is_integer() or abs(value) >= 10.0 ** (digits - 1):
         return f"{value:.0f}"
@@ -31,9 +29,11 @@ def number(value: float, digits: int = 3, missing: str = "–") -> str:
 
 def ranges(numbers: Iterable[int]) -> str:
     """Return whole numbers in one short line, neighbours joined: ``1-4, 7, 9-12``."""
-    ordered = np.unique(np.fromiter(numbers, dtype=np.int64))
-    if not len(ordered):
-        return "none"
-    runs = np.split(ordered, np.flatnonzero(np.diff(ordered) != 1) + 1)
-    parts = [f"{run[0]}-{run[-1]}" if len(run) > 1 else f"{run[0]}" for run in islice(runs, MOST_RANGES)]
-    return ", ".join(parts) + (", ..." if len(runs) > MOST_RANGES else "")
+    runs: list[list[int]] = []
+    for whole in sorted({int(one) for one in numbers}):
+        if runs and whole == runs[-1][-1] + 1:
+            runs[-1][1:] = [whole]
+        else:
+            runs.append([whole])
+    parts = ["-".join(map(str, run)) for run in runs[:MOST_RANGES]]
+    return ", ".join(parts) + (", ..." if len(runs) > MOST_RANGES else "") if parts else "none"

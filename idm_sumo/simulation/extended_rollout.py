@@ -20,7 +20,8 @@ from idm_sumo.recordings.recording import Recording
 from idm_sumo.scenes.traffic import NOBODY
 from idm_sumo.scenes.windows import LEADER_FROM_LANE, Scenes
 from idm_sumo.simulation.rollout import Trajectories, perceive, steer
-from idm_sumo.simulation.surroundings import NOBODY_YET, RecordedDrivers, TrafficDetails, look, what_is_seen
+from idm_sumo.simulation.surroundings import RecordedDrivers, TrafficDetails, what_is_seen
+from idm_sumo.simulation.traffic_around import NOBODY_YET, look
 
 Floats = npt.NDArray[np.float64]
 Integers = npt.NDArray[np.int64]

@@ -1,3 +1,5 @@
+"""The names that `import idm_sumo` gives: there, not shadowed by rooms, and loaded only when used."""
+
 import subprocess
 import sys
 from importlib import import_module

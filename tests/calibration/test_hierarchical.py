@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from idm_sumo.calibration.hierarchical import limited
+from idm_sumo.calibration.posterior import limited
 
 
 def test_curvature_of_an_unstable_rollout_leaves_room_for_the_prior():

@@ -1,3 +1,5 @@
+"""Drivers fitted to all of their windows: nearer over them than any single window's fit."""
+
 from pathlib import Path
 
 import numpy as np
@@ -6,7 +8,7 @@ import pandas as pd
 from idm_sumo.calibration import calibrate, integrators
 from idm_sumo.calibration.driver_table import road_of_drivers, write_drivers
 from idm_sumo.calibration.problem import prepare
-from idm_sumo.calibration.whole import WHOLE, as_whole, fit_whole_drivers, whole_columns
+from idm_sumo.calibration.whole import WHOLE, as_whole, fit_whole_drivers, names_for, whole_columns
 from idm_sumo.calibration.without_d1 import REFIT, linearise, refit_table
 from idm_sumo.models.idm import LOWER
 from idm_sumo.recordings.cleaning import clean
@@ -63,10 +65,26 @@ def test_types_of_all_windows_have_the_smallest_mean_error_over_them(tmp_path: P
     )
 
 
-def _mean_errors(windows: Scenes, fits: pd.DataFrame, theta: np.ndarray) -> np.ndarray:
+def test_types_by_krauss_have_a_smaller_error_than_the_idm_s_parameters_driven_by_it(tmp_path: Path) -> None:
+    platoon_recording(periods=1, platoons=2, cars=4).to_parquet(tmp_path / "platoons.parquet")
+    windows = build_scenes(smooth(clean(read_recording(tmp_path / "platoons.parquet"))), Window(10, 40, every=40))
+    fits = calibrate(windows.subset(~windows.keys().duplicated(["period", "vehicle"]).to_numpy()))
+    idm, krauss = (whole_columns(fits, windows, law=law) for law in ("idm", "krauss"))
+    several, names = (krauss["windows"] > 1).to_numpy(), list(names_for("krauss"))
+    assert several.any()
+    pd.testing.assert_series_equal(idm["windows"], krauss["windows"])
+    by_krauss = krauss[names[:4]].assign(d1=0.0).fillna(1.0).to_numpy()
+    translated = idm[list(WHOLE)].assign(d1=0.0).fillna(1.0).to_numpy()
+    errors = [_mean_errors(windows, fits, theta, "krauss")[several] for theta in (by_krauss, translated)]
+    np.testing.assert_allclose(errors[0], krauss[names[4]].to_numpy()[several])
+    assert (errors[0] <= errors[1] + 1e-6).all()
+    assert errors[0].mean() < errors[1].mean()
+
+
+def _mean_errors(windows: Scenes, fits: pd.DataFrame, theta: np.ndarray, scheme: str = "euler") -> np.ndarray:
     """Return each driver's mean ADE (m) over its windows that can be fitted, as SUMO integrates."""
     row = pd.Index(fits["vehicle"]).get_indexer(pd.Index(windows.vehicle))
-    ade = integrators.ades(prepare(windows), theta[row], "euler")
+    ade = integrators.ades(prepare(windows), theta[row], scheme)
     return pd.Series(np.where(calibrate(windows)["status"] == "ok", ade, np.nan)).groupby(row).mean().to_numpy()
 
 

@@ -9,9 +9,10 @@ from collections.abc import Iterator
 from pathlib import Path
 
 import pytest
+import shtab
 
 from idm_sumo.cli import main, options
-from idm_sumo.cli.parser import build_parser
+from idm_sumo.cli.parser import SHELLS, build_parser
 from idm_sumo.recordings.fetch import fetch
 from tests.helpers.platoons import platoon_recording
 from tests.helpers.portal_server import Portal
@@ -116,6 +117,10 @@ def test_shells_take_the_completion(shell: str, capsys: pytest.CaptureFixture[st
     if shell == "bash":
         (tmp_path / "completion").write_text(script)
         subprocess.run(["bash", "-n", tmp_path / "completion"], check=True)
+
+
+def test_shells_are_those_that_shtab_knows() -> None:
+    assert tuple(shtab.SUPPORTED_SHELLS) == SHELLS
 
 
 def test_version(capsys: pytest.CaptureFixture[str]) -> None:

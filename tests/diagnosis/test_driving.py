@@ -8,9 +8,9 @@ import pytest
 from idm_sumo.diagnosis import columns as co
 from idm_sumo.diagnosis import driving as dr
 from idm_sumo.diagnosis import windows as w
+from idm_sumo.diagnosis.chance import Noises
 from idm_sumo.diagnosis.evidence import Subject
 from idm_sumo.diagnosis.fit import fit_drivers
-from idm_sumo.diagnosis.luck import Noises
 from idm_sumo.diagnosis.model import Placed
 from idm_sumo.diagnosis.noise import QUIET
 from idm_sumo.diagnosis.rollout import PLAIN

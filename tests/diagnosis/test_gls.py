@@ -8,7 +8,7 @@ import pytest
 from idm_sumo.diagnosis import gls
 
 DRIVER = np.array([0, 0, 0, 1, 2, 2])
-DRIVERS, MOMENTS, OWN, ATOMS = 3, 7, 2, 4
+DRIVERS, MOMENTS, OWN, REGRESSORS = 3, 7, 2, 4
 
 
 @pytest.fixture(name="case")
@@ -20,8 +20,8 @@ def make_case():
     spread = np.array([[0.5, 0.1], [0.1, 0.3]])
     error = rng.normal(size=(windows, MOMENTS, 1))
     own = rng.normal(size=(windows, MOMENTS, OWN))
-    atoms = rng.normal(size=(windows, MOMENTS, ATOMS))
-    return covariance, spread, error, own, atoms
+    regressors = rng.normal(size=(windows, MOMENTS, REGRESSORS))
+    return covariance, spread, error, own, regressors
 
 
 def test_whiteners_are_the_inverse_of_the_cholesky_factor(case):
@@ -37,14 +37,14 @@ def test_no_whitener_of_what_is_no_covariance(case):
 
 
 def whole(case):
-    covariance, spread, error, own, atoms = case
-    e, j, g = (gls.whitener(covariance) @ part for part in (error, own, atoms))
+    covariance, spread, error, own, regressors = case
+    e, j, g = (gls.whitener(covariance) @ part for part in (error, own, regressors))
     return gls.scores(e, j, np.concatenate([j, g], axis=2), np.linalg.inv(spread), DRIVER, DRIVERS)
 
 
 def dense(case):
     """Stack every window into one system with the full covariance of all observations."""
-    covariance, spread, error, own, atoms = case
+    covariance, spread, error, own, regressors = case
     size = len(DRIVER) * MOMENTS
     total = np.zeros((size, size))
     for n in range(len(DRIVER)):
@@ -52,7 +52,7 @@ def dense(case):
         total[part, part] += covariance[n]
         for k in np.flatnonzero(DRIVER[n] == DRIVER):
             total[part, k * MOMENTS : (k + 1) * MOMENTS] += own[n] @ spread @ own[k].T
-    design = np.concatenate([own, atoms], axis=2).reshape(size, -1)
+    design = np.concatenate([own, regressors], axis=2).reshape(size, -1)
     return design, total, error.reshape(size)
 
 
@@ -72,19 +72,19 @@ def test_estimates_after_projection_are_those_of_the_joint_fit(case):
 
 
 def test_projection_kills_what_it_projects_out_and_what_is_a_copy_of_it(case):
-    covariance, spread, error, own, atoms = case
-    atoms[:, :, 0] = own @ np.array([0.7, -0.2])
-    left = whole((covariance, spread, error, own, atoms)).without(np.arange(OWN))
+    covariance, spread, error, own, regressors = case
+    regressors[:, :, 0] = own @ np.array([0.7, -0.2])
+    left = whole((covariance, spread, error, own, regressors)).without(np.arange(OWN))
     np.testing.assert_allclose(left.u[:, : OWN + 1], 0.0, atol=1e-9)
     np.testing.assert_allclose(left.gram[: OWN + 1], 0.0, atol=1e-9)
 
 
 def test_a_sum_of_bins_is_an_interval(case):
-    mix = np.zeros((OWN + ATOMS, 1))
+    mix = np.zeros((OWN + REGRESSORS, 1))
     mix[OWN : OWN + 2] = 1.0
-    covariance, spread, error, own, atoms = case
-    atoms[:, :, 2] = atoms[:, :, 0] + atoms[:, :, 1]
-    found = whole((covariance, spread, error, own, atoms))
+    covariance, spread, error, own, regressors = case
+    regressors[:, :, 2] = regressors[:, :, 0] + regressors[:, :, 1]
+    found = whole((covariance, spread, error, own, regressors))
     np.testing.assert_allclose((found.u @ mix)[:, 0], found.u[:, OWN + 2], rtol=1e-9)
     np.testing.assert_allclose((mix.T @ found.gram @ mix)[0, 0], found.gram[OWN + 2, OWN + 2], rtol=1e-9)
 

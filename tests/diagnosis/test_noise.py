@@ -8,7 +8,7 @@ from scipy.ndimage import gaussian_filter1d, uniform_filter1d
 from scipy.signal import savgol_filter
 
 from idm_sumo.diagnosis import noise as no
-from idm_sumo.diagnosis.luck import Noises, hidden, measured
+from idm_sumo.diagnosis.chance import Noises, hidden, measured
 from idm_sumo.diagnosis.smoother import FARTHEST, local_cubic, posterior_mean
 from idm_sumo.recordings import columns as c
 from idm_sumo.recordings.recording import Recording

@@ -1,4 +1,4 @@
-"""Rollouts of windows: the linear response is the derivative, the fit finds the drivers, twins show nothing planted."""
+"""Rollouts of windows: the linear response is the derivative, the fit finds the drivers, replicates show nothing planted."""
 
 from __future__ import annotations
 
@@ -9,10 +9,10 @@ import pytest
 
 from idm_sumo.diagnosis import rollout as ro
 from idm_sumo.diagnosis import windows as w
+from idm_sumo.diagnosis.chance import Noises, draw
 from idm_sumo.diagnosis.fit import fit_drivers, for_rollouts
-from idm_sumo.diagnosis.luck import Noises, draw
 from idm_sumo.diagnosis.noise import QUIET
-from idm_sumo.diagnosis.twins import make_twin, refit
+from idm_sumo.diagnosis.replicates import make_replicate, refit
 from idm_sumo.models.effects import Stimuli, extended_acceleration, slots
 from idm_sumo.models.effects.reaction_delay import acted_on
 from tests.helpers.followers import DRIVERS, EACH, followers
@@ -203,12 +203,14 @@ def test_the_fit_finds_the_drivers(plain):
     assert np.abs(ro.positions(windows, others.theta, ro.PLAIN) - windows.target).mean() < 0.05
 
 
-def test_a_twin_of_quiet_drivers_is_fitted_by_the_same_drivers(plain):
+def test_a_replicate_of_quiet_drivers_is_fitted_by_the_same_drivers(plain):
     windows, _ = plain
     fit = fit_drivers(windows, ro.PLAIN.copy(), np.array([1e-4, 1e-4]), rounds=8)
-    twin = make_twin(windows, fit, draw(windows, Noises(QUIET, QUIET), np.random.default_rng(0)), is_smooth=True)
-    np.testing.assert_allclose(twin.target, windows.target, atol=0.5)
-    again = refit(twin, fit)
+    replicate = make_replicate(
+        windows, fit, draw(windows, Noises(QUIET, QUIET), np.random.default_rng(0)), is_smooth=True
+    )
+    np.testing.assert_allclose(replicate.target, windows.target, atol=0.5)
+    again = refit(replicate, fit)
     assert np.abs(again.own - fit.own).max() < 0.1
 
 

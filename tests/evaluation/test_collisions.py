@@ -1,3 +1,5 @@
+"""Who touches whom, and who is at fault: rectangles by separating axes, against plain geometry."""
+
 from math import cos, sin
 
 import numpy as np

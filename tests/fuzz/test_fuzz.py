@@ -1,3 +1,5 @@
+"""Malformed inputs of every kind are read or refused in one line."""
+
 from pathlib import Path
 
 import numpy as np

@@ -1,3 +1,5 @@
+"""The paper's nearest neighbours, as scikit-learn and by hand."""
+
 from dataclasses import replace
 
 import numpy as np

@@ -90,7 +90,9 @@ def compare(tables: dict[str, pd.DataFrame]) -> None:
         for column in kept:
             where = f"{name}, column {column}; if it changed on purpose: python -m tests.reference.renew"
             found, wanted = table[column], kept[column]
-            if pd.api.types.is_numeric_dtype(wanted):
-                assert_allclose(found.astype(float), wanted, RELATIVE, ABSOLUTE, err_msg=where)
-            else:
-                assert found.fillna("").astype(str).tolist() == wanted.fillna("").astype(str).tolist(), where
+            numbers, wanted_numbers = (pd.to_numeric(one, errors="coerce") for one in (found, wanted))
+            assert_allclose(numbers.astype(float), wanted_numbers.astype(float), RELATIVE, ABSOLUTE, err_msg=where)
+            texts, wanted_texts = (
+                one[n.isna()].fillna("").astype(str).tolist() for one, n in ((found, numbers), (wanted, wanted_numbers))
+            )
+            assert texts == wanted_texts, where

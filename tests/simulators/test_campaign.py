@@ -169,6 +169,21 @@ def test_one_car_following_model_leaves_out_what_sumo_drives(tmp_path, monkeypat
     assert "single" in {one["group"] for one in ran}
 
 
+def test_a_case_that_fails_does_not_stop_the_others(tmp_path, monkeypatch, capsys):
+    def run_trial(one, _folder):
+        if one["effect"] == "location":
+            raise ValueError("no such place")
+        return trial("none", {})
+
+    monkeypatch.setattr(campaign, "run_trial", run_trial)
+    with pytest.raises(SystemExit, match="1"):
+        campaign.main(["-o", str(tmp_path), "--small"])
+    lines = capsys.readouterr().out.splitlines()
+    assert len(lines) == 4
+    assert [line for line in lines if "failed: " in line and "no such place" in line]
+    assert (tmp_path / "groups.csv").exists()
+
+
 def test_a_finished_case_is_not_run_again(tmp_path, monkeypatch):
     given = campaign.trials(1, 1, 0)[0]
     (tmp_path / f"{given['seed']}-none-mid.json").write_text(json.dumps({**given, "kept": True}))

@@ -9,7 +9,7 @@ import numpy.typing as npt
 import pandas as pd
 from matplotlib.figure import Figure
 
-from idm_sumo.calibration.hierarchical import to_parameters
+from idm_sumo.calibration.population import to_parameters
 from idm_sumo.prediction import Prediction
 from idm_sumo.prediction.spread import logarithms
 from idm_sumo.recordings.columns import FRAME_STEP

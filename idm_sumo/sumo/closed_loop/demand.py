@@ -27,6 +27,7 @@ from idm_sumo.sumo.export.vtypes import number
 from idm_sumo.sumo.network import Place, RoadNetwork
 
 LATEST = 2.0  # s, more than a vehicle waits before it is let in at its leader's speed
+FOLLOWS = 10.0  # s after the one before it in its lane; a vehicle that departs later has nobody to follow
 SAFE = "collision leaderGap followerGap"  # what an insertion is checked for
 EDGE, LANE_INDEX, POSITION = "edge", "lane_index", "position"
 
@@ -73,7 +74,7 @@ def demand_of(recording: Recording, *, approach: bool = False) -> pd.DataFrame:
     if not net.layout.off_ramp:
         return table.assign(**{DESTINATION: net.destinations[0]})
     on_ramp, off_ramp, weave = net.layout.on_ramp, net.layout.off_ramp, net.mainline.index(net.layout.weave)
-    upstream = table[EDGE].isin((*net.mainline[1 : weave + 1], on_ramp, off_ramp))
+    upstream = table[EDGE].isin((*net.mainline[: weave + 1], on_ramp, off_ramp))
     leaving = (table[EDGE] == off_ramp) | (upstream & (table[DESTINATION] == LEAVING))
     return table.assign(**{DESTINATION: np.where(leaving, LEAVING, THROUGH)})
 
@@ -100,7 +101,9 @@ def write_routes(
     """Write vehicle types, routes and vehicles.
 
     A vehicle that is on the road in the first frame is put there without a check of its gap. Later vehicles are
-    inserted at their recorded place and speed as soon as their model finds the gap safe.
+    inserted at their place as soon as their model finds the gap safe: at the speed of the vehicle ahead if they follow
+    one, else at the recorded speed. Where simulated traffic is slower than the recorded one was, no gap would be safe
+    at the recorded speed, and waiting for one would leave the road empty.
 
     Parameters
     ----------
@@ -119,15 +122,17 @@ def write_routes(
     for origin, destination in dict.fromkeys(ways):
         SubElement(root, "route", id=f"{origin}.to.{destination}", edges=" ".join(net.route(origin, destination)))
     demand = demand.assign(**{d.SPEED: _allowed(demand, road, places)})
+    follows = demand.groupby([EDGE, LANE_INDEX])[d.DEPART].diff().le(FOLLOWS).to_numpy() & (demand[d.DEPART] > 0.0)
     names = (c.VEHICLE, d.DEPART, LANE_INDEX, POSITION, d.SPEED)
     rows = zip(*(demand[name].tolist() for name in names), strict=True)
-    for (vehicle, depart, lane, position, speed), kind, (origin, destination) in zip(rows, types, ways, strict=True):
+    for row, kind, (origin, destination), behind in zip(rows, types, ways, follows, strict=True):
+        vehicle, depart, lane, position, speed = row
         root.append(kind)
         limit = float(kind.get("maxSpeed", road.speed_limit))
         SubElement(
             root, "vehicle", id=str(vehicle), type=str(kind.get("id")), route=f"{origin}.to.{destination}",
             depart=number(depart), departLane=str(lane), departPos=number(position),
-            departSpeed=number(min(speed, limit)), insertionChecks=SAFE if depart else "none",
+            departSpeed="last" if behind else number(min(speed, limit)), insertionChecks=SAFE if depart else "none",
         )  # fmt: skip
     save(root, path)
 

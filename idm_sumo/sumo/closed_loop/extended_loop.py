@@ -25,7 +25,8 @@ from idm_sumo.roads import Road
 from idm_sumo.scenes.traffic import NOBODY
 from idm_sumo.simulation.extended_rollout import meet
 from idm_sumo.simulation.rollout import perceive
-from idm_sumo.simulation.surroundings import NOBODY_YET, TrafficDetails, look
+from idm_sumo.simulation.surroundings import TrafficDetails
+from idm_sumo.simulation.traffic_around import NOBODY_YET, look
 from idm_sumo.sumo.closed_loop.residual_loop import Residuals
 
 Floats = npt.NDArray[np.float64]

@@ -28,6 +28,7 @@ _SL2015 = (
     "lcMaxSpeedLatStanding", "lcMaxSpeedLatFactor", "lcLaneDiscipline", "minGapLat", "maxSpeedLat",
 )  # fmt: skip
 LANE_CHANGE_MODELS = {"LC2013": _LC2013, "SL2015": (*_LC2013, *_SL2015)}
+ASSERTIVE = "lcAssertive"
 SUBLANE = {"SL2015": ("--lateral-resolution", "0.8")}  # m; the model needs sublanes
 
 
@@ -88,7 +89,7 @@ def calibrated_types(
     theta : array, shape (vehicles, 5)
         ``a, b, T, d0`` of each, and a ``d1`` that is zero, for SUMO has none.
     lane_change : mapping of str to str
-        Of :func:`lane_change_attributes`.
+        Of :func:`lane_change_attributes`. Without ``lcAssertive`` it is that of :func:`assertiveness`.
     desired_speed : array_like, shape (vehicles,) or ()
         m/s.
     speed_limit : float
@@ -106,6 +107,7 @@ def calibrated_types(
         )
     if (theta[:, 4] != 0.0).any():
         raise InputError("SUMO's IDM has no d1: refit or linearise the drivers first")
+    lane_change = {ASSERTIVE: f"{assertiveness(theta):.3g}"} | dict(lane_change)
     limits = np.broadcast_to(np.asarray(desired_speed, dtype=np.float64), (len(demand),)).tolist()
     sizes = zip(*(demand[name].tolist() for name in (d.KEYS[1], d.LENGTH, d.WIDTH, d.CLASS)), strict=True)
     types = []
@@ -114,6 +116,26 @@ def calibrated_types(
         faster = {"speedFactor": number(v0 / speed_limit)} if v0 > speed_limit else {}
         types.append(type_element(driver, None, **faster, **lane_change))
     return types
+
+
+def assertiveness(theta: Floats) -> float:
+    r"""Return how short a gap behind is taken (``lcAssertive``).
+
+    SUMO's LC2013 takes a gap of the follower's desired one divided by ``lcAssertive``. There an IDM brakes by
+    :math:`a(k^2 - 1)`, so that :math:`k = \sqrt{1 + b/a}` asks of it no more than its comfortable deceleration: the
+    safety criterion of MOBIL (Kesting, Treiber and Helbing, 2007). The follower is taken for a typical one.
+
+    Parameters
+    ----------
+    theta : array, shape (vehicles, 5)
+        ``a, b, T, d0, d1`` of each.
+
+    Returns
+    -------
+    float
+    """
+    a, b = np.median(theta[:, :2], axis=0)
+    return float(np.sqrt(1.0 + b / a))
 
 
 def default_types(demand: pd.DataFrame, name: str, lane_change: Mapping[str, str]) -> list[Element]:

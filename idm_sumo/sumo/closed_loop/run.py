@@ -19,9 +19,8 @@ from idm_sumo.recordings.columns import FRAME_STEP
 from idm_sumo.recordings.recording import Recording
 from idm_sumo.runtime.progress import Progress, silent
 from idm_sumo.sumo import network
-from idm_sumo.sumo.closed_loop.demand import SAFE, write_routes
+from idm_sumo.sumo.closed_loop.demand import write_routes
 from idm_sumo.sumo.closed_loop.ego import Ego
-from idm_sumo.sumo.closed_loop.entrance import Entrance
 from idm_sumo.sumo.closed_loop.extended_loop import ModelDrivers
 from idm_sumo.sumo.closed_loop.lane_change_output import changes_between_main_lanes
 from idm_sumo.sumo.closed_loop.signs import SpeedSign, write_signs
@@ -32,8 +31,6 @@ from idm_sumo.sumo.network import RoadNetwork
 from idm_sumo.sumo.session import ALWAYS, simulation
 
 ON_TIME = 0.05  # s, half a step
-# A vehicle that finds no gap must not delay vehicles that enter by another lane of the edge.
-INSERTION = ("--eager-insert", "true", "--insertion-checks", SAFE)
 COUNTED = ("safety.emergencyBraking", "teleports.total")  # SUMO's names of its statistics
 FCD = (
     "--fcd-output.acceleration", "true",
@@ -164,7 +161,7 @@ def write_run(
     frames = recording.table[c.FRAME]
     duration = float((frames.max() - frames.min() + 1) * FRAME_STEP)
     root = run_recipe.configuration(net.name, routes.name, run_recipe.EULER)
-    _complete(root, additional, duration, (*INSERTION, *options))
+    _complete(root, additional, duration, options)
     save(root, config)
     return RunFiles(net, routes, config, additional, duration, demand, tuple(options), own)
 
@@ -222,7 +219,6 @@ def run(
         "--no-warnings",
         "true",
         *files.options,
-        *INSERTION,
         *FCD,
     ]
     changes = fcd.with_suffix(".lane_changes.xml")
@@ -246,7 +242,6 @@ def _loop(
     """
     departed: dict[str, float] = {}
     collisions: set[tuple[str, str]] = set()
-    entrance = Entrance(files.demand)
     steps, arrived = round(files.duration / FRAME_STEP), 0
     for step in range(steps):
         sumo.simulationStep()
@@ -259,7 +254,6 @@ def _loop(
             ours.drive(sumo, step)
         if ego is not None:
             ego.drive(sumo, step)
-        entrance.admit(sumo, step * FRAME_STEP)
         if step % 100 == 0:
             progress("simulating", step, steps)
     progress("simulating", steps, steps)

@@ -27,6 +27,7 @@ Floats = npt.NDArray[np.float64]
 # with the recorded leader, so SUMO and our kernel see the leader for the same time.
 LEADER_LENGTH = 40.0  # m
 ROOM = 200.0  # m, beyond the farthest vehicle
+DECEL = "4.5"  # m/s², of a type that says none; a follower by Krauss expects its leader to brake as hard as itself
 
 
 def drive_natively(
@@ -237,11 +238,14 @@ def _write_vehicles(course: Course, types: Sequence[Element], problem: Problem, 
     They get their places later.
     """
     root = Element("routes")
-    SubElement(root, "vType", id="leader", length=f"{LEADER_LENGTH:g}", lcOvertakeRight="1")
-    root.extend({element.attrib["id"]: element for element in types}.values())
+    for name, element in {element.attrib["id"]: element for element in types}.items():
+        root.append(element)
+        SubElement(root, "vType", id=f"leader.{name}", length=f"{LEADER_LENGTH:g}", lcOvertakeRight="1",
+                   apparentDecel=element.get("apparentDecel", element.get("decel", DECEL)))  # fmt: skip
     for i, element in enumerate(types):
-        for name, kind, place in (("ego", element.attrib["id"], course.lane_at(i, float(problem.start_x[i]))),
-                                  ("leader", "leader", course.garage(i))):  # fmt: skip
+        own = element.attrib["id"]
+        for name, kind, place in (("ego", own, course.lane_at(i, float(problem.start_x[i]))),
+                                  ("leader", f"leader.{own}", course.garage(i))):  # fmt: skip
             edge, _, lane = place[0].rpartition("_")
             way = course.route(i).split()
             vehicle = SubElement(

@@ -16,6 +16,7 @@ import pandas as pd
 from idm_sumo.calibration import driver_table as d
 from idm_sumo.calibration.departures import DESTINATION, THROUGH
 from idm_sumo.calibration.departures import departures as departures_of
+from idm_sumo.calibration.whole import IDM
 from idm_sumo.models.effects import ExtendedModel
 from idm_sumo.models.idm import TEXTBOOK
 from idm_sumo.recordings import columns as c
@@ -78,6 +79,7 @@ def export_routes(
     integration: str = "euler",
     net_file: Path | str | None = None,
     model: ExtendedModel | None = None,
+    law: str = IDM,
     road: Road = DEFAULT,
     source: str = "drivers",
 ) -> Exported:
@@ -107,6 +109,8 @@ def export_routes(
     model : ExtendedModel, optional
         Effects beyond the IDM. Those that SUMO's types can hold go into them
         (:mod:`idm_sumo.sumo.export.extended_types`); notes and a comment in the file name the others.
+    law : {"idm", "krauss"}
+        SUMO's model that the parameters are of (:func:`idm_sumo.calibration.parameter_sets.with_law`).
     road : Road, optional
         Road that the drivers enter; its network takes them.
     source : str
@@ -137,7 +141,7 @@ def export_routes(
     if model is None:
         model = ExtendedModel(TEXTBOOK, float(table[d.DESIRED_SPEED].max()))
     held = express(model, table, theta, table[d.DESIRED_SPEED].to_numpy(dtype=np.float64))
-    root = _routes(net, table.iloc[order], held.of(order))
+    root = _routes(net, table.iloc[order], held.of(order), law)
     files = _write(Path(path), root, net_path, integration)
     vehicles = table.iloc[order][[c.PERIOD, c.VEHICLE, "id", "depart"]].rename(columns={"depart": d.DEPART})
     return Exported(*files, vehicles.reset_index(drop=True), fit_notes + way_notes + notes + speed_notes + held.notes)
@@ -221,7 +225,7 @@ def _places(net: RoadNetwork, table: pd.DataFrame, source: str) -> dict[str, Any
     return {"edge": where.edge, "lane_index": where.lane_index, "position": where.position}
 
 
-def _routes(net: RoadNetwork, table: pd.DataFrame, held: Expressed) -> Element:
+def _routes(net: RoadNetwork, table: pd.DataFrame, held: Expressed, law: str) -> Element:
     """Return ``<routes>``: routes, types, vehicles by departure."""
     root = Element("routes")
     for note in held.notes:
@@ -236,7 +240,7 @@ def _routes(net: RoadNetwork, table: pd.DataFrame, held: Expressed) -> Element:
         SubElement(root, "route", id=name, edges=" ".join(net.route(str(way[0]), str(way[1]))))
     rows = [row for _, row in table.iterrows()]
     for row, values, fastest, extra in zip(rows, held.theta, held.maximum_speed.tolist(), held.extra, strict=True):
-        type_element(driver_type(row, row["id"], values, fastest, net.road), root, **extra)
+        type_element(driver_type(row, row["id"], values, fastest, net.road), root, law=law, **extra)
     for row, end in zip(rows, ends, strict=True):
         SubElement(
             root, "vehicle", id=row["id"], type=row["id"], route=names[row["edge"], end], depart=number(row["depart"]),

@@ -52,6 +52,7 @@ def options(integration: str) -> dict[str, str]:
         "collision.mingap-factor": "0",
         "time-to-teleport": "-1",
         "max-depart-delay": "-1",  # a vehicle that finds no gap waits; it is not dropped
+        "eager-insert": "true",  # nor does it delay those that enter by another lane of its edge
     }
 
 

@@ -9,6 +9,7 @@ import re
 from typing import NamedTuple
 from xml.etree.ElementTree import Element, SubElement
 
+from idm_sumo.calibration.whole import IDM, KRAUSS
 from idm_sumo.models import idm
 from idm_sumo.recordings.columns import FRAME_STEP
 
@@ -35,6 +36,10 @@ AS_CALIBRATED = {
     "lcOvertakeRight": "1",
     "lcKeepRight": "0",  # drivers in California need not return to the right
 }  # fmt: skip
+
+# What other laws need in place of the IDM's own attributes; ``sigma`` is a noise that was not fitted.
+OF_THE_IDM = ("delta", "stepping")
+OTHER_LAWS = {KRAUSS: {"carFollowModel": "Krauss", "sigma": "0"}}
 
 
 class DriverType(NamedTuple):
@@ -79,7 +84,7 @@ def identifier(*parts: object) -> str:
     return re.sub(r"[^A-Za-z0-9_.\-+]", "_", ".".join(str(part) for part in parts))
 
 
-def type_element(driver: DriverType, parent: Element | None = None, **extra: str) -> Element:
+def type_element(driver: DriverType, parent: Element | None = None, *, law: str = IDM, **extra: str) -> Element:
     """Return the ``<vType>`` of a driver.
 
     Numbers are written in full, so that the type is exactly the calibrated driver.
@@ -89,6 +94,8 @@ def type_element(driver: DriverType, parent: Element | None = None, **extra: str
     driver : DriverType
     parent : Element, optional
         Element that it is added to.
+    law : {"idm", "krauss"}
+        SUMO's model.
     **extra : str
         Further attributes, which take precedence.
 
@@ -102,8 +109,10 @@ def type_element(driver: DriverType, parent: Element | None = None, **extra: str
         "length": number(driver.length), "width": number(driver.width),
         "accel": number(driver.a), "decel": number(driver.b), "apparentDecel": number(driver.b),
         "tau": number(driver.T), "minGap": number(driver.d0), "maxSpeed": number(driver.maximum_speed),
-        **AS_CALIBRATED, **extra,
+        **AS_CALIBRATED, **OTHER_LAWS.get(law, {}), **extra,
     }  # fmt: skip
+    if law != IDM:
+        attributes = {name: value for name, value in attributes.items() if name not in OF_THE_IDM}
     return Element("vType", attributes) if parent is None else SubElement(parent, "vType", attributes)
 
 

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 from pathlib import Path
 from xml.etree.ElementTree import parse
 
@@ -12,6 +13,7 @@ import pytest
 from idm_sumo.calibration.drawn import DRAWN
 from idm_sumo.calibration.parameter_sets import POOLED
 from idm_sumo.cli import main
+from idm_sumo.models import idm
 from tests.helpers.exports import read_types
 
 V0 = 21.0  # m/s, unlike any limit
@@ -64,3 +66,30 @@ def test_drawn_parameters_are_exported_unless_others_are_asked_for(drivers: Path
     assert sorted(fitted["accel"]) == pytest.approx(sorted(table["a_refit"]))
     assert set(pooled["accel"]) == set(table[POOLED[0]])
     assert table[POOLED].nunique().eq(1).all()
+
+
+def test_types_by_krauss_are_fitted_and_their_price_is_said(
+    platoons: Path, drivers: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    with pytest.raises(SystemExit, match="2"):
+        exported(drivers, tmp_path, "--law", "krauss")
+    assert "`idm-sumo calibrate --law krauss`" in capsys.readouterr().err
+    both = tmp_path / "both.parquet"
+    main(["calibrate", str(platoons), "--horizon", "60", "--law", "krauss", "-o", str(both)])
+    table = pd.read_parquet(both).dropna(subset="krauss_ade_m")
+    assert (table["krauss_ade_m"] > 0.0).all()
+    capsys.readouterr()
+    types = exported(both, tmp_path, "--law", "krauss")
+    said = capsys.readouterr().err
+    assert re.search(r"krauss: \d+\.\d\d m from the recording on average over all windows, the IDM \d+\.\d\d m", said)
+    assert len(types) == len(table)
+    kinds = read_types(tmp_path / "fleet.rou.xml").values()
+    assert {(kind.attrib["carFollowModel"], kind.attrib["sigma"]) for kind in kinds} == {("Krauss", "0")}
+    assert not any("delta" in kind.attrib for kind in kinds)
+    own = set(types["accel"]) & set(table["a_krauss"])
+    assert own
+    bounds = {float(bound) for bound in (idm.LOWER.a, idm.UPPER.a)}
+    assert not own & bounds
+    with pytest.raises(SystemExit, match="2"):
+        exported(both, tmp_path, "--law", "krauss", "--parameters", "drawn")
+    assert "leave out --parameters" in capsys.readouterr().err

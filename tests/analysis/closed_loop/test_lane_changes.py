@@ -17,16 +17,26 @@ LOOP = ("--types", "krauss", "--replay-bias", "0", "--jobs", "1")
 def test_fitted_parameters_are_left_and_can_be_used_again(platoons: Path, tmp_path: Path) -> None:
     fit, again = tmp_path / "fit", tmp_path / "again"
     main(
-        ["interactive", str(platoons), *LOOP, "--lane-change", "fit", "--lane-change", "lcStrategic=2", "-o", str(fit)]
+        [
+            "interactive",
+            str(platoons),
+            *LOOP,
+            "--lane-change",
+            "fit",
+            "--lane-change",
+            "lcLookaheadLeft=2",
+            "-o",
+            str(fit),
+        ]
     )
     trials = pd.read_csv(fit / "tables" / "lane_change_fit.csv")
     assert trials["half"].tolist() == [1] * RUNS + [2, 2]
     assert trials["with"].tolist()[-2:] == ["default", "fitted"]
     left = json.loads((fit / "lane_change.json").read_text())["parameters"]
     assert set(left) == set(BOUNDS)
-    assert left["lcStrategic"] == "2"
+    assert left["lcLookaheadLeft"] == "2"
     best = trials[trials["half"] == 1].sort_values("misfit", kind="stable").iloc[0]
-    assert all(float(left[name]) == pytest.approx(best[name]) for name in BOUNDS if name != "lcStrategic")
+    assert all(float(left[name]) == pytest.approx(best[name]) for name in BOUNDS if name != "lcLookaheadLeft")
     main(["interactive", str(platoons), *LOOP, "--lane-change", str(fit / "lane_change.json"), "-o", str(again)])
     one, other = (pd.read_csv(folder / "tables" / "closed_loop.csv") for folder in (fit, again))
     pd.testing.assert_frame_equal(one, other)

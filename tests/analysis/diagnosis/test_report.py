@@ -113,7 +113,8 @@ def test_the_folder_holds_all_of_it(tmp_path, monkeypatch) -> None:
     low, high = content["causes"][0]["where"]["time_s"]
     assert low < high  # where no bound is known, what was seen
     assert set(content) == {
-        "verdict", "causes", "unexplained", "gain", "ruled_out", "without_gain", "untestable", "power", "law"
+        "verdict", "causes", "unexplained", "gain", "ruled_out", "without_gain", "untestable", "power", "law",
+        "law_misfit", "detectable",
     }  # fmt: skip
     assert content["causes"][0]["where"]["lanes"] is None
     assert content["law"] == "idm"

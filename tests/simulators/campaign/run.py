@@ -3,10 +3,12 @@
     python -m tests.simulators.campaign -o DIR [--cases 1] [--nulls 40] [--jobs 2] [--seed 0]
     python -m tests.simulators.campaign -o DIR --small        # four short recordings, to see that it works
     python -m tests.simulators.campaign -o DIR --simulator second     # a simulator of another author
+    python -m tests.simulators.campaign -o DIR --cluster ADDRESS      # by dask workers that see the clone and DIR
 
 The recordings come from simulators under ``tests/`` that share no code with ``idm_sumo`` or with each other; the finder
 is given the file and nothing else. A finished case is kept as JSON in DIR/cases and not run again, so an interrupted
-campaign goes on (after a change of the finder take another DIR).
+campaign goes on (after a change of the finder take another DIR). A case that fails does not stop the others; the
+campaign then ends with 1.
 Recordings with nothing planted alternate with the others, and the tables are written anew as cases finish.
 """
 
@@ -15,14 +17,16 @@ from __future__ import annotations
 import argparse
 import itertools
 import json
+import sys
 from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
-import joblib
 import numpy as np
 import pandas as pd
 
+from idm_sumo.runtime.attempts import Failed
+from idm_sumo.runtime.spread import spread
 from tests.simulators import first
 from tests.simulators.campaign import second
 from tests.simulators.campaign.cases import keep_case, kept_case, plain, shown
@@ -154,20 +158,27 @@ def find(file: Path, seed: int) -> dict[str, Any]:
 def main(arguments: list[str] | None = None) -> None:
     """Run the campaign from the command line."""
     options = _asked(arguments)
-    cases = options.output / "cases"
+    cases = options.output.resolve() / "cases"
     cases.mkdir(parents=True, exist_ok=True)
     planned, run = _planned(options)
-    work = joblib.Parallel(n_jobs=options.jobs, return_as="generator_unordered")
-    records = []
-    for record in work(joblib.delayed(run)(trial, cases) for trial in planned):
-        records.append(record)
-        names = "+".join(cause["name"] for cause in record["found"]["causes"])
-        line = (
-            f"[{len(records)}/{len(planned)}] {record['name']} {record['size']}: {record['found']['verdict']} {names}"
-        )
-        print(line, flush=True)
-        if len(records) % 5 == 0 or len(records) == len(planned):
+    records: list[dict[str, Any]] = []
+    calls = [(trial, cases) for trial in planned]
+    for done, (_, record) in enumerate(spread(run, calls, jobs=options.jobs, cluster=options.cluster), 1):
+        if isinstance(record, Failed):
+            print(f"[{done}/{len(planned)}] failed: {record.reason}", flush=True)
+        else:
+            records.append(record)
+            print(f"[{done}/{len(planned)}] {_said(record)}", flush=True)
+        if records and (done % 5 == 0 or done == len(planned)):
             summarise(pd.DataFrame(records), options.output)
+    if len(records) < len(planned):
+        sys.exit(1)
+
+
+def _said(record: dict[str, Any]) -> str:
+    found = record["found"]
+    names = "+".join(cause["name"] for cause in found["causes"])
+    return f"{record['name']} {record['size']}: {found['verdict']} {names}"
 
 
 def _planned(options: argparse.Namespace) -> tuple[list[dict[str, Any]], Callable[..., dict[str, Any]]]:
@@ -216,6 +227,7 @@ def _parser() -> argparse.ArgumentParser:
     )  # fmt: skip
     parser.add_argument("--small", action="store_true", help="four short recordings instead")
     parser.add_argument("--jobs", type=int, default=1, help="processes")
+    parser.add_argument("--cluster", metavar="ADDRESS", help="dask scheduler whose workers run the cases instead")
     parser.add_argument("--seed", type=int, default=0, help="other seeds, other recordings")
     parser.add_argument("--underlying", choices=first.MODELS, help="one car-following model (default: by turns)")
     parser.add_argument("--form", choices=first.FORMS, help="one form of the effects (default: drawn)")

@@ -6,7 +6,9 @@ import numpy as np
 import pandas as pd
 
 from idm_sumo.calibration import driver_table as d
+from idm_sumo.calibration.departures import DESTINATION, LEAVING, THROUGH
 from idm_sumo.recordings import columns as c
+from idm_sumo.roads.us101 import US101
 from idm_sumo.sumo import network
 from idm_sumo.sumo.closed_loop.approach import DISTANCE, moved_upstream
 from idm_sumo.sumo.closed_loop.demand import demand_of
@@ -31,6 +33,18 @@ def test_nobody_is_lost_and_lanes_keep_their_order() -> None:
     both = here.merge(moved, on=c.VEHICLE, suffixes=("", "_moved"))
     assert (both[d.X] - both[f"{d.X}_moved"]).between(0.0, DISTANCE).all()
     assert both.loc[both[c.VEHICLE] == 99, f"{d.X}_moved"].item() == 300.0
+
+
+def test_who_leaves_by_the_off_ramp_still_does() -> None:
+    x = np.arange(5.0, US101.off_ramps[0].start + 40.0)
+    y = np.where(x < US101.off_ramps[0].start - 50.0, *(float(US101.lane_center(lane)) for lane in (5, 6)))
+    leaving = Car(99, x, y=y, first_frame=200, frames=len(x))
+    traffic = recording(*platoon(), leaving)
+    recorded = traffic.with_table(traffic.table.assign(lane=US101.lane_of(traffic.table[c.X], traffic.table[c.Y])))
+    for approach in (False, True):
+        demand = demand_of(recorded, approach=approach).set_index(c.VEHICLE)
+        assert demand.loc[99, DESTINATION] == LEAVING
+        assert (demand.drop(index=99)[DESTINATION] == THROUGH).all()
 
 
 def test_at_constant_speed_everybody_arrives_when_it_was_recorded() -> None:

@@ -44,8 +44,8 @@ def test_speeds_emergency_brakings_and_vehicles_left_out_are_seen() -> None:
 
 
 def test_the_search_ends_nearer_than_it_began_and_is_repeatable() -> None:
-    names = ("lcSpeedGain", "lcAssertive")
-    there = {"lcSpeedGain": 12.0, "lcAssertive": 2.5}
+    names = ("lcSpeedGain", "lcLookaheadLeft")
+    there = {"lcSpeedGain": 12.0, "lcLookaheadLeft": 2.5}
 
     def evaluate(parameters: dict[str, float]) -> dict[str, float]:
         return {MISFIT: 0.1 + sum(np.log(parameters[name] / there[name]) ** 2 for name in names)}

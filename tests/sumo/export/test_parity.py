@@ -117,6 +117,18 @@ def test_sumo_drives_random_drivers_as_our_kernel(integration: str, seed: int) -
     assert apart(scenes, theta, integration, integration).max() < MILLIMETRE
 
 
+@pytest.mark.parametrize("seed", [1, 2, 3])
+def test_sumo_drives_random_krauss_drivers_as_our_kernel(seed: int) -> None:
+    scenes = platoons(seed=seed)
+    theta = random_drivers(len(scenes), seed)
+    problem = prepare(scenes)
+    types = types_of(theta, problem, scenes.length, scenes.width, law="krauss")
+    far = apart(scenes, theta, "euler", "krauss", law="krauss")
+    assert {element.get("carFollowModel") for element in types} == {"Krauss"}
+    assert far.max() < MILLIMETRE
+    assert apart(scenes, theta, "euler", "krauss").max() > 1.0  # the IDM of the same parameters drives otherwise
+
+
 @pytest.mark.parametrize("integration", SCHEMES)
 def test_parity_with_neighbours_beside(traffic: Scenes, integration: str) -> None:
     """Without lane changes neighbours make no difference.

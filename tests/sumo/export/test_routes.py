@@ -1,3 +1,5 @@
+"""What is exported: SUMO validates it, runs it and reads every number back."""
+
 from __future__ import annotations
 
 import re

@@ -1,4 +1,4 @@
-"""Twins: the drivers' noise that is put in is found again, how large and how fast."""
+"""Replicates: the drivers' noise that is put in is found again, how large and how fast."""
 
 from __future__ import annotations
 
@@ -8,10 +8,10 @@ import numpy as np
 
 from idm_sumo.diagnosis import rollout as ro
 from idm_sumo.diagnosis import windows as w
+from idm_sumo.diagnosis.chance import Noises
 from idm_sumo.diagnosis.fit import fit_drivers
-from idm_sumo.diagnosis.luck import Noises
 from idm_sumo.diagnosis.noise import DRIVER_MEMORIES, QUIET
-from idm_sumo.diagnosis.twins import driver_noise
+from idm_sumo.diagnosis.replicates import driver_noise
 from tests.helpers.followers import followers
 
 

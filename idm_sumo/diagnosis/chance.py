@@ -1,6 +1,6 @@
-"""What chance adds to a null twin: measurement errors, drivers' noise, what smoothing hid of the leaders, who drives.
+"""What chance adds to a null replicate: measurement errors, drivers' noise, what smoothing hid of the leaders, who drives.
 
-Drawn once, it serves twins of one model after the other: what differs between them is then the model, not the luck.
+Drawn once, it serves replicates of one model after the other: what differs between them is then the model, not the chance.
 """
 
 from __future__ import annotations
@@ -62,8 +62,8 @@ def hidden(noises: Noises, smoother: Smoother, rows: int, frames: int, rng: np.r
 
 
 @dataclass(frozen=True)
-class Luck:
-    """All that chance adds to the windows of one twin.
+class Chance:
+    """All that chance adds to the windows of one replicate.
 
     Attributes
     ----------
@@ -84,8 +84,8 @@ class Luck:
     drivers: Floats
 
 
-def draw(windows: Windows, noises: Noises, rng: np.random.Generator) -> Luck:
-    """Return the luck of one twin."""
+def draw(windows: Windows, noises: Noises, rng: np.random.Generator) -> Chance:
+    """Return the chance of one replicate."""
     rows, _, frames = windows.seen.shape
     truth, shown = np.empty((2, rows, len(LEADERS), frames), dtype=np.float32)
     for begin, parts in ((0, 3), (3, 2)):  # of the first and of the second leader, whose acceleration nobody sees
@@ -95,9 +95,9 @@ def draw(windows: Windows, noises: Noises, rng: np.random.Generator) -> Luck:
     pushed = noises.driver.draw(rows, frames - 1, rng)
     x, v, _ = measured(noises.measurement, windows.own, rows, frames, rng)
     error = np.asarray(x, dtype=np.float32), np.asarray(v, dtype=np.float32)
-    return Luck(truth, shown, pushed, error, rng.standard_normal((windows.drivers, PARAMETERS)))
+    return Chance(truth, shown, pushed, error, rng.standard_normal((windows.drivers, PARAMETERS)))
 
 
-def draws(windows: Windows, noises: Noises, number: int, rng: np.random.Generator) -> list[Luck]:
-    """Return the luck of several twins."""
+def draws(windows: Windows, noises: Noises, number: int, rng: np.random.Generator) -> list[Chance]:
+    """Return the chance of several replicates."""
     return each_in_threads(lambda one: draw(windows, noises, one), rng.spawn(number))
