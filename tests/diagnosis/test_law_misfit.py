@@ -4,19 +4,20 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
-from idm_sumo.diagnosis.linear_pulses import FORMS
-from idm_sumo.diagnosis.look import Subject
 
+from idm_sumo.diagnosis import columns as co
 from idm_sumo.diagnosis import evidence as ev
 from idm_sumo.diagnosis import law
-from idm_sumo.diagnosis import regressors as rg
+from idm_sumo.diagnosis import selection as se
 from idm_sumo.diagnosis import windows as w
 from idm_sumo.diagnosis.chance import Noises, draws
 from idm_sumo.diagnosis.fit import fit_drivers
-from idm_sumo.diagnosis.law_misfit import FormEvidence, law_misfit
+from idm_sumo.diagnosis.law_misfit import FORMS, FormEvidence, law_misfit
+from idm_sumo.diagnosis.library import library_of
 from idm_sumo.diagnosis.noise import Noise
+from idm_sumo.diagnosis.search import Look
+from idm_sumo.diagnosis.settings import SETTINGS
 from idm_sumo.models import laws
-from idm_sumo.runtime.progress import silent
 from tests.helpers.followers import followers
 
 PIVOT = 9.0
@@ -75,10 +76,12 @@ def test_only_cells_in_which_five_drivers_were_are_told() -> None:
 @pytest.mark.parametrize(("number", "lacks"), [(laws.IDM, False), (laws.FULL_VELOCITY_DIFFERENCE, True)])
 def test_an_idm_lacks_what_drivers_of_another_law_do(number: int, *, lacks: bool) -> None:
     windows = windows_of(number)
-    subject = Subject(windows, JITTER, rg.grid_of(windows), True)
+    subject = ev.Subject(windows, JITTER, True)
     fit = fit_drivers(windows, law.of(laws.IDM), np.full(2, 1e-4))
-    chances = draws(windows, JITTER, 3, np.random.default_rng(0))
-    evidence = ev.examine(subject, fit, chances, progress=silent, stage="")
-    assert evidence.of_form is not None
-    found = law_misfit(windows, evidence.of_form, subject.grid.pivot)
+    plan = co.plan_of(windows, fit, free=False)
+    evidence = ev.examine(subject, fit, plan, draws(windows, JITTER, 3, np.random.default_rng(0)))
+    library = library_of(plan, SETTINGS)
+    nothing = se.Selection((), 0.0, np.zeros(len(library.names)), np.zeros(plan.count))
+    look = Look(fit, (), evidence, library, evidence.score, nothing)
+    found = law_misfit(windows, look.of_form, plan.speed)
     assert (found.p_value < 1e-3) is lacks

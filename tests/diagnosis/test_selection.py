@@ -52,6 +52,7 @@ def evidence(sizes: np.ndarray, seed: int, who: np.ndarray | None = None) -> Evi
         part,
         np.arange(DRIVERS) // 4,
         np.full(DRIVERS, 1.0 / DRIVERS),
+        np.full(PLAN.count, np.inf),
     )
 
 
