@@ -112,7 +112,7 @@ def claims_of(found: Found) -> list[Claim]:
     """Return everything significant on enough drivers, at sizes that are more than systematic errors."""
     look, settings = found.last, found.settings
     library = look.library
-    arena = look.arena(settings)
+    arena = look.arena()
     parts = [arena.contribution(one) for one in look.selection.components]
     claims: list[Claim] = []
     for n, component in enumerate(look.selection.components):

@@ -57,6 +57,8 @@ class Evidence:
         Of the windows.
     longest : float64, shape (columns,)
         How long a column may be in one window.
+    of_blocks : Evidence or None
+        That of the recording, if this is of followers that were driven once more: it says how blocks of neighbours vary.
     """
 
     plan: co.Plan
@@ -67,16 +69,22 @@ class Evidence:
     block: Integers
     share: Floats
     longest: Floats
+    of_blocks: Evidence | None = None
+
+    @cached_property
+    def usual(self) -> Floats:
+        """What the replicates show, shape ``(columns,)``: their median, as one may have driven into its leader."""
+        return np.asarray(np.median(self.nulls, axis=0))
 
     @property
     def score(self) -> Floats:
         """Total scores less what the replicates show, shape ``(columns,)``."""
-        return np.asarray(self.u.sum(axis=0) - self.nulls.mean(axis=0))
+        return np.asarray(self.u.sum(axis=0) - self.usual)
 
     @property
     def by_driver(self) -> Floats:
         """The same by driver, the replicates' mean taken off evenly."""
-        return np.asarray(self.u - self.share[:, None] * self.nulls.mean(axis=0))
+        return np.asarray(self.u - self.share[:, None] * self.usual)
 
     def replicate_error(self, mix: csr_matrix) -> Floats:
         """Return by how much the replicates' mean adds to the variance of combined scores, as a share of the model's.
@@ -90,6 +98,8 @@ class Evidence:
     @cached_property
     def inflation(self) -> float:
         """By how much the variance of blocks of neighbours exceeds the model's, the median over bins of catalogued effects."""
+        if self.of_blocks is not None:
+            return self.of_blocks.inflation
         which = [k for g in self.plan.groups if g.axes and g.name for k in range(g.first, g.first + g.count)]
         said, own = np.diag(self.gram), self.part.sum(axis=0)
         rounding = ROUNDING * float(said.max(initial=0.0))

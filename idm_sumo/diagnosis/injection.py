@@ -21,7 +21,6 @@ from idm_sumo.diagnosis.model import Placed, placed_of, whole_score, with_effect
 from idm_sumo.diagnosis.replicates import driven_again, refit
 from idm_sumo.diagnosis.result import Detectable
 from idm_sumo.diagnosis.search import Found, Look, winners
-from idm_sumo.diagnosis.settings import Settings
 from idm_sumo.models.effects import BY_NAME
 from idm_sumo.runtime.progress import Progress
 from idm_sumo.runtime.threads import each_in_threads
@@ -58,7 +57,7 @@ def detectable(
     for done, (name, multiple) in enumerate(plans):
         progress(STAGE, done, len(plans))
         injected = _usual(look, name, multiple)
-        trial = Trial(subject, look, found.settings, injected)
+        trial = Trial(subject, look, injected)
         hits = each_in_threads(trial.finds, draws(subject.windows, subject.noises, number, rng))
         first = injected.magnitude
         out.append(Detectable(name, first.symbol, first.unit, injected.value, int(sum(hits)), number))
@@ -68,7 +67,10 @@ def detectable(
 def _usual(look: Look, name: str, multiple: float) -> Placed:
     """Return an effect at a multiple of its typical size, in the form, place and time in which it looks surest."""
     library, component = look.library, look.selection.components[-1]
-    best = int(np.argmax(np.where(_of_name(library, name), component.log_bf + np.log(library.within), -np.inf)))
+    seen = component.deviation / library.size  # of a form that nothing in the recording tells of, the prior's
+    asked = _of_name(library, name)
+    asked &= seen < 1.5 * seen[asked].min()
+    best = int(np.argmax(np.where(asked, component.log_bf + np.log(library.within), -np.inf)))
     sign = float(np.sign(component.size[best])) or 1.0
     return placed_of(library, best, sign * multiple * magnitude_of(library.group_of(best)).typical, ())
 
@@ -83,7 +85,6 @@ class Trial:
 
     subject: ev.Subject
     look: Look
-    settings: Settings
     injected: Placed
 
     def finds(self, chance: Chance) -> bool:
@@ -99,8 +100,8 @@ class Trial:
         )  # fmt: skip
         fitted = refit(followers, refit(followers, drivers))
         scores = ev.by_driver(followers, fitted, look.library.plan, look.evidence.longest)
-        evidence = replace(look.evidence, u=scores)
+        evidence = replace(look.evidence, u=scores, of_blocks=look.evidence.of_blocks or look.evidence)
         score = whole_score(evidence, look.effects)
-        selection = se.compete(evidence, look.library, self.settings, score, np.random.default_rng(0))
+        selection = se.compete(evidence, look.library, look.settings, score, np.random.default_rng(0))
         seen = replace(look, evidence=evidence, score=score, selection=selection)
-        return self.injected.name in winners(seen, self.settings)
+        return self.injected.name in winners(seen)

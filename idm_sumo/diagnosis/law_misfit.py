@@ -24,6 +24,7 @@ from scipy.stats import chi2
 
 from idm_sumo.diagnosis import windows as w
 from idm_sumo.diagnosis.columns import BASIS, basis
+from idm_sumo.diagnosis.evidence import ROUNDING
 
 Floats = npt.NDArray[np.float64]
 
@@ -109,7 +110,7 @@ def law_misfit(windows: w.Windows, evidence: FormEvidence, pivot: float) -> LawM
     LawMisfit
     """
     tau = _likeliest(evidence)
-    distance = float(evidence.score @ np.linalg.pinv(evidence.gram, hermitian=True) @ evidence.score)
+    distance = float(evidence.score @ np.linalg.pinv(evidence.gram, rcond=ROUNDING, hermitian=True) @ evidence.score)
     mean, covariance = _posterior(evidence, tau)
     return LawMisfit(tau, float(chi2.sf(distance, FORMS)), _cells(windows, mean, covariance, pivot))
 

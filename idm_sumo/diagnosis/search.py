@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, replace
+from functools import cached_property
 from typing import NamedTuple
 
 import numpy as np
@@ -23,7 +24,7 @@ from idm_sumo.runtime.progress import Progress
 Floats = npt.NDArray[np.float64]
 
 ROUNDS = 6  # of what enters or leaves the model
-LITTLE = 1e-6  # of a log-likelihood
+COMPARED = 2  # of these, by what is left unexplained around each
 TRIED = 3  # effects that are driven in one round
 UNSETTLED = 2.0  # standard errors, by which a size may be off
 SURE = 0.5  # probability of a family within a component
@@ -39,6 +40,7 @@ class Look:
     library: Library
     score: Floats
     selection: se.Selection
+    settings: Settings
 
     def winner(self, component: se.Component) -> int | None:
         """Return a component's likeliest hypothesis if its family is significant and more likely than not, else None."""
@@ -49,29 +51,15 @@ class Look:
         inside = np.where(self.library.family == family, component.weight, 0.0)
         return int(np.argmax(inside))
 
-    def arena(self, settings: Settings, score: Floats | None = None) -> se.Competition:
+    def arena(self, score: Floats | None = None) -> se.Competition:
         """Return the competition with the law's misfit that is likeliest, over another score if one is given."""
         score = self.score if score is None else score
-        return se.Competition(self.evidence, self.library, settings, score, self.selection.tau)
+        return se.Competition(self.evidence, self.library, self.settings, score, self.selection.tau)
 
-    def is_likely(self, driven: Driven, hypothesis: int, settings: Settings) -> bool:
-        """Return whether a driven effect is above chance, and likelier than nothing when judged carefully.
-
-        Its family's mean Bayes factor is taken as if no other of its hypotheses could explain anything.
-        """
-        arena, family = self.arena(settings), int(self.library.family[hypothesis])
-        squared, slab = driven.effects[-1].value ** 2, arena.slab[hypothesis]
-        said = max(driven.support, LITTLE) / (self.evidence.inflation * arena.unsure[hypothesis])
-
-        def log_bf(doubt: float) -> float:
-            variance = 0.5 * squared / said + doubt
-            keep = slab / (variance + slab)
-            mean = 0.5 * np.log1p(-keep) + 0.5 * squared / variance * keep + np.log(self.library.within[hypothesis])
-            return float(mean)
-
-        odds = np.log((1.0 - settings.nothing) * self.library.prior[family] / settings.nothing)
-        chance = max(float(self.selection.threshold[family]), 0.0)
-        return log_bf(0.0) >= chance and log_bf(float(arena.fixed[hypothesis])) + odds >= 0.0
+    @cached_property
+    def unexplained(self) -> float:
+        """How much likelier the recording is with something beside the effects in the model (a log-likelihood ratio)."""
+        return se.support(self.evidence, self.library, self.settings, self.evidence.score)
 
     @property
     def of_form(self) -> FormEvidence:
@@ -105,8 +93,10 @@ class Found:
 def search(subject: Subject, base: Fit, settings: Settings, rng: np.random.Generator, progress: Progress) -> Found:
     """Return what competes best, each effect at its size.
 
-    The linear competition says what is worth driving, the likelihood of the driven effect whether it enters the model and at which
-    size; then everything competes anew around it, and what no longer wins leaves.
+    The linear competition says what is worth driving, the likelihood of the driven effect at which size. Of the two that are likeliest so,
+    and of the effects in the model at the sizes that null replicates of it say, that model is taken around which least is left
+    unexplained. Everything competes anew around it, and what no longer wins leaves. It ends when chance makes as much as what is left,
+    or as what a change explains.
     """
     chances = draws(subject.windows, subject.noises, settings.replicates, rng)
 
@@ -119,46 +109,51 @@ def search(subject: Subject, base: Fit, settings: Settings, rng: np.random.Gener
         score = whole_score(evidence, effects)
         selection = se.compete(evidence, library, settings, score, np.random.default_rng(0))
         progress(stage, 1, 1)
-        return Look(fit, effects, evidence, library, score, selection)
+        return Look(fit, effects, evidence, library, score, selection, settings)
 
     first = now = look(base, ())
     road = Road(subject, base, first.library.plan)
+    chance = -np.log(settings.false_alarms)  # likelier than that, nothing that is left unexplained makes the recording
     gone: set[str] = set()
     for _ in range(ROUNDS):
-        kept = tuple(one for one in now.effects if one.name in winners(now, settings))
+        there = winners(now)
+        kept = tuple(one for one in now.effects if one.name in there)
         if len(kept) < len(now.effects):
             gone |= {one.name for one in now.effects} - {one.name for one in kept}
             now = look(*road.together(kept, [_slope(now, one) for one in kept])) if kept else first
             continue
-        moved = _resized(now, settings)
-        if moved != now.effects:
-            now = look(road.fitted(moved), moved)
-            continue
-        # What was not likely may be so beside what has entered since.
-        entering = _entering(now, road, set(gone), settings, progress) if len(kept) < settings.components else None
-        if entering is None:
+        if now.unexplained < chance:
             break
-        slopes = [*(_slope(now, one) for one in kept), entering.slope]
-        now = look(*road.together(entering.driven.effects, slopes))
+        moved = _resized(now)
+        others = [look(road.fitted(moved), moved)] if moved != now.effects else []
+        if not others or others[0].unexplained > now.unexplained - chance:
+            # What was not likely may be so beside what has entered since.
+            entering = _entering(now, road, gone, progress) if len(kept) < settings.components else []
+            slopes = [_slope(now, one) for one in kept]
+            others += [look(*road.together(one.driven.effects, [*slopes, one.slope])) for one in entering]
+        best = min(others, key=lambda one: one.unexplained, default=now)
+        if best.unexplained > now.unexplained - chance:
+            break
+        now = best
     return Found(base, first, now, settings)
 
 
-def winners(now: Look, settings: Settings) -> dict[str, int]:
+def winners(now: Look) -> dict[str, int]:
     """Return the hypothesis of each name that wins a component on enough drivers."""
     out: dict[str, int] = {}
     for component in now.selection.components:
         winner = now.winner(component)
-        if winner is not None and now.effective_drivers(winner) >= settings.least_drivers:
+        if winner is not None and now.effective_drivers(winner) >= now.settings.least_drivers:
             out.setdefault(now.library.names[int(now.library.family[winner])], winner)
     return out
 
 
-def _resized(now: Look, settings: Settings) -> tuple[Placed, ...]:
+def _resized(now: Look) -> tuple[Placed, ...]:
     """Return the effects, those moved to where they are likeliest that are farther from it than two standard errors.
 
     Null replicates of the model that has them show what measurement makes of an effect of this size; those of the model without it do not.
     """
-    arena = now.arena(settings)
+    arena = now.arena()
     parts = [arena.contribution(one) for one in now.selection.components]
     moved = {}
     for n, component in enumerate(now.selection.components):
@@ -179,16 +174,16 @@ def _resized(now: Look, settings: Settings) -> tuple[Placed, ...]:
     return tuple(out)
 
 
-def _candidates(now: Look, refused: set[str], settings: Settings) -> list[list[tuple[int, float]]]:
+def _candidates(now: Look, refused: set[str]) -> list[list[tuple[int, float]]]:
     """Return effects that are worth driving, each as hypotheses and the sizes at which they win; none if nothing is left to explain.
 
     Of an effect that is linear the likeliest hypothesis is enough. How others act at their size a little of them does not say: of these
     every form is driven, each where it is likeliest.
     """
     there = {one.name for one in now.effects}
-    if not set(winners(now, settings)) - there:
+    if not set(winners(now)) - there:
         return []
-    library, arena = now.library, now.arena(settings)
+    library, arena = now.library, now.arena()
     held: list[se.Component] = []
     others: list[se.Component] = []
     for component in now.selection.components:
@@ -203,7 +198,7 @@ def _candidates(now: Look, refused: set[str], settings: Settings) -> list[list[t
             best = int(np.argmax(inside))
             if library.is_free(best) or name in there | refused | {other for _, other, _ in close}:
                 continue
-            if now.effective_drivers(best) >= settings.least_drivers:
+            if now.effective_drivers(best) >= now.settings.least_drivers:
                 forms = [best] if library.is_linear(best) else library.best_of_forms(inside)
                 close.append((float(one.by_family[family]), name, [(n, float(one.size[n])) for n in forms]))
     return [forms for _, _, forms in sorted(close, reverse=True)[:TRIED]]
@@ -221,9 +216,9 @@ class Entering(NamedTuple):
     slope: float
 
 
-def _entering(now: Look, road: Road, refused: set[str], settings: Settings, progress: Progress) -> Entering | None:
-    """Return the effect that is likeliest once it is driven; None if none is likely enough."""
-    tried = _candidates(now, refused, settings)
+def _entering(now: Look, road: Road, gone: set[str], progress: Progress) -> list[Entering]:
+    """Return the effects that may enter the model: the likeliest once they are driven."""
+    tried = _candidates(now, gone)
     without = road.driven(now.effects)[0] if tried else np.empty(0)
     likely: list[Entering] = []
     for number, forms in enumerate(tried):
@@ -232,22 +227,19 @@ def _entering(now: Look, road: Road, refused: set[str], settings: Settings, prog
             (placed_of(now.library, hypothesis, size, now.effects), _null_slope(now, hypothesis))
             for hypothesis, size in forms
         ]
-        which = road.likeliest(now.effects, each, without)
-        one, slope = each[which]
+        one, slope = each[road.likeliest(now.effects, each, without)]
         driven = road.sized(now.effects, one, slope, without)
-        if now.is_likely(driven, forms[which][0], settings):
+        if driven.total > 0.0:
             likely.append(Entering(driven, slope))
-        else:
-            refused.add(one.name)
-    return max(likely, key=lambda one: one.driven.total, default=None)
+    return sorted(likely, key=lambda one: -one.driven.total)[:COMPARED]
 
 
 def _null_slope(now: Look, hypothesis: int) -> float:
     """Return what null replicates say of a little of a hypothesis."""
     row = now.library.mix[hypothesis]
-    return float(row.data @ now.evidence.nulls.mean(axis=0)[row.indices])
+    return float(row.data @ now.evidence.usual[row.indices])
 
 
 def _slope(now: Look, one: Placed) -> float:
     """Return what null replicates say of a little more of an effect in the model."""
-    return float(now.evidence.nulls.mean(axis=0)[present_columns(now.library.plan, [one])[0]])
+    return float(now.evidence.usual[present_columns(now.library.plan, [one])[0]])

@@ -204,6 +204,11 @@ def compete(
     return Selection(tuple(order), TAUS[best], arena.thresholds(rng), explained)
 
 
+def support(evidence: Evidence, library: Library, settings: Settings, score: Floats) -> float:
+    """Return how much likelier a score is with a sum of single effects and the law's misfit than without."""
+    return max(_at(Competition(evidence, library, settings, score, tau))[0] for tau in TAUS)
+
+
 def _at(arena: Competition) -> tuple[float, list[Component]]:
     """Return how likely the score is at a size of the misfit, and components found one after the other."""
     components: list[Component] = []

@@ -39,7 +39,7 @@ def searched() -> tuple[ev.Subject, Found]:
     evidence = ev.examine(subject, fit, plan, chances)
     library = library_of(plan, SETTINGS)
     selection = se.compete(evidence, library, SETTINGS, evidence.score, np.random.default_rng(0))
-    look = Look(fit, (), evidence, library, evidence.score, selection)
+    look = Look(fit, (), evidence, library, evidence.score, selection, SETTINGS)
     return subject, Found(fit, look, look, SETTINGS)
 
 
@@ -53,7 +53,7 @@ def test_twice_the_typical_size_wins_and_next_to_nothing_does_not(
     chances = draws(subject.windows, subject.noises, 4, np.random.default_rng(3))
 
     def share(effect: injection.Placed) -> int:
-        trial = Trial(subject, found.last, SETTINGS, effect)
+        trial = Trial(subject, found.last, effect)
         return sum(trial.finds(chance) for chance in chances)
 
     assert share(large) >= 3

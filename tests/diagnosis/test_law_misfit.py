@@ -15,6 +15,7 @@ from idm_sumo.diagnosis.fit import fit_drivers
 from idm_sumo.diagnosis.law_misfit import FORMS, FormEvidence, law_misfit
 from idm_sumo.diagnosis.library import library_of
 from idm_sumo.diagnosis.noise import Noise
+from idm_sumo.diagnosis.replicates import make_replicate
 from idm_sumo.diagnosis.search import Look
 from idm_sumo.diagnosis.settings import SETTINGS
 from idm_sumo.models import laws
@@ -75,13 +76,15 @@ def test_only_cells_in_which_five_drivers_were_are_told() -> None:
 
 @pytest.mark.parametrize(("number", "lacks"), [(laws.IDM, False), (laws.FULL_VELOCITY_DIFFERENCE, True)])
 def test_an_idm_lacks_what_drivers_of_another_law_do(number: int, *, lacks: bool) -> None:
-    windows = windows_of(number)
+    smooth = windows_of(number)
+    one, *chances = draws(smooth, JITTER, 5, np.random.default_rng(0))
+    windows = make_replicate(smooth, fit_drivers(smooth, law.of(number), np.full(2, 1e-4)), one, is_smooth=True)
     subject = ev.Subject(windows, JITTER, True)
     fit = fit_drivers(windows, law.of(laws.IDM), np.full(2, 1e-4))
     plan = co.plan_of(windows, fit, free=False)
-    evidence = ev.examine(subject, fit, plan, draws(windows, JITTER, 3, np.random.default_rng(0)))
+    evidence = ev.examine(subject, fit, plan, chances)
     library = library_of(plan, SETTINGS)
     nothing = se.Selection((), 0.0, np.zeros(len(library.names)), np.zeros(plan.count))
-    look = Look(fit, (), evidence, library, evidence.score, nothing)
+    look = Look(fit, (), evidence, library, evidence.score, nothing, SETTINGS)
     found = law_misfit(windows, look.of_form, plan.speed)
     assert (found.p_value < 1e-3) is lacks

@@ -59,7 +59,7 @@ def evidence(sizes: np.ndarray, seed: int, who: np.ndarray | None = None) -> Evi
 def look(sizes: np.ndarray, seed: int, who: np.ndarray | None = None) -> Look:
     seen = evidence(sizes, seed, who)
     selection = se.compete(seen, LIBRARY, SETTINGS, seen.score, np.random.default_rng(0))
-    return Look(None, (), seen, LIBRARY, seen.score, selection)  # type: ignore[arg-type]
+    return Look(None, (), seen, LIBRARY, seen.score, selection, SETTINGS)  # type: ignore[arg-type]
 
 
 def hidden(**effects: float) -> np.ndarray:

@@ -31,7 +31,7 @@ def found(misfit: LawMisfit | None) -> Diagnosis:
     table = pd.DataFrame({"position": [0.0, 600.0], "time": [0.0, 60.0], "speed": [5.0, 9.0], "window": [0, 1]})
     drivers = pd.DataFrame({"period": ["p"], "vehicle": [1], "windows": [2], "held_out": [True]})
     return Diagnosis(
-        "none", (), (), (), gain, (), (), {}, (), model, model, table, drivers, (), {}, law_misfit=misfit,
+        "none", (), (), (), gain, (), (), {}, model, model, table, drivers, (), {}, law_misfit=misfit,
     )  # fmt: skip
 
 
