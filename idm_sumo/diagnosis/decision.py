@@ -15,6 +15,8 @@ from idm_sumo.diagnosis.gain import Errors, by_folds, driven, folds_of, lower_bo
 from idm_sumo.diagnosis.model import Placed, present_columns, refitted, with_effects
 from idm_sumo.diagnosis.result import Gain
 from idm_sumo.diagnosis.search import Found, Look
+from idm_sumo.diagnosis.some_drivers import Some, by_their_other_windows, some_who_differ
+from idm_sumo.diagnosis.windows import WITHOUT, Windows
 
 Floats = npt.NDArray[np.float64]
 
@@ -74,6 +76,8 @@ class Decision:
         On drivers that took no part in the sizes.
     look : Look
         Around the extended model.
+    some : Some or None
+        What only some drivers have, if that is what is named.
     """
 
     named: tuple[Claim, ...]
@@ -83,6 +87,7 @@ class Decision:
     base: Errors
     extended: Errors
     look: Look
+    some: Some | None = None
 
     @property
     def verdict(self) -> str:
@@ -101,11 +106,32 @@ def decide(subject: Subject, found: Found, rng: np.random.Generator) -> Decision
     measured = _with_gains(subject, found, there, base, fold, rng)
     named = tuple(one for one in measured if one.gain and lower_bound(one.gain, settings.gain_level) > 0.0)
     without = tuple(one for one in measured if one not in named)
+    some = some_who_differ(windows, found)
+    if some is not None:
+        apart = _of_some(windows, found, some, base, rng)
+        if apart is not None:
+            return apart
     if not named:
         return Decision((), without, free, found.base, base, base, found.last)
     fit = _fitted(subject, found, named)
     extended = by_folds(windows, _by_fold(found, fit, named, fold), fold)
     return Decision(named, without, free, fit, base, extended, found.last)
+
+
+def _of_some(windows: Windows, found: Found, some: Some, base: Errors, rng: np.random.Generator) -> Decision | None:
+    """Return that some drivers have a cause, if it improves windows that did not say who has it; else None."""
+    extended = driven(by_their_other_windows(windows, some.fit, some.share.value), some.fit)
+    gain = typical_gain(base.ade_m, extended.ade_m, windows.platoon, rng, held_out=True)
+    if lower_bound(gain, found.settings.gain_level) <= 0.0:
+        return None
+    placed, families = some.placed, len(found.first.library.names)
+    z, having = float(np.sqrt(2.0 * some.support)), some.windows.seen[:, WITHOUT, 0] == 0.0
+    claim = Claim(
+        placed.name, some.hypothesis, placed, placed.value, found.settings.doubt * placed.magnitude.typical, some.support,
+        -float(np.log(found.settings.false_alarms)), z, float(min(1.0, 2.0 * families * norm.sf(z))),
+        1.0 / (1.0 + float(np.exp(-some.support))), (), float(len(np.unique(windows.driver[having]))), gain,
+    )  # fmt: skip
+    return Decision((claim,), (), (), some.fit, base, extended, found.last, some)
 
 
 def claims_of(found: Found) -> list[Claim]:

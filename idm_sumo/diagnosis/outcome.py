@@ -33,12 +33,14 @@ from idm_sumo.diagnosis.result import (
     Unexplained,
 )
 from idm_sumo.diagnosis.search import Found, Look
+from idm_sumo.diagnosis.some_drivers import Some
 from idm_sumo.models import laws
 from idm_sumo.models.effects import BY_NAME, Cause, ExtendedModel, format_quantity
 from idm_sumo.models.idm import IDMParameters
 from idm_sumo.recordings.columns import FRAME_STEP
 from idm_sumo.recordings.recording import Recording
 
+SHARE = "share"  # of the drivers, who have a cause: given with its parameters where not all do
 SEAM_WIDTH, SEAM_DOUBT = 4.0, 0.08  # m; of its shift: smoothing blurs it
 
 
@@ -54,20 +56,21 @@ def told(
         "vehicle": windows.vehicle, "period": windows.period,
         "base": decision.base.ade_m, "extended": decision.extended.ade_m,
     }  # fmt: skip
-    causes = tuple(_cause(one, found) for one in decision.named)
+    causes = tuple(_cause(one, decision.fit, decision.some) for one in decision.named)
+    apart = windows if decision.some is None else decision.some.windows
     return Diagnosis(
         verdict=decision.verdict,
         causes=causes,
-        without_gain=tuple(_cause(one, found) for one in decision.without_gain),
+        without_gain=tuple(_cause(one, found.last.fit) for one in decision.without_gain),
         unexplained=tuple(_unexplained(one, found) for one in decision.unexplained),
         gain=gains[0],
         other_gains=gains[1:],
         ruled_out=_ruled_out(found.last, named),
         untestable=_untestable(recording, windows, found),
-        model=_model(decision.fit, decision.named, recording.source),
+        model=_model(decision.fit, decision.named, recording.source, decision.some),
         base_model=_model(found.base, (), recording.source),
         residuals=tables.residuals(windows, decision.base.residual, decision.extended.residual),
-        drivers=tables.drivers(windows, for_rollouts(windows, decision.fit), known),
+        drivers=tables.drivers(apart, for_rollouts(apart, decision.fit), known),
         scans=_scans(found.first),
         excluded=dict(windows.excluded),
         notes=_notes(recording, windows, measurement),
@@ -109,11 +112,12 @@ def seam_cause(seam: Seam) -> CauseFound:
     )  # fmt: skip
 
 
-def _model(fit: Fit, claims: tuple[Claim, ...], source: str) -> ExtendedModel:
+def _model(fit: Fit, claims: tuple[Claim, ...], source: str, some: Some | None = None) -> ExtendedModel:
     """Return the median driver's model with the named causes."""
     a, b, headway, gap, limit = (float(v) for v in np.exp(fit.mean))
+    share = 1.0 if some is None else some.share.value
     causes = tuple(
-        Cause(one.name, _values(fit, one.placed), (one.placed.lane,) if one.placed.lane else ())
+        Cause(one.name, _values(fit, one.placed), (one.placed.lane,) if one.placed.lane else (), share)
         for one in claims
         if one.placed is not None
     )
@@ -126,20 +130,24 @@ def _values(fit: Fit, placed: Placed) -> dict[str, float]:
     return {p.symbol: float(fit.by_lane[row, p.slot]) for p in BY_NAME[placed.name].acting(fit.by_lane[row])}
 
 
-def _cause(claim: Claim, found: Found) -> CauseFound:
+def _cause(claim: Claim, fit: Fit, some: Some | None = None) -> CauseFound:
     assert claim.placed is not None
     placed, first = claim.placed, claim.placed.magnitude
     half = Z95 * claim.error
     low, high = max(placed.value - half, first.lower), min(placed.value + half, first.upper)
     parameters = {first.symbol: Estimate(placed.value, first.unit, (low, high))}
     for parameter in BY_NAME[placed.name].all_parameters:
-        value = _values(found.last.fit, placed).get(parameter.symbol)
+        value = _values(fit, placed).get(parameter.symbol)
         if value is not None and parameter.symbol not in parameters:
             slack = _slack(parameter.unit, value)
             within = max(value - slack, parameter.lower), min(value + slack, parameter.upper)
             parameters[parameter.symbol] = Estimate(value, parameter.unit, within)
+    sentence = _sentence(claim)
+    if some is not None:
+        parameters[SHARE] = some.share
+        sentence += f"; {some.share.value:.0%} of the drivers have it, the others are likelier without"
     return CauseFound(
-        placed.name, parameters, _region(placed), claim.p, _sentence(claim), claim.one_of, claim.gain,
+        placed.name, parameters, _region(placed), claim.p, sentence, claim.one_of, claim.gain,
         claim.probability, claim.effective_drivers, placed.at_bound,
     )  # fmt: skip
 
