@@ -65,8 +65,9 @@ class Look:
     def of_form(self) -> FormEvidence:
         """What the recording says of the law's form, beside all that competes successfully."""
         smooth = self.library.plan.of(co.MISFIT)[:-1]  # the last is the response, of no place in this space
-        gram = self.evidence.gram[smooth] / self.evidence.inflation
-        left = self.score[smooth] / self.evidence.inflation - gram @ self.selection.explained
+        unsure = self.evidence.inflation * (1.0 + 0.5 * np.pi / len(self.evidence.nulls))  # of a median of replicates
+        gram = self.evidence.gram[smooth] / unsure
+        left = self.score[smooth] / unsure - gram @ self.selection.explained
         return FormEvidence(left, gram[:, smooth])
 
     def effective_drivers(self, hypothesis: int) -> float:

@@ -29,8 +29,8 @@ Floats = npt.NDArray[np.float64]
 Integers = npt.NDArray[np.int64]
 Booleans = npt.NDArray[np.bool_]
 
-MULTIPLES = (1.0, 2.0, 3.0)  # of the typical size, at which those who have it may have it
-DRIVEN = 4  # forms, of those of which a mixture of the scores says most
+MULTIPLES = (1.0, 2.0)  # of the typical size, at which those who have it may have it
+DRIVEN = 2  # effects, of those of which a mixture of the scores says most
 FEW_ROUNDS = 8  # of the fits that are compared
 LEAST_SHARE, SHARES = 1e-4, np.linspace(0.002, 0.998, 250)
 RARELY = 3.84  # twice the log-likelihood, that chance takes off a share in one of twenty cases
@@ -142,25 +142,43 @@ def _refined(
 
 
 def _worth_driving(look: Look) -> Iterator[tuple[int, Placed]]:
-    """Yield the forms and sizes of which a mixture of drivers' scores says most, over what all drivers alike say."""
-    library, phi = look.library, look.evidence.inflation
-    tried: list[tuple[float, int, float]] = []
-    for number in range(len(library.family)):
-        group = library.group_of(number)
-        if group.axes or group.lane or group.present or group.is_free or BY_NAME[group.name].between:
-            continue
-        row = library.mix[number]
-        score = look.evidence.by_driver[:, row.indices] @ row.data / phi
-        information = np.maximum(look.evidence.part[:, row.indices] @ (row.data**2), 0.0) / phi
-        whole = float(score.sum()) ** 2 / max(2.0 * float(information.sum()), 1e-300)
-        signs = (1.0,) if library.lower[number] >= 0.0 else (1.0, -1.0)
-        for size in (sign * n * library.size[number] for sign in signs for n in MULTIPLES):
-            if library.lower[number] <= size <= library.upper[number]:
-                tried.append((mixture(size * score - 0.5 * size**2 * information).support - whole, number, size))
+    """Yield every form of the effects of which a mixture of drivers' scores says most, over what all drivers alike say."""
+    library = look.library
+    more = {n: _more_of_some(look, n) for n in range(len(library.family)) if _may_differ(look, n)}
+    by_family: dict[str, float] = {}
+    for number, said in more.items():
+        name = library.group_of(number).name
+        by_family[name] = max(said, by_family.get(name, 0.0))
     chance = -np.log(look.settings.false_alarms)
-    for more, number, size in sorted(tried, reverse=True)[:DRIVEN]:
-        if more > chance:
-            yield number, placed_of(library, number, size, ())
+    likely = sorted((name for name in by_family if by_family[name] > chance), key=lambda name: -by_family[name])
+    driven: set[tuple[object, ...]] = set()
+    for number in more:
+        group = library.group_of(number)
+        for multiple in MULTIPLES if group.name in likely[:DRIVEN] else ():
+            sign = 1.0 if library.lower[number] >= 0.0 else float(np.sign(library.mix[number].dot(look.score)[0]))
+            one = placed_of(library, number, sign * multiple * library.size[number], ())
+            what = (one.name, one.form.slot, one.form.fixed, one.value)
+            if what not in driven:
+                driven.add(what)
+                yield number, one
+
+
+def _may_differ(look: Look, number: int) -> bool:
+    """Return whether a hypothesis is of an effect that some drivers may have, everywhere and always, and others not."""
+    group = look.library.group_of(number)
+    return not (group.axes or group.lane or group.present or group.is_free or BY_NAME[group.name].between)
+
+
+def _more_of_some(look: Look, number: int) -> float:
+    """Return how much likelier drivers' scores are if some have a hypothesis, and others not, than if all have it alike."""
+    library, phi = look.library, look.evidence.inflation
+    row = library.mix[number]
+    score = look.evidence.by_driver[:, row.indices] @ row.data / phi
+    information = np.maximum(look.evidence.part[:, row.indices] @ (row.data**2), 0.0) / phi
+    alike = float(score.sum()) ** 2 / max(2.0 * float(information.sum()), 1e-300)
+    signs = (1.0,) if library.lower[number] >= 0.0 else (1.0, -1.0)
+    sizes = [sign * n * library.size[number] for sign in signs for n in MULTIPLES]
+    return max(mixture(size * score - 0.5 * size**2 * information).support for size in sizes) - alike
 
 
 def of_two_kinds(with_it: Fit, without: Fit) -> Fit:
