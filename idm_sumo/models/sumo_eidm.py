@@ -1,6 +1,7 @@
-r"""SUMO's EIDM without its errors of perception, reaction time, jerk limit and coolness.
+r"""SUMO's EIDM without its random errors and delays.
 
-What is left is the improved IDM with the distances that SUMO adds to it. It has the IDM's ``a, b, T, d0``; vehicles
+Perception errors, reaction time, jerk limit and coolness are off. What is left is the improved IDM with the distances
+that SUMO adds to it. It has the IDM's ``a, b, T, d0``; vehicles
 stand :math:`d_0 + 0.3` m apart.
 """
 
