@@ -155,13 +155,12 @@ def cases_of(settings: Settings, traffic: Traffic, lane_change: dict[str, str], 
 def _ours(file: Path, population: str, traffic: Traffic, calibrated: Floats) -> ModelDrivers:
     """Return the drivers of a population of our own loop.
 
-    They drive with a model's causes, or by its law without them.
+    They drive with a model's causes, or by its law without them: the same drivers, those that were refitted with the
+    causes, so that the two populations differ in the causes alone.
     """
     model, demand, recorded = ExtendedModel.read(file), traffic.demand, traffic.recorded
     if population != EXTENDED:
         model = replace(model, causes=())
-        if model.is_idm:
-            return ModelDrivers(model, demand, calibrated, recorded.road, places=traffic.places)
     theta, limits, has = refitted_for(model, file, demand, recorded.periods[0], calibrated)
     return ModelDrivers(model, demand, theta, recorded.road, limits, has, traffic.places)
 
