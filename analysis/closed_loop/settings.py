@@ -18,7 +18,8 @@ POPULATIONS = (*CALIBRATED, *DEFAULTS)
 EXTENDED = "extended"  # the drivers with the causes of a model, driven by our own loop
 # The same loop without the causes: it lacks what SUMO's lane changing does to speeds, so only this is comparable.
 LOOPS = ("own-loop", EXTENDED)
-OF_LAWS = {f"fitted-{law}": law for law in OTHER_LAWS}  # drivers fitted by another of SUMO's models
+FITTED = {law: f"fitted-{law}" for law in OTHER_LAWS}  # drivers fitted by another of SUMO's models
+OF_LAWS = {population: law for law, population in FITTED.items()}
 RESIDUAL = "residual"  # the pooled driver and a predicted residual, driven by our own loop
 
 

@@ -176,7 +176,7 @@ def drive_one(p, i, theta, scheme, x, speed):  # type: ignore[no-untyped-def]
     """
     x[0], speed[0] = p.start_x[i], p.start_speed[i]
     stepping = EULER if scheme >= KRAUSS else scheme
-    before, started = 0.0, LONG_AGO
+    started = LONG_AGO
     for k in range(x.shape[0] - 1):
         rear, leader_speed = look_ahead(p, i, k, x[k])
         approach_rate, gap = speed[k] - leader_speed, rear - x[k]
@@ -188,6 +188,7 @@ def drive_one(p, i, theta, scheme, x, speed):  # type: ignore[no-untyped-def]
             acceleration = sumo_eidm.acceleration(
                 speed[k], approach_rate, gap, theta[0], theta[1], theta[2], theta[3], p.desired_speed[i]
             )
+            before = (speed[k] - speed[k - 1]) / DT if k > 0 else 0.0
             if sumo_eidm.drives_off(speed[k], acceleration, before, (k - started) * DT, theta[0]):
                 acceleration, started = sumo_eidm.DRIVE_OFF * acceleration, k
         else:
@@ -197,7 +198,6 @@ def drive_one(p, i, theta, scheme, x, speed):  # type: ignore[no-untyped-def]
         x[k + 1], speed[k + 1] = advance(
             stepping, x[k], speed[k], acceleration, p.desired_speed[i], p.forward[i, k], DT
         )
-        before = (speed[k + 1] - speed[k]) / DT
 
 
 @njit(cache=True)

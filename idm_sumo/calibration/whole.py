@@ -42,7 +42,7 @@ WINDOWS = "windows"  # column: how many windows of the driver its parameters wer
 INTEGRATION = "euler"  # SUMO's default
 IDM, KRAUSS, EIDM = "idm", "krauss", "eidm"
 LAWS = {IDM: INTEGRATION, KRAUSS: KRAUSS, EIDM: EIDM}  # of vehicle types, and the scheme that drives by each
-OTHER_LAWS = (KRAUSS, EIDM)
+OTHER_LAWS = tuple(law for law in LAWS if law != IDM)
 
 
 class _Piece(NamedTuple):

@@ -249,11 +249,11 @@ def interactive(options: argparse.Namespace) -> None:
     ----------
     options : argparse.Namespace
     """
-    module = study_module("closed_loop.run")
+    module, loop = study_module("closed_loop.run"), study_module("closed_loop.settings")
     options.recording = options.recording or SURROGATE
     single = options.gui or options.ego is not None  # one population is all that can be watched or driven among
     types = tuple(dict.fromkeys(options.types or (TYPES[:1] if single else _types_for(options.drivers))))
-    of_laws = tuple(f"fitted-{law}" for law in dict.fromkeys(options.law))
+    of_laws = tuple(loop.FITTED[law] for law in dict.fromkeys(options.law))
     if of_laws:
         types = of_laws if single and not options.types else (*types, *of_laws)
     if options.model is not None:
@@ -261,7 +261,7 @@ def interactive(options: argparse.Namespace) -> None:
 
         ExtendedModel.read(options.model)  # before hours of simulation
         types = ("extended",) if single and not options.types else (*types, "own-loop", "extended")
-    settings = study_module("closed_loop.settings").Settings(
+    settings = loop.Settings(
         recording=str(shared.recording_path(options)) if options.net_file else options.recording,
         period=options.period,
         drivers=options.drivers,

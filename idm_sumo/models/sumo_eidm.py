@@ -1,8 +1,7 @@
 r"""SUMO's EIDM without its random errors and delays.
 
 Perception errors, reaction time, jerk limit and coolness are off. What is left is the improved IDM with the distances
-that SUMO adds to it. It has the IDM's ``a, b, T, d0``; vehicles
-stand :math:`d_0 + 0.3` m apart.
+that SUMO adds to it. It has the IDM's ``a, b, T, d0``; vehicles stand :math:`d_0 + 0.3` m apart.
 """
 
 from __future__ import annotations
@@ -43,7 +42,7 @@ def acceleration(speed, approach_rate, gap, a, b, T, d0, desired_speed):  # type
 
     Notes
     -----
-    Source: SUMO, ``MSCFModel_EIDM::_v`` with the attributes of :data:`idm_sumo.sumo.export.vtypes.OTHER_LAWS`.
+    Source: SUMO, ``MSCFModel_EIDM::_v`` with the attributes of :data:`idm_sumo.sumo.export.vtypes.LAW_ATTRIBUTES`.
     """
     weight = idm.closing_weight(a, b)
     margin = max(LEAST, d0 - SHORTER)

@@ -37,8 +37,8 @@ AS_CALIBRATED = {
     "lcKeepRight": "0",  # drivers in California need not return to the right
 }  # fmt: skip
 
-# What other laws need in place of the IDM's own attributes; None: SUMO's model has no such one.
-OTHER_LAWS: dict[str, dict[str, str | None]] = {
+# What a law needs beside the IDM's own attributes, or in place of them; None: SUMO's model has no such one.
+LAW_ATTRIBUTES: dict[str, dict[str, str | None]] = {
     IDM: {},
     KRAUSS: {"carFollowModel": "Krauss", "delta": None, "stepping": None, "sigma": "0"},  # a noise was not fitted
     EIDM: {
@@ -119,7 +119,7 @@ def type_element(driver: DriverType, parent: Element | None = None, *, law: str 
         "length": number(driver.length), "width": number(driver.width),
         "accel": number(driver.a), "decel": number(driver.b), "apparentDecel": number(driver.b),
         "tau": number(driver.T), "minGap": number(driver.d0), "maxSpeed": number(driver.maximum_speed),
-        **AS_CALIBRATED, **OTHER_LAWS[law], **extra,
+        **AS_CALIBRATED, **LAW_ATTRIBUTES[law], **extra,
     }  # fmt: skip
     known = {name: value for name, value in attributes.items() if value is not None}
     return Element("vType", known) if parent is None else SubElement(parent, "vType", known)
