@@ -14,6 +14,7 @@ import pandas as pd
 from idm_sumo.calibration import driver_table as d
 from idm_sumo.calibration.driver_table import read_drivers
 from idm_sumo.calibration.place_speeds import PlaceSpeeds, place_speeds
+from idm_sumo.calibration.whole import IDM
 from idm_sumo.models.effects import ExtendedModel
 from idm_sumo.models.idm import TEXTBOOK
 from idm_sumo.prediction.residual_drive import ResidualDrivers
@@ -28,7 +29,7 @@ from idm_sumo.sumo.closed_loop.run import RunFiles, write_run
 from idm_sumo.sumo.closed_loop.signs import SpeedSign, boundary_signs, place_signs
 
 from .populations import Drivers, mean_speed_of, parameters_for, refitted_for
-from .settings import EXTENDED, LOOPS, RESIDUAL, Case, Settings
+from .settings import EXTENDED, LOOPS, OF_LAWS, RESIDUAL, Case, Settings
 
 Floats = npt.NDArray[np.float64]
 
@@ -98,10 +99,11 @@ def types_of(traffic: Traffic, population: str, lane_change: dict[str, str]) -> 
     """
     if population in DEFAULTS or traffic.drivers is None:
         return default_types(traffic.demand, population, lane_change), np.empty((0, 5)), 0
-    own = "drivers" if population in (*LOOPS, RESIDUAL) else population
+    law = OF_LAWS.get(population, IDM)
+    own = "drivers" if population in (*LOOPS, RESIDUAL) else OF_LAWS.get(population, population)
     theta, limits, pooled = parameters_for(own, traffic.drivers, traffic.demand, mean_speed_of(traffic.recorded))
     limit = traffic.recorded.road.speed_limit
-    types = calibrated_types(traffic.demand, theta, lane_change, limits, speed_limit=limit)
+    types = calibrated_types(traffic.demand, theta, lane_change, limits, speed_limit=limit, law=law)
     return types, theta, pooled
 
 
@@ -153,13 +155,12 @@ def cases_of(settings: Settings, traffic: Traffic, lane_change: dict[str, str], 
 def _ours(file: Path, population: str, traffic: Traffic, calibrated: Floats) -> ModelDrivers:
     """Return the drivers of a population of our own loop.
 
-    They drive with a model's causes, or by its law without them.
+    They drive with a model's causes, or by its law without them: the same drivers, those that were refitted with the
+    causes, so that the two populations differ in the causes alone.
     """
     model, demand, recorded = ExtendedModel.read(file), traffic.demand, traffic.recorded
     if population != EXTENDED:
         model = replace(model, causes=())
-        if model.is_idm:
-            return ModelDrivers(model, demand, calibrated, recorded.road, places=traffic.places)
     theta, limits, has = refitted_for(model, file, demand, recorded.periods[0], calibrated)
     return ModelDrivers(model, demand, theta, recorded.road, limits, has, traffic.places)
 

@@ -5,6 +5,7 @@ They are calibrated, predicted or pooled.
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -15,7 +16,8 @@ import pandas as pd
 from idm_sumo.calibration import calibrate, pooled
 from idm_sumo.calibration.drawn import as_drawn, drawn_columns, one_a_driver
 from idm_sumo.calibration.driver_table import DESIRED_SPEED, FIRST_FRAME, HAS, read_drivers
-from idm_sumo.calibration.whole import WHOLE, as_whole
+from idm_sumo.calibration.parameter_sets import with_law
+from idm_sumo.calibration.whole import IDM, OTHER_LAWS, WHOLE, as_whole, whole_columns
 from idm_sumo.calibration.without_d1 import MEAN_SPEED, REFIT, mean_speeds, refit_table
 from idm_sumo.models.effects import ExtendedModel
 from idm_sumo.models.idm import IDMParameters
@@ -62,7 +64,14 @@ class Drivers:
     origin: str
 
 
-def drivers_of(recording: Recording, path: Path | None, *, refit: bool = False, progress: Progress = silent) -> Drivers:
+def drivers_of(
+    recording: Recording,
+    path: Path | None,
+    *,
+    refit: bool = False,
+    laws: Sequence[str] = (),
+    progress: Progress = silent,
+) -> Drivers:
     """Calibrate the drivers of a period, or read them.
 
     Parameters
@@ -73,6 +82,8 @@ def drivers_of(recording: Recording, path: Path | None, *, refit: bool = False, 
         A driver table.
     refit : bool
         Whether drivers calibrated here are fitted once more without ``d1``, which SUMO lacks; else it is linearised.
+    laws : sequence of str
+        SUMO's models that drivers calibrated here are fitted by, too.
 
     Raises
     ------
@@ -88,7 +99,7 @@ def drivers_of(recording: Recording, path: Path | None, *, refit: bool = False, 
         )
     one_for_all = pooled(scenes)
     progress("calibrating", 1, 4)
-    table = _read(path, scenes) if path else _calibrated(scenes, build_scenes(cleaned, EVERY_WINDOW), refit)
+    table = _read(path, scenes) if path else _calibrated(scenes, build_scenes(cleaned, EVERY_WINDOW), refit, laws)
     progress("calibrating", 3, 4)
     library = table if set(FEATURES.values()) <= set(table) else None
     predicted = None
@@ -99,7 +110,7 @@ def drivers_of(recording: Recording, path: Path | None, *, refit: bool = False, 
     return Drivers(scenes, table, predicted, one_for_all, "calibrated in this run" if path is None else path.name)
 
 
-def _calibrated(scenes: Scenes, windows: Scenes, refit: bool) -> pd.DataFrame:
+def _calibrated(scenes: Scenes, windows: Scenes, refit: bool, laws: Sequence[str]) -> pd.DataFrame:
     """Fit every driver; add its code and what replaces d1.
 
     Drawn to the population it is by all of its windows.
@@ -107,6 +118,9 @@ def _calibrated(scenes: Scenes, windows: Scenes, refit: bool) -> pd.DataFrame:
     fits = calibrate(scenes)
     drawn = one_a_driver(drawn_columns(windows, float(fits[DESIRED_SPEED].max())))
     fits = fits.merge(drawn.drop(columns=FIRST_FRAME), on=[c.PERIOD, c.VEHICLE])
+    for law in (IDM, *laws) if laws else ():
+        columns = whole_columns(fits, windows, law=law)
+        fits = fits.join(columns[[name for name in columns if name not in fits]])
     fitted = np.isfinite(fits[PARAMETERS].to_numpy()).all(axis=1)
     codes = driving_code(scenes)
     table = fits.join(codes[[name for name in codes if name not in fits]])[fitted].reset_index(drop=True)
@@ -155,7 +169,7 @@ def parameters_for(
     Parameters
     ----------
     population : str
-        ``drivers``, ``drawn``, ``predicted`` or ``pooled``.
+        ``drivers``, ``drawn``, ``predicted``, ``pooled`` or the name of a law of vehicle types.
     drivers : Drivers
     demand : pandas.DataFrame
     speeds : pandas.Series
@@ -168,12 +182,12 @@ def parameters_for(
     desired_speed : ndarray, shape (vehicles,)
         m/s; the speed limit for those with the pooled parameters.
     pooled : int
-        Vehicles that have the pooled parameters, for want of their own.
+        Vehicles that have the pooled parameters, for want of their own; by a law the median driver's.
 
     Raises
     ------
     InputError
-        If there is nothing to predict from.
+        If there is nothing to predict from, or nobody fitted by the law.
     """
     vehicle, road = demand[c.VEHICLE].to_numpy(), drivers.scenes.road
     limits = np.full(len(demand), road.speed_limit)
@@ -185,6 +199,9 @@ def parameters_for(
     table = drivers.predicted if population == "predicted" else drivers.table
     if population == "drawn":
         table = as_drawn(drivers.table, drivers.origin)
+    if population in OTHER_LAWS:
+        table, _ = with_law(drivers.table, population, drivers.origin)
+        theta[:, :4] = table[PARAMETERS[:4]].median()
     if table is None:
         raise InputError(
             f"--types {population}: the driver table has no driving codes; write it with `idm-sumo calibrate`"

@@ -39,7 +39,7 @@ from .cases import cases_of, traffic_of
 from .lane_changes import FILE, fitted, write_file
 from .populations import CALIBRATED, PARAMETERS, Drivers, drivers_of
 from .results import closed_loop_table, write_results
-from .settings import LOOPS, RESIDUAL, Case, Settings
+from .settings import LOOPS, OF_LAWS, RESIDUAL, Case, Settings
 from .words import RECORDED
 
 
@@ -58,7 +58,7 @@ def stages(settings: Settings) -> tuple[str, ...]:
 
 def _needs_drivers(settings: Settings) -> bool:
     """Whether anything drives by the recording's own drivers."""
-    calibrated = bool(set(settings.types) & {*CALIBRATED, *LOOPS, RESIDUAL})
+    calibrated = bool(set(settings.types) & {*CALIBRATED, *LOOPS, *OF_LAWS, RESIDUAL})
     return calibrated or settings.ego is not None or settings.bias_sample > 0
 
 
@@ -98,7 +98,7 @@ def interactive(settings: Settings, out: Path, *, command: list[str], progress: 
         recorded, path = _recorded(settings, progress)
         _check_ego(settings, demand_of(recorded), recorded)
         drivers = (
-            drivers_of(recorded, settings.drivers, refit=settings.refit, progress=progress)
+            drivers_of(recorded, settings.drivers, refit=settings.refit, laws=settings.laws, progress=progress)
             if _needs_drivers(settings)
             else None
         )

@@ -6,6 +6,7 @@ from collections.abc import Mapping
 from dataclasses import dataclass
 from pathlib import Path
 
+from idm_sumo.calibration.whole import OTHER_LAWS
 from idm_sumo.sumo.closed_loop.extended_loop import ModelDrivers
 from idm_sumo.sumo.closed_loop.populations import DEFAULTS
 from idm_sumo.sumo.closed_loop.run import RunFiles
@@ -17,6 +18,8 @@ POPULATIONS = (*CALIBRATED, *DEFAULTS)
 EXTENDED = "extended"  # the drivers with the causes of a model, driven by our own loop
 # The same loop without the causes: it lacks what SUMO's lane changing does to speeds, so only this is comparable.
 LOOPS = ("own-loop", EXTENDED)
+FITTED = {law: f"fitted-{law}" for law in OTHER_LAWS}  # drivers fitted by another of SUMO's models
+OF_LAWS = {population: law for law, population in FITTED.items()}
 RESIDUAL = "residual"  # the pooled driver and a predicted residual, driven by our own loop
 
 
@@ -33,7 +36,8 @@ class Settings:
     drivers : Path or None
         A driver table; calibrated in the run by default.
     types : tuple of str
-        Populations to run; ``residual`` needs a driver table of ``predict --method residual``.
+        Populations to run, keys of ``OF_LAWS`` among them; ``residual`` needs a driver table of
+        ``predict --method residual``.
     refit : bool
         Whether drivers calibrated in the run are fitted again without ``d1``; else it is linearised.
     lane_change_model : str
@@ -79,6 +83,11 @@ class Settings:
     seed: int = 1
     jobs: int | None = None
     model: Path | None = None
+
+    @property
+    def laws(self) -> tuple[str, ...]:
+        """Laws by which drivers are fitted, beside the IDM."""
+        return tuple(OF_LAWS[population] for population in self.types if population in OF_LAWS)
 
 
 @dataclass(frozen=True)

@@ -10,7 +10,6 @@ from zlib import crc32
 import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
-from sklearn.isotonic import isotonic_regression
 
 METHOD_NAMES = {
     "constant_velocity": "constant velocity",
@@ -115,6 +114,8 @@ def label_ends(ax: Axes, ends: Mapping[str, float], colours: Mapping[str, str]) 
     colours : mapping of str to str
         By name.
     """
+    from sklearn.isotonic import isotonic_regression  # here: sklearn takes long to load
+
     low, high = ax.get_ylim()
     names = sorted(ends, key=lambda name: ends[name])
     steps = LABEL_HEIGHT * np.arange(len(names))

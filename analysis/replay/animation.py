@@ -47,6 +47,7 @@ def animate(
     steps = trajectories.x.shape[1]
     around = table[table[c.FRAME].between(first, first + steps - 1) & (table[c.VEHICLE] != scenes.vehicle[0])]
     by_frame = {int(frame): rows for frame, rows in around.groupby(c.FRAME)}
+    _road(ax, scenes.road)
     writer = PillowWriter(fps=round(1 / (EVERY * FRAME_STEP)))
     with writer.saving(figure, str(path), dpi=90):
         for k in range(0, steps, EVERY):
@@ -58,11 +59,12 @@ def animate(
 
 
 def _draw(ax: Axes, scenes: Scenes, trajectories: Trajectories, k: int, around: pd.DataFrame | None) -> None:
-    """Draw one frame."""
-    ax.clear()
+    """Draw one frame: other cars at another place of the same road."""
+    for car in list(ax.patches):
+        car.remove()
     frame = scenes.start + k
     middle = scenes.x[0, frame]
-    _road(ax, scenes.road, middle)
+    ax.set_xlim(middle - BEHIND, middle + AHEAD)
     if around is not None:
         near = around[around[c.X].between(middle - BEHIND - 20, middle + AHEAD + 20)]
         sizes = near[[c.LENGTH, c.WIDTH]].fillna({c.LENGTH: scenes.road.car_length, c.WIDTH: scenes.road.car_width})
@@ -80,19 +82,16 @@ def _draw(ax: Axes, scenes: Scenes, trajectories: Trajectories, k: int, around: 
     ax.set_title(
         f"vehicle {scenes.vehicle[0]}, {scenes.period[0]}: {k * FRAME_STEP:.1f} s, {error:.1f} m apart", fontsize=9
     )
-    ax.legend(loc="lower left", bbox_to_anchor=(0.0, 1.02), fontsize=7, ncols=2, borderaxespad=0.0)
+    if ax.get_legend() is None:
+        ax.legend(loc="lower left", bbox_to_anchor=(0.0, 1.02), fontsize=7, ncols=2, borderaxespad=0.0)
 
 
-def _road(ax: Axes, road: Road, middle: float) -> None:
+def _road(ax: Axes, road: Road) -> None:
+    """Draw what is the same in every frame."""
     for lane, y in enumerate(road.markings):
         edge = lane in (0, road.main_lanes)
         ax.axhline(y, color="0.5", linewidth=1.2 if edge else 0.6, linestyle="-" if edge else (0, (8, 8)))
-    ax.set(
-        xlim=(middle - BEHIND, middle + AHEAD),
-        ylim=(-road.width - 1, 1),
-        xlabel="position along the road (m)",
-        yticks=[],
-    )
+    ax.set(ylim=(-road.width - 1, 1), xlabel="position along the road (m)", yticks=[])
     ax.set_aspect("equal")
     ax.grid(visible=False)
 
@@ -113,4 +112,4 @@ def _car(
     look = {"fill": False, "edgecolor": colour, "linewidth": 1.6} if outlined else {"facecolor": colour}
     body = Rectangle((-length, -width / 2), length, width, label=label, **look)
     body.set_transform(Affine2D().rotate(heading).translate(x, y) + ax.transData)
-    ax.add_patch(body)
+    ax.add_artist(body)  # unlike add_patch, it does not work out limits, which are given here

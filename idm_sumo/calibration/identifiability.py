@@ -24,7 +24,6 @@ from typing import NamedTuple
 import numpy as np
 import numpy.typing as npt
 import pandas as pd
-from scipy import stats
 
 from idm_sumo.calibration import objective as o
 from idm_sumo.calibration.kernel import (
@@ -101,6 +100,8 @@ def identify(problem: Problem, z: Floats) -> Identification:
     -------
     Identification
     """
+    from scipy.stats import t  # here: scipy.stats takes long to load
+
     errors, every = start_sensitivities(problem, z)
     slopes, by_start = every[:, :PARAMETERS], every[:, PARAMETERS:]
     frames = problem.counted.sum(axis=1)
@@ -115,7 +116,7 @@ def identify(problem: Problem, z: Floats) -> Identification:
         "nh,njh,nmh->njm", beta * (frames / effective / left**SMALL_SAMPLE)[:, None], slopes, slopes, optimize=True
     )
     meat += _from_the_start(alpha[:, None] * slopes, by_start, variance)
-    student = (stats.t.ppf(0.975, effective - PARAMETERS) / NORMAL_95) ** 2
+    student = (t.ppf(0.975, effective - PARAMETERS) / NORMAL_95) ** 2
     prior = np.diag(12.0 / (UPPER - LOWER) ** 2)
     ridge = 1e-9 * np.einsum("njj->n", meat)[:, None, None] * np.eye(PARAMETERS) + 1e-300 * np.eye(PARAMETERS)
     information = bread @ np.linalg.solve((meat + ridge) * student[:, None, None], bread)

@@ -4,7 +4,7 @@ The paper's transition model is Euler with the old speed. SUMO offers Euler with
 speed (its default) and the ballistic update. Every figure has to say which one made it: over
 a minute the three differ by decimetres (``tests/sumo/export/test_parity.py``).
 
-A fourth scheme drives by another law: ``krauss`` is SUMO's default model with SUMO's default step.
+Further schemes drive by other laws with SUMO's default step: ``krauss`` is its default model, ``eidm`` its EIDM.
 """
 
 from __future__ import annotations
@@ -15,19 +15,20 @@ from numba import njit
 
 from idm_sumo.calibration.kernel import look_ahead
 from idm_sumo.calibration.problem import Problem
-from idm_sumo.models import idm, sumo_krauss
+from idm_sumo.models import idm, sumo_eidm, sumo_krauss
 from idm_sumo.recordings.columns import FRAME_STEP
 from idm_sumo.runtime.errors import InputError
 from idm_sumo.runtime.threads import in_threads
 
 Floats = npt.NDArray[np.float64]
 
-PAPER, EULER, BALLISTIC, KRAUSS = 0, 1, 2, 3
+PAPER, EULER, BALLISTIC, KRAUSS, EIDM = range(5)
 CODES = {"paper": PAPER, "euler": EULER, "ballistic": BALLISTIC}
-LAWS = {"krauss": KRAUSS}
+LAWS = {"krauss": KRAUSS, "eidm": EIDM}
 IN_SUMO = ("euler", "ballistic")
 SHARES = {"paper": 0.0, "euler": 1.0, "ballistic": 0.5}  # of the new speed in what a step travels
 DT = FRAME_STEP
+LONG_AGO = -1_000_000  # steps
 
 
 @njit(cache=True)
@@ -169,12 +170,13 @@ def drive_one(p, i, theta, scheme, x, speed):  # type: ignore[no-untyped-def]
     theta : float64, shape (5,)
         ``a, b, T, d0, d1`` in SI units.
     scheme : int
-        ``PAPER``, ``EULER``, ``BALLISTIC`` or ``KRAUSS``.
+        ``PAPER``, ``EULER``, ``BALLISTIC``, ``KRAUSS`` or ``EIDM``.
     x, speed : float64, shape (h + 1,)
         Filled with the front bumper (m) and m/s.
     """
     x[0], speed[0] = p.start_x[i], p.start_speed[i]
-    stepping = EULER if scheme == KRAUSS else scheme
+    stepping = EULER if scheme >= KRAUSS else scheme
+    started = LONG_AGO
     for k in range(x.shape[0] - 1):
         rear, leader_speed = look_ahead(p, i, k, x[k])
         approach_rate, gap = speed[k] - leader_speed, rear - x[k]
@@ -182,6 +184,13 @@ def drive_one(p, i, theta, scheme, x, speed):  # type: ignore[no-untyped-def]
             acceleration = sumo_krauss.acceleration(
                 speed[k], approach_rate, gap, theta[0], theta[1], theta[2], theta[3], DT
             )
+        elif scheme == EIDM:
+            acceleration = sumo_eidm.acceleration(
+                speed[k], approach_rate, gap, theta[0], theta[1], theta[2], theta[3], p.desired_speed[i]
+            )
+            before = (speed[k] - speed[k - 1]) / DT if k > 0 else 0.0
+            if sumo_eidm.drives_off(speed[k], acceleration, before, (k - started) * DT, theta[0]):
+                acceleration, started = sumo_eidm.DRIVE_OFF * acceleration, k
         else:
             acceleration = idm.acceleration(
                 speed[k], approach_rate, gap, theta[0], theta[1], theta[2], theta[3], theta[4], p.desired_speed[i]
@@ -203,7 +212,7 @@ def ade_one(p, i, theta, scheme):  # type: ignore[no-untyped-def]
     theta : float64, shape (5,)
         ``a, b, T, d0, d1`` in SI units.
     scheme : int
-        ``PAPER``, ``EULER``, ``BALLISTIC`` or ``KRAUSS``.
+        ``PAPER``, ``EULER``, ``BALLISTIC``, ``KRAUSS`` or ``EIDM``.
 
     Returns
     -------
@@ -242,7 +251,7 @@ def drive(problem: Problem, parameters: npt.ArrayLike, integration: str) -> tupl
         Of :func:`idm_sumo.calibration.problem.prepare`.
     parameters : array_like, shape (n, 5) or (5,)
         ``a, b, T, d0, d1``.
-    integration : {"paper", "euler", "ballistic", "krauss"}
+    integration : {"paper", "euler", "ballistic", "krauss", "eidm"}
 
     Returns
     -------
@@ -270,7 +279,7 @@ def ades(problem: Problem, parameters: npt.ArrayLike, integration: str) -> Float
         With the objective ``"ade"``.
     parameters : array_like, shape (n, 5) or (5,)
         ``a, b, T, d0, d1``.
-    integration : {"paper", "euler", "ballistic", "krauss"}
+    integration : {"paper", "euler", "ballistic", "krauss", "eidm"}
 
     Returns
     -------
@@ -327,7 +336,7 @@ def code(integration: str) -> int:
 
     Parameters
     ----------
-    integration : {"paper", "euler", "ballistic", "krauss"}
+    integration : {"paper", "euler", "ballistic", "krauss", "eidm"}
 
     Returns
     -------

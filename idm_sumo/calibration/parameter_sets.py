@@ -102,7 +102,7 @@ def with_law(drivers: pd.DataFrame, law: str, source: str) -> tuple[pd.DataFrame
     ----------
     drivers : pandas.DataFrame
         With the columns of :func:`idm_sumo.calibration.whole.whole_columns`, for that law and for the IDM.
-    law : {"krauss"}
+    law : {"krauss", "eidm"}
     source : str
         How messages name them.
 

@@ -17,7 +17,6 @@ from __future__ import annotations
 import numpy as np
 import numpy.typing as npt
 from numba import njit
-from scipy.stats import qmc
 
 from idm_sumo.calibration import lanes, steps
 from idm_sumo.calibration.coordinates import LOWER, PARAMETERS, UPPER, to_search
@@ -66,6 +65,8 @@ def design_of_starts(points: int) -> Floats:
     float64, shape (points, 5)
         Search coordinates: the textbook's driver, then a Sobol sequence over the bounds.
     """
+    from scipy.stats import qmc  # here: scipy.stats takes long to load
+
     sobol = qmc.Sobol(PARAMETERS, scramble=True, rng=20050615).random_base2(max(points - 1, 1).bit_length())
     spread = LOWER + np.clip(sobol[: points - 1] * (1.0 + 2.0 * OVERSHOOT) - OVERSHOOT, 0.0, 1.0) * (UPPER - LOWER)
     return np.ascontiguousarray(np.vstack([np.clip(to_search(idm.TEXTBOOK), LOWER, UPPER), spread]))

@@ -46,7 +46,7 @@ def fit_types(problem: Problem, begin: Integers, own: Floats, *, integration: st
         First window of each driver, and the number of windows: those of a driver follow each other.
     own : float64, shape (drivers, 5)
         Parameters that the search begins with, beside the best of a fixed design.
-    integration : {"euler", "ballistic", "paper", "krauss"}
+    integration : {"euler", "ballistic", "paper", "krauss", "eidm"}
 
     Returns
     -------

@@ -5,7 +5,6 @@ from __future__ import annotations
 import numpy as np
 import numpy.typing as npt
 from numba import njit
-from scipy.stats import qmc
 
 from idm_sumo.calibration import integrators
 from idm_sumo.models import idm
@@ -25,6 +24,8 @@ def design_of_types() -> Floats:
 
     Shape ``(points, 4)``.
     """
+    from scipy.stats import qmc  # here: scipy.stats takes long to load
+
     return np.asarray(LOWER + qmc.Sobol(4, scramble=True, rng=20050615).random(DESIGN) * (UPPER - LOWER))
 
 

@@ -40,8 +40,9 @@ WHOLE = ("a_whole", "b_whole", "T_whole", "d0_whole")  # fitted to all windows w
 WHOLE_ADE = "whole_ade_m"  # mean over those windows, under SUMO's integration
 WINDOWS = "windows"  # column: how many windows of the driver its parameters were fitted to
 INTEGRATION = "euler"  # SUMO's default
-IDM, KRAUSS = "idm", "krauss"
-LAWS = {IDM: INTEGRATION, KRAUSS: KRAUSS}  # of vehicle types, and the scheme that drives by each
+IDM, KRAUSS, EIDM = "idm", "krauss", "eidm"
+LAWS = {IDM: INTEGRATION, KRAUSS: KRAUSS, EIDM: EIDM}  # of vehicle types, and the scheme that drives by each
+OTHER_LAWS = tuple(law for law in LAWS if law != IDM)
 
 
 class _Piece(NamedTuple):
@@ -60,7 +61,7 @@ def names_for(law: str) -> tuple[str, ...]:
 
     Parameters
     ----------
-    law : {"idm", "krauss"}
+    law : {"idm", "krauss", "eidm"}
 
     Returns
     -------
@@ -85,7 +86,7 @@ def whole_columns(
         Windows of these drivers, in the order of the rows, those of a driver one after the other.
     progress : Progress
         Called with the drivers done and their total.
-    law : {"idm", "krauss"}
+    law : {"idm", "krauss", "eidm"}
         SUMO's model that the types are of.
 
     Returns

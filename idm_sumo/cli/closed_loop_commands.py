@@ -155,6 +155,15 @@ def _add_interactive(commands: Any) -> None:
         f"`{RESIDUAL}`: those of a table of `predict --method residual`, driven by our own loop",
     )
     parser.add_argument(
+        "--law",
+        action="append",
+        choices=shared.LAWS,
+        default=[],
+        metavar="LAW",
+        help="adds the population `fitted-LAW`: each driver by this one of SUMO's models, krauss or eidm, as "
+        "`calibrate --law` fits it to all its windows; may be repeated",
+    )
+    parser.add_argument(
         "--without-d1",
         "--jam-distance",
         choices=("linearised", "refit"),
@@ -240,16 +249,19 @@ def interactive(options: argparse.Namespace) -> None:
     ----------
     options : argparse.Namespace
     """
-    module = study_module("closed_loop.run")
+    module, loop = study_module("closed_loop.run"), study_module("closed_loop.settings")
     options.recording = options.recording or SURROGATE
     single = options.gui or options.ego is not None  # one population is all that can be watched or driven among
     types = tuple(dict.fromkeys(options.types or (TYPES[:1] if single else _types_for(options.drivers))))
+    of_laws = tuple(loop.FITTED[law] for law in dict.fromkeys(options.law))
+    if of_laws:
+        types = of_laws if single and not options.types else (*types, *of_laws)
     if options.model is not None:
         from idm_sumo.models.effects import ExtendedModel
 
         ExtendedModel.read(options.model)  # before hours of simulation
         types = ("extended",) if single and not options.types else (*types, "own-loop", "extended")
-    settings = study_module("closed_loop.settings").Settings(
+    settings = loop.Settings(
         recording=str(shared.recording_path(options)) if options.net_file else options.recording,
         period=options.period,
         drivers=options.drivers,

@@ -80,8 +80,9 @@ def _add_calibrate(commands: Any) -> None:
         "back those seconds, not the driver (windows follow each other unless --every says otherwise)",
     )  # fmt: skip
     parser.add_argument(
-        "--law", action="append", choices=("krauss",), metavar="LAW",
-        help="types of this one of SUMO's models, too, fitted to all of a driver's windows, for `export --law`: krauss",
+        "--law", action="append", choices=shared.LAWS, metavar="LAW",
+        help="types of this one of SUMO's models, too, fitted to all of a driver's windows, for `export --law` and "
+        "`interactive --law`: krauss or eidm",
     )  # fmt: skip
     parser.add_argument(
         "--objective", choices=("ade", "gap", "speed", "log-gap"), default="ade", help="what is minimised (default ade)"

@@ -47,7 +47,7 @@ def add(commands: Any) -> None:
     )
     parser.add_argument(
         "--law",
-        choices=("idm", "krauss"),
+        choices=("idm", *shared.LAWS),
         default="idm",
         help="SUMO's model: the IDM (default), or the types of another one that `calibrate --law` fitted",
     )

@@ -17,6 +17,7 @@ if TYPE_CHECKING:
     from idm_sumo.recordings.recording import Recording
     from idm_sumo.scenes.windows import Window
 
+LAWS = ("krauss", "eidm")  # SUMO's models beside the IDM by which drivers are fitted
 MINUTES = 4.0  # of `surrogate`: enough for hundreds of drivers, made in seconds
 RECORDING_HELP = (
     "NGSIM, highD, exiD, TGSIM, I-24 MOTION, OpenACC, SUMO FCD, leader-follower pairs, our own columns, or "

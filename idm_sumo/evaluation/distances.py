@@ -11,7 +11,6 @@ from typing import NamedTuple
 
 import numpy as np
 import numpy.typing as npt
-from scipy.stats import wasserstein_distance
 
 Floats = npt.NDArray[np.float64]
 
@@ -113,6 +112,8 @@ def _resampled(counts: Floats, rng: np.random.Generator, resamples: int) -> Floa
 
 def _distances(middle: Floats, one: Floats, other: Floats) -> tuple[float, float]:
     """Return the Wasserstein and Kolmogorov-Smirnov distances of two histograms."""
+    from scipy.stats import wasserstein_distance  # here: scipy.stats takes long to load
+
     w = float(wasserstein_distance(middle, middle, one, other))
     difference = np.cumsum(one) / one.sum() - np.cumsum(other) / other.sum()
     return w, float(np.abs(difference).max())

@@ -14,7 +14,6 @@ import numpy as np
 import numpy.typing as npt
 import pandas as pd
 from scipy.ndimage import uniform_filter1d
-from scipy.stats import theilslopes
 
 from idm_sumo.recordings import columns as c
 from idm_sumo.recordings.columns import FRAME_STEP
@@ -107,6 +106,8 @@ def wave_of(field: Floats) -> tuple[float, float]:
     correlation : float
         Mean correlation; NaN where there is no wave.
     """
+    from scipy.stats import theilslopes  # here: scipy.stats takes long to load
+
     deviation = field - uniform_filter1d(field, round(SLOW / CELL_TIME), axis=1, mode="nearest")
     lags, distances, heights = [], [], []
     for cells in DISTANCES:

@@ -7,7 +7,6 @@ from typing import NamedTuple
 import numpy as np
 import numpy.typing as npt
 import pandas as pd
-from scipy.stats import norm
 
 from idm_sumo.calibration.population import SHIFT
 from idm_sumo.models.idm import LOWER, UPPER
@@ -55,6 +54,8 @@ class Prediction(NamedTuple):
             ``period, vehicle, first_frame`` where known, ``a, b, T, d0, d1`` (SI), ``desired_speed_m_s``, ``status``,
             and the ends of the 90 % interval of every parameter (``a_low, a_high``, ...).
         """
+        from scipy.stats import norm  # here: scipy.stats takes long to load
+
         table = pd.DataFrame(index=range(len(self.theta))) if self.keys is None else self.keys.reset_index(drop=True)
         table[list(PARAMETERS)] = self.theta
         table[DESIRED_SPEED] = self.desired_speed

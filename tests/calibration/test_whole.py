@@ -4,11 +4,12 @@ from pathlib import Path
 
 import numpy as np
 import pandas as pd
+import pytest
 
 from idm_sumo.calibration import calibrate, integrators
 from idm_sumo.calibration.driver_table import road_of_drivers, write_drivers
 from idm_sumo.calibration.problem import prepare
-from idm_sumo.calibration.whole import WHOLE, as_whole, fit_whole_drivers, names_for, whole_columns
+from idm_sumo.calibration.whole import OTHER_LAWS, WHOLE, as_whole, fit_whole_drivers, names_for, whole_columns
 from idm_sumo.calibration.without_d1 import REFIT, linearise, refit_table
 from idm_sumo.models.idm import LOWER
 from idm_sumo.recordings.cleaning import clean
@@ -65,18 +66,19 @@ def test_types_of_all_windows_have_the_smallest_mean_error_over_them(tmp_path: P
     )
 
 
-def test_types_by_krauss_have_a_smaller_error_than_the_idm_s_parameters_driven_by_it(tmp_path: Path) -> None:
+@pytest.mark.parametrize("law", OTHER_LAWS)
+def test_types_by_a_law_have_a_smaller_error_than_the_idm_s_parameters_driven_by_it(tmp_path: Path, law: str) -> None:
     platoon_recording(periods=1, platoons=2, cars=4).to_parquet(tmp_path / "platoons.parquet")
     windows = build_scenes(smooth(clean(read_recording(tmp_path / "platoons.parquet"))), Window(10, 40, every=40))
     fits = calibrate(windows.subset(~windows.keys().duplicated(["period", "vehicle"]).to_numpy()))
-    idm, krauss = (whole_columns(fits, windows, law=law) for law in ("idm", "krauss"))
-    several, names = (krauss["windows"] > 1).to_numpy(), list(names_for("krauss"))
+    idm, other = (whole_columns(fits, windows, law=one) for one in ("idm", law))
+    several, names = (other["windows"] > 1).to_numpy(), list(names_for(law))
     assert several.any()
-    pd.testing.assert_series_equal(idm["windows"], krauss["windows"])
-    by_krauss = krauss[names[:4]].assign(d1=0.0).fillna(1.0).to_numpy()
+    pd.testing.assert_series_equal(idm["windows"], other["windows"])
+    by_law = other[names[:4]].assign(d1=0.0).fillna(1.0).to_numpy()
     translated = idm[list(WHOLE)].assign(d1=0.0).fillna(1.0).to_numpy()
-    errors = [_mean_errors(windows, fits, theta, "krauss")[several] for theta in (by_krauss, translated)]
-    np.testing.assert_allclose(errors[0], krauss[names[4]].to_numpy()[several])
+    errors = [_mean_errors(windows, fits, theta, law)[several] for theta in (by_law, translated)]
+    np.testing.assert_allclose(errors[0], other[names[4]].to_numpy()[several])
     assert (errors[0] <= errors[1] + 1e-6).all()
     assert errors[0].mean() < errors[1].mean()
 

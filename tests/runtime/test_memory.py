@@ -15,10 +15,13 @@ if {{keep}} and not keep_freed_memory():
     raise SystemExit(3)
 def fill():
     np.full({MEBIBYTES} << 17, 1.0)
+def faults():
+    return resource.getrusage(resource.RUSAGE_SELF).ru_minflt
 fill()
+before = faults()
 for _ in range({ARRAYS}):
     fill()
-print(resource.getrusage(resource.RUSAGE_SELF).ru_minflt)
+print(faults() - before)
 """
 
 

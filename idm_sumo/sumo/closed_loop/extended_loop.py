@@ -78,6 +78,10 @@ class Present(NamedTuple):
         Where the vehicles of each lane begin.
     others : TrafficDetails
         What is seen of them, arrays of shape (n,).
+    leader : int64, shape (n,)
+        Row of the leader, ``NOBODY`` without one.
+    gap : float64, shape (n,)
+        Gap (m), infinite without a leader.
     """
 
     place: Integers
@@ -87,6 +91,8 @@ class Present(NamedTuple):
     lane: Integers
     offsets: Integers
     others: TrafficDetails
+    leader: Integers
+    gap: Floats
 
 
 class Models(NamedTuple):
@@ -212,7 +218,9 @@ class ModelDrivers:
         offsets = np.zeros(lanes + 1, dtype=np.int64)
         np.cumsum(np.bincount(lane - 1, minlength=lanes), out=offsets[1:])
         others = TrafficDetails(*self._accelerations(place, speed), self._class[place], place + 1)
-        present = Present(place, x, speed, self._length[place], lane, offsets, others)
+        length = self._length[place]
+        ahead = leaders(lane, offsets, x, length, others.who)
+        present = Present(place, x, speed, length, lane, offsets, others, *ahead)
         models = self._models
         if self._places is not None:
             limited = models.desired_speed.copy()
@@ -249,13 +257,37 @@ class ModelDrivers:
 
 
 @njit(cache=True)
+def leaders(lane, offsets, x, length, who):  # type: ignore[no-untyped-def]
+    """Return every vehicle's leader and gap.
+
+    Parameters
+    ----------
+    lane, offsets, x, length
+        As in :class:`Present`.
+    who : int64, shape (n,)
+        Numbers of the vehicles.
+
+    Returns
+    -------
+    leader : int64, shape (n,)
+        Row, ``NOBODY`` without one.
+    gap : float64, shape (n,)
+        m, infinite without a leader.
+    """
+    leader, gap = np.empty(len(x), dtype=np.int64), np.empty(len(x))
+    for i in range(len(x)):
+        leader[i], gap[i] = perceive(lane[i] - 1, x[i], who[i], offsets, x, length, who)
+    return leader, gap
+
+
+@njit(cache=True)
 def _decide_all(present, models, memory, now):  # type: ignore[no-untyped-def]
     """Return the accelerations (m/s²) at ``now`` (s); ``memory`` is updated."""
     offsets, x, speed, length, others = present.offsets, present.x, present.speed, present.length, present.others
     acceleration = np.empty(len(x))
     for i in range(len(x)):
         lane, vehicle = present.lane[i], present.place[i]
-        row, gap = perceive(lane - 1, x[i], others.who[i], offsets, x, length, others.who)
+        row, gap = present.leader[i], present.gap[i]
         leader_speed = speed[row] if row != NOBODY else speed[i]
         m, past = models.magnitudes[models.without[vehicle], lane], memory.past[vehicle]
         who = others.who[row] if row != NOBODY else 0

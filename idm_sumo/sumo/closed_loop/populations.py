@@ -10,6 +10,7 @@ import numpy.typing as npt
 import pandas as pd
 
 from idm_sumo.calibration import driver_table as d
+from idm_sumo.calibration.whole import IDM
 from idm_sumo.runtime.errors import InputError
 from idm_sumo.sumo.export.vtypes import AS_CALIBRATED, CLASSES, DriverType, number, type_element
 
@@ -79,6 +80,7 @@ def calibrated_types(
     desired_speed: npt.ArrayLike,
     *,
     speed_limit: float = np.inf,
+    law: str = IDM,
 ) -> list[Element]:
     """Return the exported type of every vehicle.
 
@@ -87,13 +89,16 @@ def calibrated_types(
     demand : pandas.DataFrame
         Of :func:`idm_sumo.sumo.closed_loop.demand.demand_of`.
     theta : array, shape (vehicles, 5)
-        ``a, b, T, d0`` of each, and a ``d1`` that is zero, for SUMO has none.
+        ``a, b, T, d0`` of each by the law, and a ``d1`` that is zero, for SUMO has none.
     lane_change : mapping of str to str
-        Of :func:`lane_change_attributes`. Without ``lcAssertive`` it is that of :func:`assertiveness`.
+        Of :func:`lane_change_attributes`. Without ``lcAssertive`` the IDM's is that of
+        :func:`assertiveness`; SUMO's other laws ask of a follower no more than its deceleration by themselves.
     desired_speed : array_like, shape (vehicles,) or ()
         m/s.
     speed_limit : float
         The road's (m/s). SUMO lets no vehicle drive above it, unless its type has a speed factor.
+    law : {"idm", "krauss", "eidm"}
+        SUMO's model.
 
     Raises
     ------
@@ -107,14 +112,15 @@ def calibrated_types(
         )
     if (theta[:, 4] != 0.0).any():
         raise InputError("SUMO's IDM has no d1: refit or linearise the drivers first")
-    lane_change = {ASSERTIVE: f"{assertiveness(theta):.3g}"} | dict(lane_change)
+    if law == IDM:
+        lane_change = {ASSERTIVE: f"{assertiveness(theta):.3g}"} | dict(lane_change)
     limits = np.broadcast_to(np.asarray(desired_speed, dtype=np.float64), (len(demand),)).tolist()
     sizes = zip(*(demand[name].tolist() for name in (d.KEYS[1], d.LENGTH, d.WIDTH, d.CLASS)), strict=True)
     types = []
     for (vehicle, length, width, kind), (a, b, T, d0, _), v0 in zip(sizes, theta.tolist(), limits, strict=True):
         driver = DriverType(f"type.{vehicle}", a, b, T, d0, v0, length, width, int(kind))
         faster = {"speedFactor": number(v0 / speed_limit)} if v0 > speed_limit else {}
-        types.append(type_element(driver, None, **faster, **lane_change))
+        types.append(type_element(driver, None, law=law, **faster, **lane_change))
     return types
 
 

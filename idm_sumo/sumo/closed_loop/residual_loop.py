@@ -13,7 +13,6 @@ from idm_sumo.models.residual import REGRESSORS, followed_acceleration
 from idm_sumo.prediction.residual_drive import ROOM, ResidualDrivers, residual_of
 from idm_sumo.recordings.columns import FRAME_STEP
 from idm_sumo.scenes.traffic import NOBODY
-from idm_sumo.simulation.rollout import perceive
 
 Floats = npt.NDArray[np.float64]
 Integers = npt.NDArray[np.int64]
@@ -83,10 +82,10 @@ class Residuals:
 
 @njit(cache=True, error_model="numpy")
 def _add(present, followed, shared, weights, own, observed, now, acceleration):  # type: ignore[no-untyped-def]
-    scratch, who = np.empty((ROOM, REGRESSORS)), present.others.who
+    scratch = np.empty((ROOM, REGRESSORS))
     for i in range(len(acceleration)):
         vehicle, speed = present.place[i], present.speed[i]
-        row, gap = perceive(present.lane[i] - 1, present.x[i], who[i], present.offsets, present.x, present.length, who)
+        row, gap = present.leader[i], present.gap[i]
         leader = present.speed[row] if row != NOBODY else 0.0
         if np.isnan(followed.since[vehicle]):
             followed.since[vehicle] = now

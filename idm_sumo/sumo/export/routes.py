@@ -109,7 +109,7 @@ def export_routes(
     model : ExtendedModel, optional
         Effects beyond the IDM. Those that SUMO's types can hold go into them
         (:mod:`idm_sumo.sumo.export.extended_types`); notes and a comment in the file name the others.
-    law : {"idm", "krauss"}
+    law : {"idm", "krauss", "eidm"}
         SUMO's model that the parameters are of (:func:`idm_sumo.calibration.parameter_sets.with_law`).
     road : Road, optional
         Road that the drivers enter; its network takes them.

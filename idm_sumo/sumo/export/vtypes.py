@@ -9,7 +9,7 @@ import re
 from typing import NamedTuple
 from xml.etree.ElementTree import Element, SubElement
 
-from idm_sumo.calibration.whole import IDM, KRAUSS
+from idm_sumo.calibration.whole import EIDM, IDM, KRAUSS
 from idm_sumo.models import idm
 from idm_sumo.recordings.columns import FRAME_STEP
 
@@ -37,9 +37,19 @@ AS_CALIBRATED = {
     "lcKeepRight": "0",  # drivers in California need not return to the right
 }  # fmt: skip
 
-# What other laws need in place of the IDM's own attributes; ``sigma`` is a noise that was not fitted.
-OF_THE_IDM = ("delta", "stepping")
-OTHER_LAWS = {KRAUSS: {"carFollowModel": "Krauss", "sigma": "0"}}
+# What a law needs beside the IDM's own attributes, or in place of them; None: SUMO's model has no such one.
+LAW_ATTRIBUTES: dict[str, dict[str, str | None]] = {
+    IDM: {},
+    KRAUSS: {"carFollowModel": "Krauss", "delta": None, "stepping": None, "sigma": "0"},  # a noise was not fitted
+    EIDM: {
+        "carFollowModel": "EIDM",
+        "sigmaleader": "0", "sigmagap": "0", "sigmaerror": "0",  # random errors, which were not fitted
+        "treaction": "0",  # every step is an action point
+        "ccoolness": "0",  # no second law behind leaders who brake
+        "jerkmax": "1000",  # m/s³: no limit
+        "taccmax": "0.01", "Mbegin": "1e-6",  # a start takes one step, the least that SUMO's schema allows
+    },
+}  # fmt: skip
 
 
 class DriverType(NamedTuple):
@@ -94,7 +104,7 @@ def type_element(driver: DriverType, parent: Element | None = None, *, law: str 
     driver : DriverType
     parent : Element, optional
         Element that it is added to.
-    law : {"idm", "krauss"}
+    law : {"idm", "krauss", "eidm"}
         SUMO's model.
     **extra : str
         Further attributes, which take precedence.
@@ -109,11 +119,10 @@ def type_element(driver: DriverType, parent: Element | None = None, *, law: str 
         "length": number(driver.length), "width": number(driver.width),
         "accel": number(driver.a), "decel": number(driver.b), "apparentDecel": number(driver.b),
         "tau": number(driver.T), "minGap": number(driver.d0), "maxSpeed": number(driver.maximum_speed),
-        **AS_CALIBRATED, **OTHER_LAWS.get(law, {}), **extra,
+        **AS_CALIBRATED, **LAW_ATTRIBUTES[law], **extra,
     }  # fmt: skip
-    if law != IDM:
-        attributes = {name: value for name, value in attributes.items() if name not in OF_THE_IDM}
-    return Element("vType", attributes) if parent is None else SubElement(parent, "vType", attributes)
+    known = {name: value for name, value in attributes.items() if value is not None}
+    return Element("vType", known) if parent is None else SubElement(parent, "vType", known)
 
 
 def number(value: float) -> str:

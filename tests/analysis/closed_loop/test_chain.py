@@ -12,9 +12,11 @@ import pytest
 
 from idm_sumo.calibration.drawn import DRAWN
 from idm_sumo.calibration.parameter_sets import POOLED
+from idm_sumo.calibration.whole import OTHER_LAWS
 from idm_sumo.cli import main
+from idm_sumo.cli.options import LAWS
 from idm_sumo.models import idm
-from tests.helpers.exports import read_types
+from tests.helpers.exports import read_types, sumo
 
 V0 = 21.0  # m/s, unlike any limit
 
@@ -68,28 +70,52 @@ def test_drawn_parameters_are_exported_unless_others_are_asked_for(drivers: Path
     assert table[POOLED].nunique().eq(1).all()
 
 
-def test_types_by_krauss_are_fitted_and_their_price_is_said(
-    platoons: Path, drivers: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+def test_the_command_line_has_the_laws_that_drivers_are_fitted_by() -> None:
+    assert OTHER_LAWS == LAWS
+
+
+@pytest.mark.parametrize(("law", "model"), [("krauss", "Krauss"), ("eidm", "EIDM")])
+def test_types_by_another_law_are_fitted_and_their_price_is_said(
+    platoons: Path, drivers: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str], law: str, model: str
 ) -> None:
     with pytest.raises(SystemExit, match="2"):
-        exported(drivers, tmp_path, "--law", "krauss")
-    assert "`idm-sumo calibrate --law krauss`" in capsys.readouterr().err
+        exported(drivers, tmp_path, "--law", law)
+    assert f"`idm-sumo calibrate --law {law}`" in capsys.readouterr().err
     both = tmp_path / "both.parquet"
-    main(["calibrate", str(platoons), "--horizon", "60", "--law", "krauss", "-o", str(both)])
-    table = pd.read_parquet(both).dropna(subset="krauss_ade_m")
-    assert (table["krauss_ade_m"] > 0.0).all()
+    main(["calibrate", str(platoons), "--horizon", "60", "--law", law, "-o", str(both)])
+    table = pd.read_parquet(both).dropna(subset=f"{law}_ade_m")
+    assert (table[f"{law}_ade_m"] > 0.0).all()
     capsys.readouterr()
-    types = exported(both, tmp_path, "--law", "krauss")
+    types = exported(both, tmp_path, "--law", law)
     said = capsys.readouterr().err
-    assert re.search(r"krauss: \d+\.\d\d m from the recording on average over all windows, the IDM \d+\.\d\d m", said)
+    assert re.search(law + r": \d+\.\d\d m from the recording on average over all windows, the IDM \d+\.\d\d m", said)
     assert len(types) == len(table)
     kinds = read_types(tmp_path / "fleet.rou.xml").values()
-    assert {(kind.attrib["carFollowModel"], kind.attrib["sigma"]) for kind in kinds} == {("Krauss", "0")}
-    assert not any("delta" in kind.attrib for kind in kinds)
-    own = set(types["accel"]) & set(table["a_krauss"])
+    assert {kind.attrib["carFollowModel"] for kind in kinds} == {model}
+    assert all(kind.attrib[name] == "0" for kind in kinds for name in kind.attrib if name.startswith("sigma"))
+    assert sumo(tmp_path / "fleet.sumocfg", "--end", "60").returncode == 0  # with SUMO's schemas
+    own = set(types["accel"]) & set(table[f"a_{law}"])
     assert own
     bounds = {float(bound) for bound in (idm.LOWER.a, idm.UPPER.a)}
     assert not own & bounds
     with pytest.raises(SystemExit, match="2"):
-        exported(both, tmp_path, "--law", "krauss", "--parameters", "drawn")
+        exported(both, tmp_path, "--law", law, "--parameters", "drawn")
     assert "leave out --parameters" in capsys.readouterr().err
+    loop = [
+        "interactive",
+        str(platoons),
+        "--drivers",
+        str(both),
+        "--types",
+        "drawn",
+        "--law",
+        law,
+        "--replay-bias",
+        "0",
+    ]
+    main([*loop, "--jobs", "1", "-o", str(tmp_path / "loop")])
+    result = pd.read_csv(tmp_path / "loop" / "tables" / "closed_loop.csv")
+    assert result["population"].tolist() == ["recorded", "drawn", f"fitted-{law}"]
+    kinds = read_types(tmp_path / "loop" / "simulation" / f"fitted-{law}.rou.xml").values()
+    assert {kind.attrib["carFollowModel"] for kind in kinds} == {model}
+    assert own & {float(kind.attrib["accel"]) for kind in kinds}

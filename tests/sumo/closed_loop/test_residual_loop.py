@@ -10,7 +10,7 @@ from idm_sumo.models.idm import EMERGENCY_BRAKING, IDMParameters
 from idm_sumo.models.residual import REGRESSORS
 from idm_sumo.prediction.residual_drive import ResidualDrivers, ResidualModel, residual_of
 from idm_sumo.simulation.surroundings import TrafficDetails
-from idm_sumo.sumo.closed_loop.extended_loop import Present
+from idm_sumo.sumo.closed_loop.extended_loop import Present, leaders
 from idm_sumo.sumo.closed_loop.residual_loop import Residuals
 
 OBSERVED = 10
@@ -32,7 +32,9 @@ def present(gap: float, speed: float = 10.0, leader_speed: float = 8.0) -> Prese
     others = TrafficDetails(np.zeros(n), np.zeros(n), np.full(n, 2.0), np.array([1, 2]))
     speeds = np.array([speed, leader_speed])
     offsets = np.array([0, 2, 2, 2, 2, 2])
-    return Present(np.array([0, 1]), x, speeds, np.full(n, 4.5), np.array([1, 1]), offsets, others)
+    length, lane = np.full(n, 4.5), np.array([1, 1])
+    ahead = leaders(lane, offsets, x, length, others.who)
+    return Present(np.array([0, 1]), x, speeds, length, lane, offsets, others, *ahead)
 
 
 def test_it_begins_when_as_much_is_seen_as_was_learned_from() -> None:
