@@ -7,9 +7,8 @@ law's own misfit: smooth functions of gap, speed and approach rate.
 
 from __future__ import annotations
 
-import itertools
 from collections.abc import Iterator
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from typing import NamedTuple
 
 import numpy as np
@@ -19,100 +18,30 @@ from idm_sumo.diagnosis import rollout as ro
 from idm_sumo.diagnosis import windows as w
 from idm_sumo.diagnosis.bins import edges_of, numbered, pulse_means, response_by_bin
 from idm_sumo.diagnosis.fit import Fit, Linear, linearise
+from idm_sumo.diagnosis.free_fields import RESPONSE, SPEEDS, content_of, covariates, free_groups, moving
+from idm_sumo.diagnosis.plan import (
+    BASIS,
+    FREE_BINS,
+    MISFIT,
+    MOST_BINS,
+    MOVING,
+    PERIODS,
+    SWING,
+    WIDTH,
+    Axis,
+    Group,
+    Plan,
+    coarser,
+    periods_of,
+)
 from idm_sumo.models.effects import CATALOGUE, Effect
 from idm_sumo.models.effects.form import LANE, POSITION, TIME, Form, Moments
-from idm_sumo.recordings.columns import FRAME_STEP, TRUCK
 
 Floats = npt.NDArray[np.float64]
 Integers = npt.NDArray[np.int64]
 
-WIDTH = {POSITION: 16.0, TIME: 12.0}  # m, s: of the bins of a catalogued place or time
-MOST_BINS, FREE_BINS, BLOCKS, QUANTILES = 48, 16, 6, 4
-# of them; of a free one; of each side of a rectangle; of a covariate
-MISFIT = "misfit"  # name of the law's own misfit
 LONGEST, CALMEST = 3.0, 1.5  # times the ninetieth percentile of a column's length; times the median response
 NOTHING = 1e-9
-STRONGEST = 3.0  # m/s² (per s), of the model's own acceleration and its change
-
-
-class Axis(NamedTuple):
-    """Bins along one covariate."""
-
-    name: str
-    edges: Floats
-
-
-@dataclass(frozen=True)
-class Group:
-    """Columns that belong together: one, or one for each bin.
-
-    Attributes
-    ----------
-    name : str
-        Effect, empty for a free field, :data:`MISFIT` for the law's.
-    form : Form or None
-        Of an effect.
-    content : str
-        What is different in a free field.
-    axes : tuple of Axis
-        Along which it is cut.
-    lane : int
-        The only lane, 0 for all.
-    period : int
-        The only period, -1 for all.
-    present : bool
-        Whether the effect is in the model already: a column for a little more of it.
-    first : int
-        Number of the first column.
-    """
-
-    name: str
-    form: Form | None = None
-    content: str = ""
-    axes: tuple[Axis, ...] = ()
-    lane: int = 0
-    period: int = -1
-    present: bool = False
-    first: int = 0
-
-    @property
-    def shape(self) -> tuple[int, ...]:
-        """Number of bins along each axis."""
-        return tuple(len(axis.edges) - 1 for axis in self.axes)
-
-    @property
-    def count(self) -> int:
-        """Number of columns."""
-        return len(BASIS) + 1 if self.name == MISFIT else int(np.prod(self.shape, dtype=np.int64))
-
-    @property
-    def of_lane(self) -> bool:
-        """Whether it is an effect that acts everywhere in one lane only."""
-        return bool(self.lane) and not self.axes
-
-    @property
-    def is_free(self) -> bool:
-        """Whether it belongs to no effect."""
-        return not self.name
-
-
-@dataclass(frozen=True)
-class Plan:
-    """All columns of a recording, the same for its replicates."""
-
-    groups: tuple[Group, ...]
-    speed: float
-    lanes: tuple[int, ...]
-    span: tuple[float, float]
-
-    @property
-    def count(self) -> int:
-        """Number of columns."""
-        return sum(group.count for group in self.groups)
-
-    def of(self, name: str) -> npt.NDArray[np.int64]:
-        """Return the numbers of the columns of a name."""
-        return np.array([k for g in self.groups if g.name == name for k in range(g.first, g.first + g.count)], np.int64)
 
 
 class Answer(NamedTuple):
@@ -146,7 +75,7 @@ def plan_of(windows: w.Windows, fit: Fit, *, free: bool = True) -> Plan:
     times = edges_of(seen[:, w.TIME], WIDTH[TIME], MOST_BINS)
     groups = [Group(MISFIT), *_of_effects(windows, fit, plan, places, times)]
     if free:
-        groups += _free(windows, plan, places, times)
+        groups += free_groups(windows, plan, places, times)
     begins = np.cumsum([0, *(group.count for group in groups)])
     return replace(plan, groups=tuple(replace(g, first=int(n)) for g, n in zip(groups, begins, strict=False)))
 
@@ -168,7 +97,7 @@ def _of_effects(windows: w.Windows, fit: Fit, plan: Plan, places: Floats, times:
                 edges = places if form.along == POSITION else times
                 yield Group(effect.name, form, axes=(Axis(form.along, edges),))
                 for lane in plan.lanes if several and form is effect.forms[0] and form.along == POSITION else ():
-                    yield Group(effect.name, form, axes=(Axis(form.along, _coarser(edges, FREE_BINS)),), lane=lane)
+                    yield Group(effect.name, form, axes=(Axis(form.along, coarser(edges, FREE_BINS)),), lane=lane)
             else:
                 yield Group(effect.name, form)
         if several and there is None:
@@ -196,116 +125,6 @@ def present_form(fit: Fit, effect: Effect) -> Form | None:
     return None
 
 
-def periods_of(windows: w.Windows) -> int:
-    """Return the number of periods."""
-    return len(np.unique(windows.period))
-
-
-def _free(windows: w.Windows, plan: Plan, places: Floats, times: Floats) -> Iterator[Group]:
-    """Yield free fields along covariates, places, times, and rectangles of both, in all lanes and in each."""
-    known = _covariates(windows.seen[:, :, w.LEAD : -1], None)
-    for name, values in known.items():
-        axis = _axis(name, values)
-        if axis is not None:
-            for content in ALONG_COVARIATES:
-                yield Group("", content=content, axes=(axis,))
-    xs, ts = _coarser(places, BLOCKS), _coarser(times, BLOCKS)
-    place, several = Axis(POSITION, _coarser(places, FREE_BINS)), periods_of(windows)
-    for content in CHANGES:
-        yield Group("", content=content, axes=(place,))
-    for content in (ACCELERATION, *CHANGES):
-        for period in range(several) if several > 1 else (-1,):
-            here = _times_of(windows, period, times)
-            time, block = Axis(TIME, _coarser(here, FREE_BINS)), Axis(TIME, _coarser(here, BLOCKS))
-            yield Group("", content=content, axes=(time,), period=period)
-            yield Group("", content=content, axes=(Axis(POSITION, xs), block), period=period)
-    if len(plan.lanes) > 1 and several == 1:
-        for lane in plan.lanes:
-            yield Group("", content=ACCELERATION, axes=(Axis(TIME, _coarser(times, FREE_BINS)),), lane=lane)
-            yield Group("", content=ACCELERATION, axes=(Axis(POSITION, xs), Axis(TIME, ts)), lane=lane)
-
-
-def _times_of(windows: w.Windows, period: int, times: Floats) -> Floats:
-    """Return the edges of times within one period, or all."""
-    if period < 0:
-        return times
-    mine = np.unique(windows.period, return_inverse=True)[1][windows.driver] == period
-    return edges_of(windows.seen[mine][:, w.TIME, w.LEAD : -1], WIDTH[TIME], MOST_BINS)
-
-
-def _coarser(edges: Floats, most: int) -> Floats:
-    return np.linspace(edges[0], edges[-1], min(most + 1, len(edges)))
-
-
-def _axis(name: str, values: Floats) -> Axis | None:
-    """Return bins of a covariate: quantiles of what is known, or one bin of what is either there or not."""
-    known = values[np.isfinite(values) & (np.abs(values) < 1e5)]
-    if not len(known):
-        return None
-    distinct = np.unique(known[:: max(1, len(known) // 20_000)])
-    if len(distinct) <= QUANTILES:
-        edges = np.unique(np.concatenate([distinct[distinct > 0.0] - 0.5, [distinct.max() + 0.5]]))
-        return Axis(name, edges) if (known > 0.0).any() and len(edges) > 1 else None
-    edges = np.unique(np.quantile(known, np.linspace(0.0, 1.0, QUANTILES + 1)))
-    return Axis(name, edges + np.concatenate([np.zeros(len(edges) - 1), [1e-9]])) if len(edges) > 2 else None
-
-
-# What may be different in a free field: some acceleration is added, the time headway is longer, the response is stronger, or later.
-ACCELERATION, HEADWAY, RESPONSE, DELAY = "acceleration", "headway", "response", "delay"
-ALONG_COVARIATES, CHANGES = (ACCELERATION, HEADWAY), (RESPONSE, DELAY)
-# Of a free field: its unit and typical size.
-TYPICAL = {
-    ACCELERATION: ("m/s^2", 0.2),
-    HEADWAY: ("1", 0.25),
-    RESPONSE: ("1", 0.4),
-    DELAY: ("s", 0.6),
-}
-
-
-def _content(content: str, see: Moments) -> Floats:
-    if content == ACCELERATION:
-        return np.ones_like(see.speed)
-    if content == HEADWAY:
-        return see.by_headway
-    if content == RESPONSE:
-        return np.clip(see.acceleration, -STRONGEST, STRONGEST)
-    return -np.clip(np.gradient(see.acceleration, FRAME_STEP, axis=1), -STRONGEST, STRONGEST)
-
-
-def _covariates(seen: Floats, state: Floats | None) -> dict[str, Floats]:
-    """Return what a driver may answer beside its leader, by frame; SI units, NaN or far away where unknown."""
-    x = seen[:, w.X] if state is None else state[:, :, ro.BASE_X]
-    v = seen[:, w.V] if state is None else state[:, :, ro.BASE_V]
-    second = np.isfinite(seen[:, w.SECOND])
-    known = {
-        "rear_gap": np.where(np.isfinite(seen[:, w.BEHIND]), x - seen[:, w.BEHIND], np.nan),
-        "leader_gap": np.where(second, seen[:, w.SECOND] - seen[:, w.REAR], np.nan),
-        "adjacent_difference": v - seen[:, w.ADJACENT],
-        "faster_difference": v - seen[:, w.FASTER],
-        "truck_behind": (seen[:, w.BEHIND_KIND] == TRUCK).astype(np.float64),
-        "truck_second": (seen[:, w.SECOND_KIND] == TRUCK).astype(np.float64),
-    }
-    return known | {name: seen[:, column] for name, column in SEEN.items()}
-
-
-SEEN = {
-    "since_change": w.SINCE, "until_own_change": w.UNTIL_OWN, "until_cut_in": w.UNTIL_CUT_IN,
-    "leader_acceleration": w.ACCELERATION, "trucks_beside": w.TRUCKS_BESIDE, "braking_beside": w.BRAKING_BESIDE,
-    "crowd_left": w.CROWD_LEFT, "crowd_right": w.CROWD_RIGHT, "abreast": w.ABREAST, "beside_gap": w.BESIDE_GAP,
-    "nearest_beside": w.NEAREST_BESIDE, "motorcycles_beside": w.MOTORCYCLES, "leader_length": w.LENGTH,
-    "since_standing": w.SINCE_STANDING, "since_braking": w.SINCE_BRAKING, "since_entry": w.SINCE_ENTRY, "unrest": w.UNREST,
-}  # fmt: skip
-
-
-def _powers() -> tuple[tuple[int, int, int], ...]:
-    """Return exponents of speed, approach rate and gap; linear terms are the driver's own parameters."""
-    each = itertools.product(range(4), range(4), range(4))
-    return tuple((a, b, c) for a, b, c in each if 2 <= a + b + c <= 3)
-
-
-BASIS = _powers()
-
-
 def basis(speed: Floats, rate: Floats, gap: Floats, pivot: float) -> Floats:
     """Return smooth accelerations (m/s²) of speed, approach rate and gap, of about one; the last axis is of functions."""
     parts = (speed - pivot) / 10.0, rate / 3.0, np.log(np.maximum(gap, 1.0) / (2.0 + 1.2 * np.maximum(speed, 0.0)))
@@ -327,7 +146,8 @@ def _moments(windows: w.Windows, state: Floats, plan: Plan) -> Moments:
 def columns(windows: w.Windows, fit: Fit, answer: Answer, plan: Plan) -> Floats:
     """Return all columns of some windows, shape ``(windows, moments, columns)``."""
     see, seen = _moments(windows, answer.state, plan), windows.seen[:, :, w.LEAD : -1]
-    known = _covariates(seen, answer.state) | {POSITION: see.position, TIME: see.time, LANE: see.lane}
+    known = covariates(seen, answer.state) | {POSITION: see.position, TIME: see.time, LANE: see.lane}
+    known |= {f"{MOVING}{speed:g} m/s": moving(speed, see.position, see.time, plan.span) for speed in SPEEDS}
     period = np.unique(windows.period, return_inverse=True)[1][windows.driver] if periods_of(windows) > 1 else None
     out = np.zeros((*answer.response.shape[:2], plan.count))
     values: dict[object, Floats] = {}
@@ -336,14 +156,19 @@ def columns(windows: w.Windows, fit: Fit, answer: Answer, plan: Plan) -> Floats:
         here = out[:, :, group.first : group.first + group.count]
         if group.name == MISFIT:
             smooth = basis(see.speed, see.speed - see.leader_speed, see.gap, plan.speed)
-            fields = np.concatenate([smooth, _content(RESPONSE, see)[:, :, None]], axis=2)
+            fields = np.concatenate([smooth, content_of(RESPONSE, see)[:, :, None]], axis=2)
             here[:] = answer.response @ fields.reshape(len(fields), -1, ro.BIN, group.count).mean(axis=2)
+            continue
+        if group.name == SWING:
+            turned = 2.0 * np.pi * see.time[:, :, None] / PERIODS
+            waves = np.concatenate([np.sin(turned), np.cos(turned)], axis=2)
+            here[:] = answer.response @ waves.reshape(len(waves), -1, ro.BIN, group.count).mean(axis=2)
             continue
         if group.of_lane or (group.form is not None and group.form.field is None):
             continue
         key = group.form.field if group.form is not None else group.content
         if key not in values:
-            values[key] = group.form.field(see) if group.form is not None else _content(group.content, see)  # type: ignore[misc]
+            values[key] = group.form.field(see) if group.form is not None else content_of(group.content, see)  # type: ignore[misc]
         if not group.axes:
             here[:] = answer.response @ pulse_means(np.ascontiguousarray(values[key]))[:, :, None]
             continue

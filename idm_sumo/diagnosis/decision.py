@@ -16,6 +16,7 @@ from idm_sumo.diagnosis.model import Placed, present_columns, refitted, with_eff
 from idm_sumo.diagnosis.result import Gain
 from idm_sumo.diagnosis.search import Found, Look
 from idm_sumo.diagnosis.some_drivers import Some, by_their_other_windows, some_who_differ
+from idm_sumo.diagnosis.swings import Swing, strongest, tried
 from idm_sumo.diagnosis.windows import WITHOUT, Windows
 
 Floats = npt.NDArray[np.float64]
@@ -88,11 +89,12 @@ class Decision:
     extended: Errors
     look: Look
     some: Some | None = None
+    swing: Swing | None = None
 
     @property
     def verdict(self) -> str:
         """Return named, unknown or none."""
-        return "named" if self.named else "unknown" if self.unexplained else "none"
+        return "named" if self.named else "unknown" if self.unexplained or self.swing else "none"
 
 
 def decide(subject: Subject, found: Found, rng: np.random.Generator) -> Decision:
@@ -112,7 +114,8 @@ def decide(subject: Subject, found: Found, rng: np.random.Generator) -> Decision
         if apart is not None:
             return apart
     if not named:
-        return Decision((), without, free, found.base, base, base, found.last)
+        swing = None if free else _swing(found.last)
+        return Decision((), without, free, found.base, base, base, found.last, swing=swing)
     fit = _fitted(subject, found, named)
     extended = by_folds(windows, _by_fold(found, fit, named, fold), fold)
     return Decision(named, without, free, fit, base, extended, found.last)
@@ -132,6 +135,14 @@ def _of_some(windows: Windows, found: Found, some: Some, base: Errors, rng: np.r
         1.0 / (1.0 + float(np.exp(-some.support))), (), float(len(np.unique(windows.driver[having]))), gain,
     )  # fmt: skip
     return Decision((claim,), (), (), some.fit, base, extended, found.last, some)
+
+
+def _swing(look: Look) -> Swing | None:
+    """Return the strongest swing of drivers' own, if chance makes none of its kind at a family's rate of false alarms."""
+    if look.evidence.swings is None:
+        return None
+    swing, rate = strongest(look.evidence.swings), look.settings.false_alarms / len(look.library.names)
+    return swing if swing.z > norm.isf(rate / tried()) else None
 
 
 def claims_of(found: Found) -> list[Claim]:

@@ -12,7 +12,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 import numpy.typing as npt
 
-from idm_sumo.diagnosis import columns as co
+from idm_sumo.diagnosis import plan as pl
 from idm_sumo.diagnosis.evidence import Subject
 from idm_sumo.diagnosis.fit import Fit, fit_drivers
 from idm_sumo.diagnosis.likelihood import log_likelihood
@@ -51,7 +51,7 @@ class Driven:
 class Road:
     """A recording, and the base model into which effects are put."""
 
-    def __init__(self, subject: Subject, base: Fit, plan: co.Plan) -> None:
+    def __init__(self, subject: Subject, base: Fit, plan: pl.Plan) -> None:
         self.subject, self.base, self.plan = subject, base, plan
 
     def fitted(self, effects: Sequence[Placed]) -> Fit:

@@ -12,11 +12,13 @@ from scipy.sparse import csr_matrix
 
 from idm_sumo.diagnosis import columns as co
 from idm_sumo.diagnosis import gls
+from idm_sumo.diagnosis import plan as pl
 from idm_sumo.diagnosis import windows as w
 from idm_sumo.diagnosis.chance import Chance, Noises
 from idm_sumo.diagnosis.fit import Fit, Linear
 from idm_sumo.diagnosis.replicates import driven_again, refit
 from idm_sumo.diagnosis.rollout import PARAMETERS
+from idm_sumo.diagnosis.swings import Swings, power
 from idm_sumo.models.effects import BY_NAME
 from idm_sumo.recordings.columns import TRUCK
 from idm_sumo.runtime.threads import each_in_threads
@@ -59,9 +61,11 @@ class Evidence:
         How long a column may be in one window.
     of_blocks : Evidence or None
         That of the recording, if this is of followers that were driven once more: it says how blocks of neighbours vary.
+    swings : Swings or None
+        How strongly drivers swing, and their replicates; None with several periods.
     """
 
-    plan: co.Plan
+    plan: pl.Plan
     u: Floats
     nulls: Floats
     gram: Floats
@@ -70,6 +74,7 @@ class Evidence:
     share: Floats
     longest: Floats
     of_blocks: Evidence | None = None
+    swings: Swings | None = None
 
     @cached_property
     def usual(self) -> Floats:
@@ -113,7 +118,7 @@ class Evidence:
         return float(max(np.median((sums**2).sum(axis=0) / np.diag(self.gram)[known]), 1.0))
 
 
-def examine(subject: Subject, fit: Fit, plan: co.Plan, chances: Sequence[Chance]) -> Evidence:
+def examine(subject: Subject, fit: Fit, plan: pl.Plan, chances: Sequence[Chance]) -> Evidence:
     """Score a recording and its null replicates at one model."""
     windows = subject.windows
     answer = co.answer_of(windows, fit)
@@ -121,27 +126,33 @@ def examine(subject: Subject, fit: Fit, plan: co.Plan, chances: Sequence[Chance]
     found = _scores(windows, fit, answer, plan, longest, whole=True)
     between = np.zeros(plan.count, bool)
     for group in plan.groups:
-        at_places = group.is_free and any(axis.name in co.WIDTH for axis in group.axes)
-        is_between = at_places or (not group.is_free and group.name != co.MISFIT and BY_NAME[group.name].between)
+        at_places = group.is_free and any(axis.is_scanned for axis in group.axes)
+        is_between = at_places or (group.competes and not group.is_free and BY_NAME[group.name].between)
         between[group.first : group.first + group.count] = is_between
 
-    def replicate(what: tuple[bool, Chance]) -> Floats:
+    swing = plan.of(pl.SWING)
+
+    def replicate(what: tuple[bool, Chance]) -> tuple[Floats, Floats]:
         drawn, chance = what
         null, drivers = driven_again(windows, fit, chance, drawn=drawn, is_smooth=subject.is_smooth)
-        return np.asarray(by_driver(null, refit(null, drivers), plan, longest).sum(axis=0))
+        own = by_driver(null, refit(null, drivers), plan, longest)
+        return np.asarray(own.sum(axis=0)), power(own[:, swing], found.part[:, swing]).mean(axis=0)
 
-    totals = each_in_threads(replicate, [(drawn, chance) for drawn in (False, True) for chance in chances])
-    nulls = np.where(between, np.array(totals[len(chances) :]), np.array(totals[: len(chances)]))
+    each = each_in_threads(replicate, [(drawn, chance) for drawn in (False, True) for chance in chances])
+    totals = np.array([total for total, _ in each])
+    nulls = np.where(between, totals[len(chances) :], totals[: len(chances)])
     share = np.bincount(windows.driver, minlength=windows.drivers) / len(windows.driver)
-    return Evidence(plan, found.u, nulls, found.gram, found.part, windows.platoon, share, longest)
+    usual = np.mean([own for _, own in each[: len(chances)]], axis=0)
+    swings = Swings(power(found.u[:, swing], found.part[:, swing]), usual) if len(swing) else None
+    return Evidence(plan, found.u, nulls, found.gram, found.part, windows.platoon, share, longest, swings=swings)
 
 
-def by_driver(windows: w.Windows, fit: Fit, plan: co.Plan, longest: Floats) -> Floats:
+def by_driver(windows: w.Windows, fit: Fit, plan: pl.Plan, longest: Floats) -> Floats:
     """Return the scores of windows at a fit, shape ``(drivers, columns)``."""
     return _scores(windows, fit, co.answer_of(windows, fit), plan, longest, whole=False).u
 
 
-def _longest(windows: w.Windows, fit: Fit, answer: co.Answer, plan: co.Plan, most: int = 600) -> Floats:
+def _longest(windows: w.Windows, fit: Fit, answer: co.Answer, plan: pl.Plan, most: int = 600) -> Floats:
     """Return how long columns may be, from some of the windows."""
     every = max(1, len(windows.seen) // most)
     rows = np.arange(0, len(windows.seen), every)
@@ -151,7 +162,7 @@ def _longest(windows: w.Windows, fit: Fit, answer: co.Answer, plan: co.Plan, mos
 
 
 def _scores(
-    windows: w.Windows, fit: Fit, answer: co.Answer, plan: co.Plan, longest: Floats, *, whole: bool
+    windows: w.Windows, fit: Fit, answer: co.Answer, plan: pl.Plan, longest: Floats, *, whole: bool
 ) -> gls.Scores:
     """Return the scores, orthogonal to what drivers, trucks as drivers and the population absorb, a few windows at a time.
 

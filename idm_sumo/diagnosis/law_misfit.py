@@ -23,8 +23,9 @@ from scipy.optimize import minimize_scalar
 from scipy.stats import chi2
 
 from idm_sumo.diagnosis import windows as w
-from idm_sumo.diagnosis.columns import BASIS, basis
+from idm_sumo.diagnosis.columns import basis
 from idm_sumo.diagnosis.evidence import ROUNDING
+from idm_sumo.diagnosis.plan import BASIS
 
 Floats = npt.NDArray[np.float64]
 

@@ -9,7 +9,8 @@ import numpy as np
 import numpy.typing as npt
 from scipy.sparse import csr_matrix
 
-from idm_sumo.diagnosis import columns as co
+from idm_sumo.diagnosis import free_fields as ff
+from idm_sumo.diagnosis import plan as pl
 from idm_sumo.diagnosis.settings import Settings
 from idm_sumo.models.effects import BY_NAME, Parameter
 
@@ -47,7 +48,7 @@ class Library:
         Of each family; sums to one.
     """
 
-    plan: co.Plan
+    plan: pl.Plan
     group: Integers
     bins: tuple[tuple[tuple[int, int], ...], ...]
     mix: csr_matrix
@@ -60,7 +61,7 @@ class Library:
     within: Floats
     prior: Floats
 
-    def group_of(self, number: int) -> co.Group:
+    def group_of(self, number: int) -> pl.Group:
         """Return the columns that a hypothesis is a mix of."""
         return self.plan.groups[int(self.group[number])]
 
@@ -87,22 +88,22 @@ class Library:
         }
 
 
-def magnitude_of(group: co.Group) -> Parameter:
+def magnitude_of(group: pl.Group) -> Parameter:
     """Return the parameter whose size a group of an effect gives."""
     assert group.form is not None
     return next(p for p in BY_NAME[group.name].all_parameters if p.slot == group.form.slot)
 
 
-def family_name(group: co.Group) -> str:
+def family_name(group: pl.Group) -> str:
     """Return the effect, or what is free over which covariates."""
     if group.name:
         return group.name
     return f"{group.content} over {' and '.join(axis.name for axis in group.axes)}"
 
 
-def library_of(plan: co.Plan, settings: Settings) -> Library:
+def library_of(plan: pl.Plan, settings: Settings) -> Library:
     """Return every hypothesis that the columns can express."""
-    groups = [n for n, group in enumerate(plan.groups) if group.name != co.MISFIT]
+    groups = [n for n, group in enumerate(plan.groups) if group.competes]
     names = tuple(dict.fromkeys(family_name(plan.groups[n]) for n in groups))
     rows, cols, of, bins, weight = [], [], [], [], []
     count = 0
@@ -130,17 +131,17 @@ def library_of(plan: co.Plan, settings: Settings) -> Library:
     )  # fmt: skip
 
 
-def _typical(group: co.Group) -> tuple[float, float, float, float]:
+def _typical(group: pl.Group) -> tuple[float, float, float, float]:
     """Return typical size, what others' choices make, and bounds of a group's magnitude."""
     if group.is_free:
-        size = co.TYPICAL[group.content][1]
+        size = ff.TYPICAL[group.content][1]
         return size, 0.0, -6.0 * size, 6.0 * size
     parameter = magnitude_of(group)
     assert group.form is not None
     return parameter.typical, group.form.selection, parameter.lower, parameter.upper
 
 
-def _stretches(group: co.Group):  # type: ignore[no-untyped-def]
+def _stretches(group: pl.Group):  # type: ignore[no-untyped-def]
     """Yield the intervals or rectangles of a group's bins, and the columns in each."""
     numbers = group.first + np.arange(group.count).reshape(group.shape or (1,))
     if not group.axes:
@@ -150,9 +151,9 @@ def _stretches(group: co.Group):  # type: ignore[no-untyped-def]
         yield stretch, numbers[tuple(slice(a, b) for a, b in stretch)].ravel()
 
 
-def _intervals(axis: co.Axis, catalogued: bool) -> list[tuple[int, int]]:
+def _intervals(axis: pl.Axis, catalogued: bool) -> list[tuple[int, int]]:
     count = len(axis.edges) - 1
-    scanned = axis.name in co.WIDTH
+    scanned = axis.is_scanned
     least = min(NARROWEST[axis.name], count) if scanned and catalogued else 1
     most = 1 if axis.name == "lane" else max(1, int(WIDEST * count) if scanned else count - 1)
     return [(a, b) for a in range(count) for b in range(a + least, min(a + max(most, least), count) + 1)]

@@ -8,7 +8,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 import numpy.typing as npt
 
-from idm_sumo.diagnosis import columns as co
+from idm_sumo.diagnosis import plan as pl
 from idm_sumo.diagnosis.evidence import Evidence, Subject
 from idm_sumo.diagnosis.fit import Fit, improve
 from idm_sumo.diagnosis.library import Library, magnitude_of
@@ -45,7 +45,7 @@ class Placed:
     @property
     def magnitude(self) -> Parameter:
         """Its first parameter."""
-        return magnitude_of(co.Group(self.name, self.form))
+        return magnitude_of(pl.Group(self.name, self.form))
 
     @property
     def at_bound(self) -> bool:
@@ -72,7 +72,7 @@ def placed_of(library: Library, hypothesis: int, value: float, now: Sequence[Pla
     return Placed(group.name, group.form, library.edges(hypothesis), group.lane, value)
 
 
-def with_effects(base: Fit, effects: Sequence[Placed], plan: co.Plan) -> Fit:
+def with_effects(base: Fit, effects: Sequence[Placed], plan: pl.Plan) -> Fit:
     """Return the fit with these effects, and no others, in its magnitudes; the drivers not yet refitted."""
     by_lane = base.by_lane.copy()
     for effect in BY_NAME.values():
@@ -105,7 +105,7 @@ def refitted(subject: Subject, fit: Fit, rounds: int) -> Fit:
     return fit
 
 
-def present_columns(plan: co.Plan, effects: Sequence[Placed]) -> list[int]:
+def present_columns(plan: pl.Plan, effects: Sequence[Placed]) -> list[int]:
     """Return the numbers of the columns of effects in the model."""
     first = {group.name: group.first for group in plan.groups if group.present}
     return [first[one.name] for one in effects]

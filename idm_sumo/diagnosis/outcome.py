@@ -9,7 +9,6 @@ import numpy as np
 from idm_sumo.diagnosis import tables
 from idm_sumo.diagnosis import windows as w
 from idm_sumo.diagnosis.artefact import Seam
-from idm_sumo.diagnosis.columns import periods_of
 from idm_sumo.diagnosis.decision import Claim, Decision
 from idm_sumo.diagnosis.evidence import Subject
 from idm_sumo.diagnosis.fit import Fit, for_rollouts
@@ -20,6 +19,7 @@ from idm_sumo.diagnosis.law_misfit import law_misfit
 from idm_sumo.diagnosis.library import magnitude_of
 from idm_sumo.diagnosis.model import Placed
 from idm_sumo.diagnosis.noise import Noise
+from idm_sumo.diagnosis.plan import periods_of
 from idm_sumo.diagnosis.result import (
     NONE,
     Z95,
@@ -34,6 +34,7 @@ from idm_sumo.diagnosis.result import (
 )
 from idm_sumo.diagnosis.search import Found, Look
 from idm_sumo.diagnosis.some_drivers import Some
+from idm_sumo.diagnosis.swings import tried
 from idm_sumo.models import laws
 from idm_sumo.models.effects import BY_NAME, Cause, ExtendedModel, format_quantity
 from idm_sumo.models.idm import IDMParameters
@@ -62,7 +63,7 @@ def told(
         verdict=decision.verdict,
         causes=causes,
         without_gain=tuple(_cause(one, found.last.fit) for one in decision.without_gain),
-        unexplained=tuple(_unexplained(one, found) for one in decision.unexplained),
+        unexplained=_all_unexplained(decision, found),
         gain=gains[0],
         other_gains=gains[1:],
         ruled_out=_ruled_out(found.last, named),
@@ -168,21 +169,39 @@ def _region(placed: Placed) -> Region | None:
 def _sentence(claim: Claim) -> str:
     assert claim.placed is not None
     effect, first = BY_NAME[claim.name], claim.placed.magnitude
+    region = _region(claim.placed)
+    where = "" if region is None or region.lanes is None else f" in lane {region.lanes[0]}"
     late = "; it rests on what happens later, so a replay can have it and a forecast cannot" if effect.hindsight else ""
     bound = "; its size is at the bound of what is searched, and may be larger" if claim.placed.at_bound else ""
     rivals = f"; these data cannot tell it from {', '.join(claim.one_of)}" if claim.one_of else ""
     return (
-        f"drivers behave as if each {effect.summary}: {first.symbol} = {format_quantity(claim.placed.value, first.unit)}, "
+        f"drivers behave as if each {effect.summary}{where}: {first.symbol} = {format_quantity(claim.placed.value, first.unit)}, "
         f"with a probability of {claim.probability:.2f}, on about {claim.effective_drivers:.0f} drivers{bound}{late}{rivals}"
+    )
+
+
+def _all_unexplained(decision: Decision, found: Found) -> tuple[Unexplained, ...]:
+    """Return where and when the model is wrong without a name for it; nothing beside what is named."""
+    if decision.named:
+        return ()
+    out = tuple(_unexplained(one, found) for one in decision.unexplained)
+    swing = decision.swing
+    if swing is None:
+        return out
+    name = f"oscillation of drivers' own, periods around {0.5 * (swing.low + swing.high):.1f} s"
+    return (
+        *out,
+        Unexplained(name, (swing.low, swing.high), None, None, _p(swing.z, tried() * len(found.last.library.names))),
     )
 
 
 def _unexplained(claim: Claim, found: Found) -> Unexplained:
     edges = found.last.library.edges(claim.hypothesis)
+    lane = found.last.library.group_of(claim.hypothesis).lane
     position, period = edges.get("position"), edges.get("time")
     others = [ends for name, ends in edges.items() if name not in ("position", "time")]
     whole = others[0] if others else position if position is not None else edges["time"]
-    return Unexplained(claim.name, whole, position, period, claim.p)
+    return Unexplained(claim.name + (f" in lane {lane}" if lane else ""), whole, position, period, claim.p)
 
 
 def _ruled_out(look: Look, named: set[str]) -> tuple[RuledOut, ...]:

@@ -10,6 +10,7 @@ import numpy as np
 import numpy.typing as npt
 
 from idm_sumo.diagnosis import columns as co
+from idm_sumo.diagnosis import plan as pl
 from idm_sumo.diagnosis import selection as se
 from idm_sumo.diagnosis.chance import draws
 from idm_sumo.diagnosis.driving import Driven, Road
@@ -64,7 +65,7 @@ class Look:
     @property
     def of_form(self) -> FormEvidence:
         """What the recording says of the law's form, beside all that competes successfully."""
-        smooth = self.library.plan.of(co.MISFIT)[:-1]  # the last is the response, of no place in this space
+        smooth = self.library.plan.of(pl.MISFIT)[:-1]  # the last is the response, of no place in this space
         unsure = self.evidence.inflation * (1.0 + 0.5 * np.pi / len(self.evidence.nulls))  # of a median of replicates
         gram = self.evidence.gram[smooth] / unsure
         left = self.score[smooth] / unsure - gram @ self.selection.explained

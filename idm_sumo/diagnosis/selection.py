@@ -22,9 +22,9 @@ import numpy as np
 import numpy.typing as npt
 from scipy.special import log_ndtr, logsumexp
 
-from idm_sumo.diagnosis.columns import MISFIT
 from idm_sumo.diagnosis.evidence import Evidence
 from idm_sumo.diagnosis.library import Library
+from idm_sumo.diagnosis.plan import MISFIT
 from idm_sumo.diagnosis.settings import Settings
 
 Floats = npt.NDArray[np.float64]

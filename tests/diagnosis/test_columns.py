@@ -8,6 +8,7 @@ import numpy as np
 import pytest
 
 from idm_sumo.diagnosis import columns as co
+from idm_sumo.diagnosis import plan as pl
 from idm_sumo.diagnosis import rollout as ro
 from idm_sumo.diagnosis import windows as w
 from idm_sumo.diagnosis.fit import first_guess
@@ -36,7 +37,7 @@ def recorded():
 @pytest.mark.parametrize(("name", "form"), LINEAR, ids=[f"{name}-{n}" for n, (name, _) in enumerate(LINEAR)])
 def test_a_linear_column_is_the_derivative_by_its_magnitude(recorded, name, form):
     windows, fit, answer = recorded
-    plan = replace(co.plan_of(windows, fit, free=False), groups=(co.Group(name, form),))
+    plan = replace(co.plan_of(windows, fit, free=False), groups=(pl.Group(name, form),))
     column = co.columns(windows, fit, answer, plan)[:, :, 0]
     little = 1e-4
     moved = with_effects(fit, [Placed(name, form, {}, 0, little)], plan).by_lane
@@ -98,7 +99,7 @@ def test_an_effect_in_the_model_is_compared_with_none(recorded, value):
     late = with_effects(fit, [Placed(name, form, {}, 0, value)], plan)
     there = co.present_form(late, CATALOGUE[0])
     assert there is not None
-    group = co.Group(name, there, present=True)
+    group = pl.Group(name, there, present=True)
     column = co.columns(windows, late, co.answer_of(windows, late), replace(plan, groups=(group,)))[:, :, 0]
     whole = ro.positions(windows, fit.theta, late.by_lane) - ro.positions(windows, fit.theta, fit.by_lane)
     np.testing.assert_allclose(column * value, whole, atol=1e-9)

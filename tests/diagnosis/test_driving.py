@@ -5,8 +5,8 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from idm_sumo.diagnosis import columns as co
 from idm_sumo.diagnosis import driving as dr
+from idm_sumo.diagnosis import plan as pl
 from idm_sumo.diagnosis import windows as w
 from idm_sumo.diagnosis.chance import Noises
 from idm_sumo.diagnosis.evidence import Subject
@@ -34,7 +34,7 @@ def late() -> dr.Road:
     windows, _ = followers(by_lane, np.random.default_rng(5))
     windows.seen[:, w.X] += 0.05 * np.random.default_rng(6).standard_normal(windows.seen[:, w.X].shape)
     base = fit_drivers(windows, PLAIN.copy(), START)
-    return dr.Road(Subject(windows, Noises(QUIET, QUIET), True), base, co.Plan((), 10.0, (1,), (0.0, 60.0)))
+    return dr.Road(Subject(windows, Noises(QUIET, QUIET), True), base, pl.Plan((), 10.0, (1,), (0.0, 60.0)))
 
 
 @pytest.mark.parametrize("top", [0.02, 0.15, 0.4, 1.3, 2.4, -0.3])

@@ -7,7 +7,8 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from idm_sumo.diagnosis import columns as co
+from idm_sumo.diagnosis import free_fields as ff
+from idm_sumo.diagnosis import plan as pl
 from idm_sumo.diagnosis import selection as se
 from idm_sumo.diagnosis.evidence import Evidence
 from idm_sumo.diagnosis.library import library_of
@@ -16,18 +17,18 @@ from idm_sumo.diagnosis.settings import SETTINGS
 from idm_sumo.models.effects import BY_NAME
 
 DRIVERS, INFORMATION, BINS = 120, 400.0, 20
-PLACES = co.Axis("position", np.linspace(0.0, 16.0 * BINS, BINS + 1))
+PLACES = pl.Axis("position", np.linspace(0.0, 16.0 * BINS, BINS + 1))
 
 
-def plan() -> co.Plan:
+def plan() -> pl.Plan:
     """Return columns of four effects, of which one is a place, of a free field and of the law's misfit."""
     names = ("reaction_delay", "hysteresis", "acceleration_asymmetry")
-    groups = [co.Group(co.MISFIT), *(co.Group(name, BY_NAME[name].forms[0]) for name in names)]
-    groups.append(co.Group("location", BY_NAME["location"].forms[0], axes=(PLACES,)))
-    groups.append(co.Group("", content=co.DELAY, axes=(PLACES,)))
+    groups = [pl.Group(pl.MISFIT), *(pl.Group(name, BY_NAME[name].forms[0]) for name in names)]
+    groups.append(pl.Group("location", BY_NAME["location"].forms[0], axes=(PLACES,)))
+    groups.append(pl.Group("", content=ff.DELAY, axes=(PLACES,)))
     begins = np.cumsum([0, *(group.count for group in groups)])
     numbered = tuple(replace(g, first=int(n)) for g, n in zip(groups, begins, strict=False))
-    return co.Plan(numbered, 10.0, (1,), (0.0, 300.0))
+    return pl.Plan(numbered, 10.0, (1,), (0.0, 300.0))
 
 
 PLAN = plan()
