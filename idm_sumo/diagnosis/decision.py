@@ -108,7 +108,7 @@ def decide(subject: Subject, found: Found, rng: np.random.Generator) -> Decision
     measured = _with_gains(subject, found, there, base, fold, rng)
     named = tuple(one for one in measured if one.gain and lower_bound(one.gain, settings.gain_level) > 0.0)
     without = tuple(one for one in measured if one not in named)
-    some = some_who_differ(windows, found)
+    some = some_who_differ(subject, found, rng)
     if some is not None:
         apart = _of_some(windows, found, some, base, rng)
         if apart is not None:

@@ -16,9 +16,12 @@ import numpy as np
 import numpy.typing as npt
 from scipy.optimize import minimize_scalar
 
+from idm_sumo.diagnosis.chance import Chance, draws
+from idm_sumo.diagnosis.evidence import Subject
 from idm_sumo.diagnosis.fit import Fit, fit_drivers, fit_to_population
 from idm_sumo.diagnosis.likelihood import log_likelihood
 from idm_sumo.diagnosis.model import Placed, placed_of, with_effects
+from idm_sumo.diagnosis.replicates import driven_again
 from idm_sumo.diagnosis.result import Estimate
 from idm_sumo.diagnosis.search import Found, Look
 from idm_sumo.diagnosis.windows import Windows
@@ -90,13 +93,13 @@ def has(gain: Floats, share: float) -> Booleans:
     return np.asarray(gain + np.log(share) - np.log1p(-share) > 0.0)
 
 
-def some_who_differ(windows: Windows, found: Found) -> Some | None:
+def some_who_differ(subject: Subject, found: Found, rng: np.random.Generator) -> Some | None:
     """Return the cause that some drivers have, if that makes the recording likelier than what is in the model.
 
     The scores say which forms are worth driving. Of these the one is taken by which the recording is likeliest, and only if it is so by more
-    than chance makes at the stated rate of false alarms, and so many have it that it rests on enough drivers.
+    than chance makes at the stated rate of false alarms beside what null replicates show, and so many have it that it rests on enough drivers.
     """
-    settings, first = found.settings, found.first
+    windows, settings, first = subject.windows, found.settings, found.first
     chance = -np.log(settings.false_alarms)
     base = log_likelihood(windows, found.base)
     named = float((log_likelihood(windows, found.last.fit) - base).sum())
@@ -120,7 +123,26 @@ def some_who_differ(windows: Windows, found: Found) -> Some | None:
     if min(having.sum(), (~having).sum()) < settings.least_drivers:
         return None
     hypothesis, placed = worth[best]
+    by_lane = with_effects(found.base, (placed,), first.library.plan).by_lane
+    if found_share.support < max(_of_replicates(subject, found, by_lane, rng)) + chance:
+        return None
     return _refined(windows, found, hypothesis, placed, having, beside)
+
+
+def _of_replicates(subject: Subject, found: Found, by_lane: Floats, rng: np.random.Generator) -> list[float]:
+    """Return the support of a mixture in null replicates of the model without effects: what noise and refitting make of it.
+
+    Where a cause shows in a few moments only, drivers err in them more than the covariance of all moments says.
+    """
+
+    def support(chance: Chance) -> float:
+        null, _ = driven_again(subject.windows, found.base, chance, drawn=False, is_smooth=subject.is_smooth)
+        models = (found.base.by_lane, by_lane)
+        fits = (fit_drivers(null, one, found.base.start_variance, rounds=FEW_ROUNDS) for one in models)
+        without, with_it = (log_likelihood(null, fit) for fit in fits)
+        return mixture(with_it - without).support
+
+    return each_in_threads(support, draws(subject.windows, subject.noises, found.settings.replicates, rng))
 
 
 def _refined(
