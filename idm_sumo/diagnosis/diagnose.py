@@ -6,6 +6,7 @@ import itertools
 import time
 from collections.abc import Iterable
 from dataclasses import replace
+from typing import NamedTuple
 
 import numpy as np
 from numba import get_num_threads, set_num_threads
@@ -24,7 +25,7 @@ from idm_sumo.diagnosis.rollout import PLAIN
 from idm_sumo.diagnosis.search import search
 from idm_sumo.diagnosis.settings import SETTINGS, Settings
 from idm_sumo.diagnosis.smoother import Smoother, local_cubic, posterior_mean, window_for
-from idm_sumo.diagnosis.windows import cut_windows
+from idm_sumo.diagnosis.windows import Windows, cut_windows
 from idm_sumo.recordings.recording import Recording
 from idm_sumo.recordings.smoothing import WINDOW
 from idm_sumo.runtime.progress import Progress, silent
@@ -74,9 +75,42 @@ def _diagnose(
     settings: Settings,
 ) -> Diagnosis:  # fmt: skip
     clock = [("start", time.perf_counter())]
-    progress("cutting windows", 0, 1)
     seam = find_seam(recording)
     recording = recording if seam is None else repaired(recording, seam)
+    ready = prepared(recording, rng, only, progress, clock)
+    if isinstance(ready, Windows):
+        guess = first_guess(ready, PLAIN.copy(), np.array([0.01, 0.04]))
+        return outcome.too_little(ready, guess, (LEAST_DRIVERS, LEAST_WINDOWS), _seconds(clock))
+    subject, by_idm, followed = ready
+    found = search(subject, followed.fit, settings, rng, progress)
+    clock.append(("search", time.perf_counter()))
+    progress("measuring the gain", 0, 1)
+    decision = decide(subject, found, rng)
+    clock.append(("gain", time.perf_counter()))
+    told = outcome.told(recording, subject, found, decision, followed, subject.noises.measurement, rng)
+    told = replace(
+        told, seconds=_seconds(clock), law=outcome.law_of(subject.windows, followed, by_idm, rng),
+        detectable=injection.detectable(subject, found, injections, rng, progress),
+    )  # fmt: skip
+    if seam is None:
+        return told
+    return replace(told, verdict=NAMED, causes=(outcome.seam_cause(seam), *told.causes))
+
+
+class Prepared(NamedTuple):
+    """A recording's windows, its drivers by the IDM, and by the law that they follow."""
+
+    subject: Subject
+    by_idm: Fit
+    followed: Followed
+
+
+def prepared(
+    recording: Recording, rng: np.random.Generator, only: Iterable[int] | None, progress: Progress,
+    clock: list[tuple[str, float]],
+) -> Prepared | Windows:  # fmt: skip
+    """Return the fitted drivers of a recording, or only its windows if they are too few to say anything; adds its stages to the clock."""
+    progress("cutting windows", 0, 1)
     measurement = no.measurement_noise(recording)
     motion = no.motion_noise(recording, measurement)
     own = _follower_filter(measurement, rng)
@@ -85,8 +119,7 @@ def _diagnose(
         windows = windows.of_drivers(np.flatnonzero(np.isin(windows.vehicle, list(only))))
     clock.append(("windows", time.perf_counter()))
     if windows.drivers < LEAST_DRIVERS or len(windows.seen) < LEAST_WINDOWS:
-        guess = first_guess(windows, PLAIN.copy(), np.array([0.01, 0.04]))
-        return outcome.too_little(windows, guess, (LEAST_DRIVERS, LEAST_WINDOWS), _seconds(clock))
+        return windows
     progress("fitting drivers", 0, 1)
     start = chance.measured(measurement, own, 400, 160, rng)
     by_idm = fit_drivers(windows, PLAIN.copy(), np.array([start[0].var() + 1e-4, start[1].var() + 1e-4]))
@@ -95,22 +128,8 @@ def _diagnose(
     followed = law.followed(windows, by_idm, rng.spawn(1)[0])
     clock.append(("law", time.perf_counter()))
     leader = motion if recording.has_leader_rows and not recording.is_smooth else None
-    subject = _with_noise(
-        Subject(windows, chance.Noises(measurement, no.QUIET, leader), recording.is_smooth), followed, rng
-    )
-    found = search(subject, followed.fit, settings, rng, progress)
-    clock.append(("search", time.perf_counter()))
-    progress("measuring the gain", 0, 1)
-    decision = decide(subject, found, rng)
-    clock.append(("gain", time.perf_counter()))
-    told = outcome.told(recording, subject, found, decision, followed, measurement, rng)
-    told = replace(
-        told, seconds=_seconds(clock), law=outcome.law_of(windows, followed, by_idm, rng),
-        detectable=injection.detectable(subject, found, injections, rng, progress),
-    )  # fmt: skip
-    if seam is None:
-        return told
-    return replace(told, verdict=NAMED, causes=(outcome.seam_cause(seam), *told.causes))
+    noises = chance.Noises(measurement, no.QUIET, leader)
+    return Prepared(_with_noise(Subject(windows, noises, recording.is_smooth), followed, rng), by_idm, followed)
 
 
 def _with_noise(subject: Subject, followed: Followed, rng: np.random.Generator) -> Subject:

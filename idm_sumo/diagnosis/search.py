@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import dataclass, replace
 from functools import cached_property
 from typing import NamedTuple
@@ -20,7 +21,7 @@ from idm_sumo.diagnosis.law_misfit import FormEvidence
 from idm_sumo.diagnosis.library import Library, library_of
 from idm_sumo.diagnosis.model import Placed, placed_of, present_columns, whole_score
 from idm_sumo.diagnosis.settings import Settings
-from idm_sumo.runtime.progress import Progress
+from idm_sumo.runtime.progress import Progress, silent
 
 Floats = npt.NDArray[np.float64]
 
@@ -92,14 +93,10 @@ class Found:
     settings: Settings
 
 
-def search(subject: Subject, base: Fit, settings: Settings, rng: np.random.Generator, progress: Progress) -> Found:
-    """Return what competes best, each effect at its size.
-
-    The linear competition says what is worth driving, the likelihood of the driven effect at which size. Of the two that are likeliest so,
-    and of the effects in the model at the sizes that null replicates of it say, that model is taken around which least is left
-    unexplained. Everything competes anew around it, and what no longer wins leaves. It ends when chance makes as much as what is left,
-    or as what a change explains.
-    """
+def looking(
+    subject: Subject, settings: Settings, rng: np.random.Generator, progress: Progress = silent
+) -> Callable[[Fit, tuple[Placed, ...]], Look]:
+    """Return the function that lets everything compete around a model with effects, always with the same draws."""
     chances = draws(subject.windows, subject.noises, settings.replicates, rng)
 
     def look(fit: Fit, effects: tuple[Placed, ...]) -> Look:
@@ -113,6 +110,18 @@ def search(subject: Subject, base: Fit, settings: Settings, rng: np.random.Gener
         progress(stage, 1, 1)
         return Look(fit, effects, evidence, library, score, selection, settings)
 
+    return look
+
+
+def search(subject: Subject, base: Fit, settings: Settings, rng: np.random.Generator, progress: Progress) -> Found:
+    """Return what competes best, each effect at its size.
+
+    The linear competition says what is worth driving, the likelihood of the driven effect at which size. Of the two that are likeliest so,
+    and of the effects in the model at the sizes that null replicates of it say, that model is taken around which least is left
+    unexplained. Everything competes anew around it, and what no longer wins leaves. It ends when chance makes as much as what is left,
+    or as what a change explains.
+    """
+    look = looking(subject, settings, rng, progress)
     first = now = look(base, ())
     road = Road(subject, base, first.library.plan)
     chance = -np.log(settings.false_alarms)  # likelier than that, nothing that is left unexplained makes the recording
