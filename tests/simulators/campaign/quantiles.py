@@ -3,8 +3,8 @@
     python -m tests.simulators.campaign.quantiles -o DIR [--each 20] [--jobs 2] [--seed 0]
 
 Writes DIR/z.csv, one row a recording and family of the catalogue at the finder's first look, and DIR/quantiles.png.
-Of a family that is looked for in many forms, places or times one is taken, always the same, so that the z of what wins is
-not mistaken for it.
+Of a family that is looked for in many forms, places or times one is taken, always the same, so that the z of what wins
+is not mistaken for it.
 """
 
 from __future__ import annotations
