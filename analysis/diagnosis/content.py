@@ -6,7 +6,7 @@ from typing import Any
 
 import numpy as np
 
-from idm_sumo.diagnosis import CauseFound, Diagnosis, Gain, LawMisfit
+from idm_sumo.diagnosis import CauseFound, Diagnosis, Gain, LawMisfit, RuledOut
 
 GAIN = ("metric", "base", "extended", "difference", "ci95", "vehicles", "held_out")
 NOT_MEASURED = Gain("ade_m", 0.0, 0.0, 0.0, (0.0, 0.0), 0)  # zero vehicles: none were held out
@@ -45,10 +45,7 @@ def contract(found: Diagnosis) -> dict[str, Any]:
         "causes": [_cause(cause, whole) for cause in found.causes],
         "unexplained": unexplained,
         "gain": {name: getattr(gain, name) for name in GAIN},
-        "ruled_out": [
-            {"name": one.name, "p_value": one.p_value, "confusable_with": list(one.confusable_with), "why": one.why}
-            for one in found.ruled_out
-        ],
+        "ruled_out": [_ruled_out(one) for one in found.ruled_out],
         "without_gain": [_cause(cause, whole) for cause in found.without_gain],
         "untestable": dict(found.untestable),
         "law": found.model.law,
@@ -90,6 +87,15 @@ def _cause(cause: CauseFound, whole: dict[str, Range]) -> dict[str, Any]:
         "at_bound": cause.at_bound,
         "probability": cause.probability,
     }
+
+
+def _ruled_out(one: RuledOut) -> dict[str, Any]:
+    size = one.estimate
+    return {
+        "name": one.name, "p_value": one.p_value, "value": None if size is None else size.value,
+        "ci95": None if size is None else list(size.ci95), "unit": None if size is None else size.unit,
+        "confusable_with": list(one.confusable_with), "why": one.why,
+    }  # fmt: skip
 
 
 def extent(found: Diagnosis) -> dict[str, Range]:

@@ -115,10 +115,13 @@ class Unexplained(_Part):
 
 
 class RuledOut(_Part):
-    """A hypothesis that was tested and not kept."""
+    """A hypothesis that was tested and not kept, with its size as far as it was estimated."""
 
     name: str
     p_value: Probability
+    value: Number | None
+    ci95: Interval | None
+    unit: str | None
     confusable_with: list[str]
     why: str
 

@@ -118,6 +118,8 @@ def test_the_folder_holds_all_of_it(tmp_path, monkeypatch) -> None:
     }  # fmt: skip
     assert content["causes"][0]["where"]["lanes"] is None
     assert content["law"] == "idm"
+    out = content["ruled_out"][0]
+    assert (out["name"], out["value"], out["ci95"], out["unit"]) == ("reaction_delay", 0.02, [-0.05, 0.09], "s")
     needed = schema()["$defs"]["Cause"]["required"]
     assert set(content["causes"][0]) == set(needed)
     assert content["detectable"] == [
