@@ -140,11 +140,10 @@ EFFECT = Effect(
     confusable_with=("location", "acceleration_asymmetry", "pre_insertion"),
     source="Schmidt-Coffaro (2009); Laval and Leclercq (2008), Transportation Research B 42; "
     "of the headway: Schakel, Knoop and van Arem (2012), Transportation Research Record 2316",
-    forms=(
-        Form(slots.RELAXATION, size=0.5, fixed=((slots.RELAXATION_TIME, 9.0),)),
-        Form(slots.RELAXATION, size=0.5, fixed=((slots.RELAXATION_TIME, 16.0),)),
-        Form(slots.RELAXATION, size=0.5, fixed=((slots.RELAXATION_TIME, 15.0), (slots.HEADWAY_ACCEPTED, 1.0))),
-        Form(slots.RELAXATION, size=0.5, fixed=((slots.RELAXATION_TIME, 16.0), (slots.CREDIT_LIMITED, 1.0))),
+    forms=tuple(
+        Form(slots.RELAXATION, size=0.5, fixed=((slots.RELAXATION_TIME, recovery), *kind))
+        for kind in ((), ((slots.HEADWAY_ACCEPTED, 1.0),), ((slots.CREDIT_LIMITED, 1.0),))
+        for recovery in (9.0, 16.0)
     ),
     between=True,
     told=(
