@@ -26,7 +26,6 @@ from idm_sumo.diagnosis.plan import (
     MOST_BINS,
     MOVING,
     PERIODS,
-    SWING,
     WIDTH,
     Axis,
     Group,
@@ -143,50 +142,73 @@ def _moments(windows: w.Windows, state: Floats, plan: Plan) -> Moments:
     )  # fmt: skip
 
 
-def columns(windows: w.Windows, fit: Fit, answer: Answer, plan: Plan) -> Floats:
-    """Return all columns of some windows, shape ``(windows, moments, columns)``."""
-    see, seen = _moments(windows, answer.state, plan), windows.seen[:, :, w.LEAD : -1]
-    known = covariates(seen, answer.state) | {POSITION: see.position, TIME: see.time, LANE: see.lane}
+def columns(windows: w.Windows, fit: Fit, answer: Answer, plan: Plan, longest: Floats | float = np.inf) -> Floats:
+    """Return all columns of some windows, differences of rollouts no longer than they may be; ``(windows, moments, columns)``."""
+    see = _moments(windows, answer.state, plan)
+    out = _linear(windows, answer.state, see, answer.response, plan)
+    out[:, :, secants_of(plan)] = shortened(_secants(windows, fit, answer, plan), longest)
+    return _with_lanes(see, plan, out)
+
+
+def seen_through(windows: w.Windows, fit: Fit, answer: Answer, plan: Plan, vectors: Floats, longest: Floats) -> Floats:
+    """Return the products of vectors, shape ``(windows, vectors, moments)``, with all columns: few vectors are much faster than the columns."""
+    see = _moments(windows, answer.state, plan)
+    out = _linear(windows, answer.state, see, vectors @ answer.response, plan)
+    out[:, :, secants_of(plan)] = vectors @ shortened(_secants(windows, fit, answer, plan), longest)
+    return _with_lanes(see, plan, out)
+
+
+def _linear(windows: w.Windows, state: Floats, see: Moments, response: Floats, plan: Plan) -> Floats:
+    """Return the columns that are linear in an acceleration, through a response to pulses; the others are zero."""
+    seen = windows.seen[:, :, w.LEAD : -1]
+    known = covariates(seen, state) | {POSITION: see.position, TIME: see.time, LANE: see.lane}
     known |= {f"{MOVING}{speed:g} m/s": moving(speed, see.position, see.time, plan.span) for speed in SPEEDS}
     period = np.unique(windows.period, return_inverse=True)[1][windows.driver] if periods_of(windows) > 1 else None
-    out = np.zeros((*answer.response.shape[:2], plan.count))
+    out = np.zeros((*response.shape[:2], plan.count))
     values: dict[object, Floats] = {}
     numbers: dict[object, Integers] = {}
     for group in plan.groups:
         here = out[:, :, group.first : group.first + group.count]
-        if group.name == MISFIT:
-            smooth = basis(see.speed, see.speed - see.leader_speed, see.gap, plan.speed)
-            fields = np.concatenate([smooth, content_of(RESPONSE, see)[:, :, None]], axis=2)
-            here[:] = answer.response @ fields.reshape(len(fields), -1, ro.BIN, group.count).mean(axis=2)
+        if not group.competes:
+            here[:] = response @ (_smooth(see, plan) if group.name == MISFIT else _waves(see))
             continue
-        if group.name == SWING:
-            turned = 2.0 * np.pi * see.time[:, :, None] / PERIODS
-            waves = np.concatenate([np.sin(turned), np.cos(turned)], axis=2)
-            here[:] = answer.response @ waves.reshape(len(waves), -1, ro.BIN, group.count).mean(axis=2)
-            continue
-        if group.of_lane or (group.form is not None and group.form.field is None):
+        if group.of_lane or group.is_secant:
             continue
         key = group.form.field if group.form is not None else group.content
         if key not in values:
             values[key] = group.form.field(see) if group.form is not None else content_of(group.content, see)  # type: ignore[misc]
         if not group.axes:
-            here[:] = answer.response @ pulse_means(np.ascontiguousarray(values[key]))[:, :, None]
+            here[:] = response @ pulse_means(np.ascontiguousarray(values[key]))[:, :, None]
             continue
         where = (*((axis.name, *axis.edges[:3], len(axis.edges)) for axis in group.axes), group.lane, group.period)
         if where not in numbers:
             numbers[where] = _number(group, known, see.lane, period)
-        response_by_bin(answer.response, numbers[where], values[key], here)
-    _fill_secants(windows, fit, answer, plan, out)
-    _fill_lanes(see.lane[:, see.lane.shape[1] // 2], plan, out)
+        response_by_bin(response, numbers[where], values[key], here)
     return out
 
 
-def _fill_lanes(lane: Floats, plan: Plan, out: Floats) -> None:
-    """Fill the columns of effects in one lane: those of all lanes, for windows that lie in it."""
+def _smooth(see: Moments, plan: Plan) -> Floats:
+    """Return the mean accelerations of the law's own misfit, by pulse."""
+    smooth = basis(see.speed, see.speed - see.leader_speed, see.gap, plan.speed)
+    fields = np.concatenate([smooth, content_of(RESPONSE, see)[:, :, None]], axis=2)
+    return np.asarray(fields.reshape(len(fields), -1, ro.BIN, fields.shape[2]).mean(axis=2))
+
+
+def _waves(see: Moments) -> Floats:
+    """Return the accelerations of swings in the middle of each pulse, sines first."""
+    middle = see.time.reshape(len(see.time), -1, ro.BIN).mean(axis=2)
+    turned = 2.0 * np.pi * middle[:, :, None] / PERIODS
+    return np.concatenate([np.sin(turned), np.cos(turned)], axis=2)
+
+
+def _with_lanes(see: Moments, plan: Plan, out: Floats) -> Floats:
+    """Return columns with those of effects in one lane: those of all lanes, for windows that lie in it."""
+    lane = see.lane[:, see.lane.shape[1] // 2]
     everywhere = {g.form: g.first for g in plan.groups if g.form is not None and not g.axes and not g.of_lane}
     for group in plan.groups:
         if group.of_lane and group.form is not None:
             out[:, :, group.first] = out[:, :, everywhere[group.form]] * (lane == group.lane)[:, None]
+    return out
 
 
 def _number(group: Group, known: dict[str, Floats], lane: Floats, period: Integers | None) -> Integers:
@@ -205,13 +227,17 @@ def _number(group: Group, known: dict[str, Floats], lane: Floats, period: Intege
     return number
 
 
-def _fill_secants(windows: w.Windows, fit: Fit, answer: Answer, plan: Plan, out: Floats) -> None:
-    groups = [g for g in plan.groups if g.form is not None and g.form.field is None and not g.of_lane]
-    models = [moved(fit, group) for group in groups]
-    changed = ro.positions_otherwise(windows, fit.theta, models) - answer.line.simulated[:, :, None]
-    for n, group in enumerate(groups):
-        assert group.form is not None
-        out[:, :, group.first] = changed[:, :, n] / group.form.size
+def secants_of(plan: Plan) -> Integers:
+    """Return the numbers of the columns that are differences of rollouts."""
+    return np.array([group.first for group in plan.groups if group.is_secant], np.int64)
+
+
+def _secants(windows: w.Windows, fit: Fit, answer: Answer, plan: Plan) -> Floats:
+    """Return the differences of rollouts, shape ``(windows, moments, secants)``."""
+    groups = [group for group in plan.groups if group.is_secant]
+    changed = ro.positions_otherwise(windows, fit.theta, [moved(fit, group) for group in groups])
+    sizes = np.array([group.form.size for group in groups if group.form is not None])
+    return np.asarray((changed - answer.line.simulated[:, :, None]) / sizes)
 
 
 def moved(fit: Fit, group: Group) -> Floats:
@@ -228,14 +254,21 @@ def moved(fit: Fit, group: Group) -> Floats:
     return by_lane
 
 
-def lengths(columns_of: Floats) -> Floats:
-    """Return how long a column may be in one window: a few times what nine of ten with any effect have.
+def longest_of(windows: w.Windows, fit: Fit, answer: Answer, plan: Plan, most: int = 600) -> Floats:
+    """Return how long each difference of rollouts may be in one window: a few times what nine of ten with any effect have.
 
-    Where a simulated vehicle nearly hits its leader, a little more of anything moves it by kilometres.
+    Where a simulated vehicle nearly hits its leader, a little more of anything moves it by kilometres. Some of the windows tell.
     """
-    size = np.abs(columns_of).max(axis=1)
+    rows = np.arange(0, len(windows.seen), max(1, len(windows.seen) // most))
+    size = np.abs(_secants(windows.of_rows(rows), fit, _of_rows(answer, rows), plan)).max(axis=1)
     usual = [float(np.percentile(one[one > NOTHING], 90)) if (one > NOTHING).any() else 1.0 for one in size.T]
     return LONGEST * np.array(usual)
+
+
+def shortened(secants: Floats, longest: Floats | float) -> Floats:
+    """Return differences of rollouts of which none is longer than it may be."""
+    size = np.abs(secants).max(axis=1)
+    return np.asarray(secants * np.minimum(1.0, longest / np.maximum(size, NOTHING))[:, None, :])
 
 
 def chunks(windows: w.Windows, most: int = 400) -> Iterator[slice]:
@@ -250,7 +283,11 @@ def chunks(windows: w.Windows, most: int = 400) -> Iterator[slice]:
 
 
 def of_chunk(answer: Answer, rows: slice) -> Answer:
-    """Return the rollouts of some windows."""
+    """Return the rollouts of a slice of the windows."""
+    return _of_rows(answer, rows)
+
+
+def _of_rows(answer: Answer, rows: slice | Integers) -> Answer:
     line = answer.line
     some = Linear(*(part[rows] for part in (line.error, line.jacobian, line.shared, line.simulated, line.whitener)))
     return Answer(some, answer.response[rows], answer.state[rows])

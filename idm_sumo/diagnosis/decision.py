@@ -114,8 +114,7 @@ def decide(subject: Subject, found: Found, rng: np.random.Generator) -> Decision
         if apart is not None:
             return apart
     if not named:
-        swing = None if free else _swing(found.last)
-        return Decision((), without, free, found.base, base, base, found.last, swing=swing)
+        return Decision((), without, free, found.base, base, base, found.last, swing=_swing(found.last))
     fit = _fitted(subject, found, named)
     extended = by_folds(windows, _by_fold(found, fit, named, fold), fold)
     return Decision(named, without, free, fit, base, extended, found.last)

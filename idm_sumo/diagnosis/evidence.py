@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import cached_property
+from typing import NamedTuple
 
 import numpy as np
 import numpy.typing as npt
@@ -15,7 +16,7 @@ from idm_sumo.diagnosis import gls
 from idm_sumo.diagnosis import plan as pl
 from idm_sumo.diagnosis import windows as w
 from idm_sumo.diagnosis.chance import Chance, Noises
-from idm_sumo.diagnosis.fit import Fit, Linear
+from idm_sumo.diagnosis.fit import Fit
 from idm_sumo.diagnosis.replicates import driven_again, refit
 from idm_sumo.diagnosis.rollout import PARAMETERS
 from idm_sumo.diagnosis.swings import Swings, power
@@ -39,6 +40,21 @@ class Subject:
     is_smooth: bool
 
 
+class Measure(NamedTuple):
+    """What a recording and its replicates have in common.
+
+    Attributes
+    ----------
+    longest : float64, shape (secants,)
+        How long a difference of rollouts may be in one window.
+    by : float64, shape (absorbed, absorbed + columns)
+        How much of each column is absorbed by all drivers together, and by trucks as drivers.
+    """
+
+    longest: Floats
+    by: Floats
+
+
 @dataclass(frozen=True)
 class Evidence:
     """Scores of all columns at one model.
@@ -57,8 +73,8 @@ class Evidence:
         Of neighbours.
     share : float64, shape (drivers,)
         Of the windows.
-    longest : float64, shape (columns,)
-        How long a column may be in one window.
+    measure : Measure
+        How null replicates are measured alike.
     of_blocks : Evidence or None
         That of the recording, if this is of followers that were driven once more: it says how blocks of neighbours vary.
     swings : Swings or None
@@ -72,7 +88,7 @@ class Evidence:
     part: Floats
     block: Integers
     share: Floats
-    longest: Floats
+    measure: Measure
     of_blocks: Evidence | None = None
     swings: Swings | None = None
 
@@ -122,8 +138,9 @@ def examine(subject: Subject, fit: Fit, plan: pl.Plan, chances: Sequence[Chance]
     """Score a recording and its null replicates at one model."""
     windows = subject.windows
     answer = co.answer_of(windows, fit)
-    longest = _longest(windows, fit, answer, plan)
-    found = _scores(windows, fit, answer, plan, longest, whole=True)
+    longest = co.longest_of(windows, fit, answer, plan)
+    found, by = _scores(windows, fit, answer, plan, longest)
+    measure = Measure(longest, by)
     between = np.zeros(plan.count, bool)
     for group in plan.groups:
         at_places = group.is_free and any(axis.is_scanned for axis in group.axes)
@@ -135,7 +152,7 @@ def examine(subject: Subject, fit: Fit, plan: pl.Plan, chances: Sequence[Chance]
     def replicate(what: tuple[bool, Chance]) -> tuple[Floats, Floats]:
         drawn, chance = what
         null, drivers = driven_again(windows, fit, chance, drawn=drawn, is_smooth=subject.is_smooth)
-        own = by_driver(null, refit(null, drivers), plan, longest)
+        own = by_driver(null, refit(null, drivers), plan, measure)
         return np.asarray(own.sum(axis=0)), power(own[:, swing], found.part[:, swing]).mean(axis=0)
 
     each = each_in_threads(replicate, [(drawn, chance) for drawn in (False, True) for chance in chances])
@@ -144,53 +161,61 @@ def examine(subject: Subject, fit: Fit, plan: pl.Plan, chances: Sequence[Chance]
     share = np.bincount(windows.driver, minlength=windows.drivers) / len(windows.driver)
     usual = np.mean([own for _, own in each[: len(chances)]], axis=0)
     swings = Swings(power(found.u[:, swing], found.part[:, swing]), usual) if len(swing) else None
-    return Evidence(plan, found.u, nulls, found.gram, found.part, windows.platoon, share, longest, swings=swings)
+    return Evidence(plan, found.u, nulls, found.gram, found.part, windows.platoon, share, measure, swings=swings)
 
 
-def by_driver(windows: w.Windows, fit: Fit, plan: pl.Plan, longest: Floats) -> Floats:
-    """Return the scores of windows at a fit, shape ``(drivers, columns)``."""
-    return _scores(windows, fit, co.answer_of(windows, fit), plan, longest, whole=False).u
+def by_driver(windows: w.Windows, fit: Fit, plan: pl.Plan, measure: Measure) -> Floats:
+    """Return the scores of windows at a fit, shape ``(drivers, columns)``, orthogonal to what drivers and the recording's population absorb."""
+    answer, truck = co.answer_of(windows, fit), trucks(windows)
+    prior = np.asarray(np.linalg.inv(fit.spread), dtype=np.float64)
+    u = np.zeros((windows.drivers, len(measure.by) + plan.count))
+    for rows in co.chunks(windows):
+        some, of = windows.of_rows(np.arange(rows.start, rows.stop)), co.of_chunk(answer, rows)
+        left = of.line.whitener @ np.concatenate([of.line.error[:, :, None], of.line.jacobian], axis=2)
+        vectors = left.transpose(0, 2, 1) @ of.line.whitener
+        seen = co.seen_through(some, fit, of, plan, vectors, measure.longest)
+        first, last = int(some.driver[0]), int(some.driver[-1]) + 1
+        both = np.concatenate([vectors @ _common(of, truck[rows]), seen], axis=2)
+        sums = gls.by_driver(both, some.driver - first, last - first)
+        inner = sums[:, 1:, :PARAMETERS] + prior
+        u[first:last] = sums[:, 0] - np.einsum(
+            "ip,ipa->ia", np.linalg.solve(inner, sums[:, 0, :PARAMETERS, None])[:, :, 0], sums[:, 1:]
+        )
+    known = len(measure.by)
+    return np.asarray(u[:, known:] - u[:, :known] @ measure.by[:, known:])
 
 
-def _longest(windows: w.Windows, fit: Fit, answer: co.Answer, plan: pl.Plan, most: int = 600) -> Floats:
-    """Return how long columns may be, from some of the windows."""
-    every = max(1, len(windows.seen) // most)
-    rows = np.arange(0, len(windows.seen), every)
-    line = Linear(*(one[rows] for one in vars(answer.line).values()))
-    some = co.Answer(line, answer.response[rows], answer.state[rows])
-    return co.lengths(co.columns(windows.of_rows(rows), fit, some, plan))
+def trucks(windows: w.Windows) -> Floats:
+    """Return one for windows of trucks and zero for others, shape ``(windows, 1, 1)``; empty in the last axis if there are no trucks."""
+    truck = (windows.seen[:, w.OWN_KIND, -1] == TRUCK).astype(np.float64)[:, None, None]
+    return truck if truck.any() else truck[:, :, :0]
+
+
+def _common(of: co.Answer, truck: Floats) -> Floats:
+    """Return what is absorbed: by drivers, by trucks as drivers, by the population."""
+    own = of.line.jacobian
+    return np.concatenate([own, own * truck, of.line.shared] if truck.size else [own, of.line.shared], axis=2)
 
 
 def _scores(
-    windows: w.Windows, fit: Fit, answer: co.Answer, plan: pl.Plan, longest: Floats, *, whole: bool
-) -> gls.Scores:
-    """Return the scores, orthogonal to what drivers, trucks as drivers and the population absorb, a few windows at a time.
-
-    Unless ``whole``, the Gram matrix is left out.
-    """
-    truck = (windows.seen[:, w.OWN_KIND, -1] == TRUCK)[:, None, None]
-    known = PARAMETERS * (1 + bool(truck.any())) + answer.line.shared.shape[2]
+    windows: w.Windows, fit: Fit, answer: co.Answer, plan: pl.Plan, longest: Floats
+) -> tuple[gls.Scores, Floats]:
+    """Return the scores, orthogonal to what drivers, trucks as drivers and the population absorb, and how much of each column that is."""
+    truck = trucks(windows)
+    known = _common(co.of_chunk(answer, slice(0, 1)), truck[:1]).shape[2]
     count = known + plan.count
     prior = np.asarray(np.linalg.inv(fit.spread), dtype=np.float64)
-    u, part = np.zeros((windows.drivers, count)), np.zeros((windows.drivers, count))
-    gram = np.zeros((count if whole else known, count))
+    u, part, gram = np.zeros((windows.drivers, count)), np.zeros((windows.drivers, count)), np.zeros((count, count))
     for rows in co.chunks(windows):
         some, line = windows.of_rows(np.arange(rows.start, rows.stop)), co.of_chunk(answer, rows)
-        of = co.columns(some, fit, line, plan)
-        size = np.abs(of).max(axis=1)
-        of *= np.minimum(1.0, longest / np.maximum(size, co.NOTHING))[:, None, :]
-        common = [line.line.jacobian, line.line.shared]
-        if truck.any():
-            common.insert(1, line.line.jacobian * truck[rows])
-        white = line.line.whitener @ np.concatenate([*common, of], axis=2)
+        of = co.columns(some, fit, line, plan, longest)
+        white = line.line.whitener @ np.concatenate([_common(line, truck[rows]), of], axis=2)
         error = (line.line.whitener @ line.line.error[:, :, None])[:, :, 0]
         _add(white, error, prior, some.driver, u, part, gram)
-    found = gls.Scores(u, gram, part)
-    nuisance = np.arange(known)
     by = gls.scaled_inverse(gram[:known, :known]) @ gram[:known]
-    u = found.u - found.u[:, nuisance] @ by
-    gram = gram - gram[:, nuisance] @ by
-    return gls.Scores(u[:, known:], gram[known:, known:], part[:, known:])
+    u -= u[:, :known] @ by
+    gram -= gram[:, :known] @ by
+    return gls.Scores(u[:, known:], gram[known:, known:], part[:, known:]), by
 
 
 def _add(white: Floats, error: Floats, prior: Floats, driver: Integers, u: Floats, part: Floats, gram: Floats) -> None:
@@ -211,5 +236,4 @@ def _add(white: Floats, error: Floats, prior: Floats, driver: Integers, u: Float
     )
     count = white.shape[2]
     flat, held = white.reshape(-1, count).astype(np.float32), own_g.reshape(-1, count).astype(np.float32)
-    some = len(gram)
-    gram += flat[:, :some].T @ flat - held[:, :some].T @ taken.reshape(-1, count).astype(np.float32)
+    gram += flat.T @ flat - held.T @ taken.reshape(-1, count).astype(np.float32)

@@ -99,9 +99,9 @@ class Trial:
             having=lambda fit: with_effects(fit, beside, look.library.plan),
         )  # fmt: skip
         fitted = refit(followers, refit(followers, drivers))
-        scores = ev.by_driver(followers, fitted, look.library.plan, look.evidence.longest)
+        scores = ev.by_driver(followers, fitted, look.library.plan, look.evidence.measure)
         evidence = replace(look.evidence, u=scores, of_blocks=look.evidence.of_blocks or look.evidence)
         score = whole_score(evidence, look.effects)
-        selection = se.compete(evidence, look.library, look.settings, score, np.random.default_rng(0))
+        selection = se.compete(evidence, look.library, look.settings, score)
         seen = replace(look, evidence=evidence, score=score, selection=selection)
         return self.injected.name in winners(seen)

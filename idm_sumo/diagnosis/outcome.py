@@ -181,18 +181,15 @@ def _sentence(claim: Claim) -> str:
 
 
 def _all_unexplained(decision: Decision, found: Found) -> tuple[Unexplained, ...]:
-    """Return where and when the model is wrong without a name for it; nothing beside what is named."""
+    """Return where and when the model is wrong without a name for it, the surest first; nothing beside what is named."""
     if decision.named:
         return ()
-    out = tuple(_unexplained(one, found) for one in decision.unexplained)
-    swing = decision.swing
-    if swing is None:
-        return out
-    name = f"oscillation of drivers' own, periods around {0.5 * (swing.low + swing.high):.1f} s"
-    return (
-        *out,
-        Unexplained(name, (swing.low, swing.high), None, None, _p(swing.z, tried() * len(found.last.library.names))),
-    )
+    out = [_unexplained(one, found) for one in decision.unexplained]
+    if decision.swing is not None:
+        low, high, _, z = decision.swing
+        name = f"oscillation of drivers' own, periods around {0.5 * (low + high):.1f} s"
+        out.append(Unexplained(name, (low, high), None, None, _p(z, tried() * len(found.last.library.names))))
+    return tuple(sorted(out, key=lambda one: one.p_value))
 
 
 def _unexplained(claim: Claim, found: Found) -> Unexplained:

@@ -94,6 +94,11 @@ class Group:
         return bool(self.lane) and not self.axes
 
     @property
+    def is_secant(self) -> bool:
+        """Whether its column is a difference of rollouts of its own: what it does at its size a little of it does not say."""
+        return self.form is not None and self.form.field is None and not self.of_lane
+
+    @property
     def competes(self) -> bool:
         """Whether there are hypotheses about it."""
         return self.name not in (MISFIT, SWING)

@@ -106,7 +106,7 @@ def looking(
         evidence = examine(subject, fit, plan, chances)
         library = library_of(plan, settings)
         score = whole_score(evidence, effects)
-        selection = se.compete(evidence, library, settings, score, np.random.default_rng(0))
+        selection = se.compete(evidence, library, settings, score)
         progress(stage, 1, 1)
         return Look(fit, effects, evidence, library, score, selection, settings)
 

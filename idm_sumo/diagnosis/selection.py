@@ -17,6 +17,7 @@ Wakefield (2009), Bayes factors for genome-wide association studies.
 from __future__ import annotations
 
 from dataclasses import dataclass
+from functools import cached_property
 
 import numpy as np
 import numpy.typing as npt
@@ -80,16 +81,21 @@ class Selection:
         Strongest first.
     tau : float
         Of the law's misfit (m/s²).
-    threshold : float64, shape (names,)
-        Of each family's largest ``by_family``.
+    arena : Competition
+        In which they settled.
     explained : float64, shape (columns,)
         Sizes that the components expect together.
     """
 
     components: tuple[Component, ...]
     tau: float
-    threshold: Floats
+    arena: Competition
     explained: Floats
+
+    @cached_property
+    def threshold(self) -> Floats:
+        """What each family's mean Bayes factor exceeds by chance, shape ``(names,)``."""
+        return self.arena.thresholds(np.random.default_rng(0))
 
 
 def misfit_columns(library: Library, tau: float) -> tuple[Integers, Floats]:
@@ -191,9 +197,7 @@ def _by_family(values: Floats, library: Library) -> Floats:
     return np.asarray(top + np.log(sums))
 
 
-def compete(
-    evidence: Evidence, library: Library, settings: Settings, score: Floats, rng: np.random.Generator
-) -> Selection:
+def compete(evidence: Evidence, library: Library, settings: Settings, score: Floats) -> Selection:
     """Return the sum of single effects that explains a score best, with the likeliest size of the law's misfit."""
     tried = [_at(Competition(evidence, library, settings, score, tau)) for tau in TAUS]
     best = int(np.argmax([support for support, _ in tried]))
@@ -201,7 +205,7 @@ def compete(
     components = _settled(arena, tried[best][1])
     order = sorted(components, key=lambda one: -float(one.by_family.max()))
     explained = np.sum([arena.contribution(one) for one in components], axis=0)
-    return Selection(tuple(order), TAUS[best], arena.thresholds(rng), explained)
+    return Selection(tuple(order), TAUS[best], arena, explained)
 
 
 def support(evidence: Evidence, library: Library, settings: Settings, score: Floats) -> float:

@@ -21,6 +21,7 @@ WIDTHS = (
     0.09,
     0.22,
 )  # of the logarithm of a period: of a line of drivers seen for a minute or longer; of periods of one's own
+LEAST = 1e-9  # of a variance, where nothing varies
 SMOOTH = 3  # powers of the logarithm of the period, of the curve
 RIDGE = 0.1  # of the variances, added to the covariance of the drivers' spectra, which few drivers tell
 
@@ -64,7 +65,7 @@ def strongest(swings: Swings) -> Swing:
     ratio = swings.own / np.maximum(swings.usual, 1e-300)
     mean, count = ratio.mean(axis=0), len(ratio)
     covariance = np.cov(ratio.T) / count
-    white = gls.whitener((covariance + RIDGE * np.diag(np.diag(covariance)))[None])[0]
+    white = gls.whitener((covariance + np.diag(RIDGE * np.diag(covariance) + LEAST))[None])[0]
     period = np.log(PERIODS)
     curve = np.vander(period - period.mean(), SMOOTH)
     best = Swing(0.0, 0.0, 0.0, -np.inf)

@@ -38,7 +38,7 @@ def searched() -> tuple[ev.Subject, Found]:
     plan = co.plan_of(windows, fit, free=False)
     evidence = ev.examine(subject, fit, plan, chances)
     library = library_of(plan, SETTINGS)
-    selection = se.compete(evidence, library, SETTINGS, evidence.score, np.random.default_rng(0))
+    selection = se.compete(evidence, library, SETTINGS, evidence.score)
     look = Look(fit, (), evidence, library, evidence.score, selection, SETTINGS)
     return subject, Found(fit, look, look, SETTINGS)
 

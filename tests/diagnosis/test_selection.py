@@ -59,7 +59,7 @@ def evidence(sizes: np.ndarray, seed: int, who: np.ndarray | None = None) -> Evi
 
 def look(sizes: np.ndarray, seed: int, who: np.ndarray | None = None) -> Look:
     seen = evidence(sizes, seed, who)
-    selection = se.compete(seen, LIBRARY, SETTINGS, seen.score, np.random.default_rng(0))
+    selection = se.compete(seen, LIBRARY, SETTINGS, seen.score)
     return Look(None, (), seen, LIBRARY, seen.score, selection, SETTINGS)  # type: ignore[arg-type]
 
 
@@ -174,6 +174,6 @@ def test_units_do_not_matter():
     size = LIBRARY.size.copy()
     size[LIBRARY.family == LIBRARY.names.index("hysteresis")] /= 7.0
     library = replace(LIBRARY, size=size)
-    one = se.compete(seen, LIBRARY, SETTINGS, seen.score, np.random.default_rng(0))
-    two = se.compete(other, library, SETTINGS, other.score, np.random.default_rng(0))
+    one = se.compete(seen, LIBRARY, SETTINGS, seen.score)
+    two = se.compete(other, library, SETTINGS, other.score)
     np.testing.assert_allclose(one.components[0].by_family, two.components[0].by_family, atol=1e-6)
