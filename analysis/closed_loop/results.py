@@ -145,9 +145,8 @@ def write_results(
     ego = measured[0][1].outcome.ego
     if ego is not None:
         ego.to_csv(tables / "ego.csv", index=False, float_format="%.6g")
-    firsts = {case.population: m for case, m in reversed(measured)}  # the first seed of each
     glimpses = {RECORDED: glimpse_of(recorded)} | {
-        case.population: firsts[case.population].glimpse for case, _ in measured
+        case.population: m.glimpse for case, m in measured if m.glimpse is not None
     }
     save(overview(comparison), figures / "comparison.png")
     save(time_space(glimpses), figures / "time_space.png")

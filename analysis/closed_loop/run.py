@@ -21,10 +21,12 @@ from idm_sumo.recordings import columns as c
 from idm_sumo.recordings.recording import Recording
 from idm_sumo.recordings.smoothing import smooth
 from idm_sumo.roads import Road
+from idm_sumo.runtime.cluster import SEEN
 from idm_sumo.runtime.errors import InputError
 from idm_sumo.runtime.files import MANIFEST, new_folder
+from idm_sumo.runtime.inputs import existing_file
 from idm_sumo.runtime.progress import Progress, silent
-from idm_sumo.runtime.workers import in_processes
+from idm_sumo.runtime.spread import gathered
 from idm_sumo.sumo import network
 from idm_sumo.sumo.closed_loop.demand import demand_of
 from idm_sumo.sumo.closed_loop.ego import Ego
@@ -123,7 +125,7 @@ def interactive(settings: Settings, out: Path, *, command: list[str], progress: 
         write_results(part, table, comparison, measured, bias, recorded, demand, settings)
         if settings.fit_lane_change:
             trials.to_csv(part / "tables" / "lane_change_fit.csv", index=False, float_format="%.6g")
-        plain = {key: value for key, value in asdict(settings).items() if key not in ("gui",)}
+        plain = {key: value for key, value in asdict(settings).items() if key not in ("gui", "cluster")}
         record = manifest(
             command,
             plain,
@@ -181,12 +183,15 @@ def _run_all(
     part: Path,
     progress: Progress,
 ) -> list[tuple[Case, Measured]]:
-    """Run the cases, several at once, each in a process."""
+    """Run the cases, several at once."""
     (part / "fcd").mkdir()
     jobs = min(settings.jobs or cpu_count(), len(cases))
-    work: list[tuple[Case, dict[str, Any]]] = [
+    # All that a worker needs of the recording: road, period and first frame.
+    clock = Recording(recorded.table.iloc[[0]], recorded.road, recorded.source)
+    work: list[tuple[Case, Recording, dict[str, Any]]] = [
         (
             case,
+            clock,
             {
                 "fcd": part / "fcd" / f"{case.name.replace(', ', '-').replace(' ', '')}.parquet",
                 "name": case.name,
@@ -194,26 +199,25 @@ def _run_all(
                 "ego": _ego(settings, recorded.road, demand, drivers),
                 "ours": case.ours,
                 "gui": settings.gui,
+                "shown": case.seed in (0, settings.seed),  # pictures show the first run of a population
             },
         )
         for case in cases
     ]
-    # All that a worker needs of it: road, period and first frame.
-    clock = Recording(recorded.table.iloc[[0]], recorded.road, recorded.source)
-    if jobs == 1:
-        return [(case, run_and_measure(case.files, recorded=clock, progress=progress, **more)) for case, more in work]
+    if jobs == 1 and settings.cluster is None:
+        return [(one[0], _run_one(*one, progress=progress)) for one in work]
     progress("simulating", 0, len(cases))
-    results = in_processes(jobs, ((case, clock, more) for case, more in work), _run_one)
-    done = []
-    for case, measured in zip(cases, results, strict=True):
-        done.append((case, measured))
-        progress("simulating", len(done), len(cases))
-    return done
+    measured = gathered(
+        _run_one, work, jobs=jobs, cluster=settings.cluster,
+        done=lambda done: progress("simulating", done, len(cases)),
+    )  # fmt: skip
+    return list(zip(cases, measured, strict=True))
 
 
-def _run_one(case: Case, clock: Recording, more: dict[str, Any]) -> Measured:
-    """Run one case; what a worker process does."""
-    return run_and_measure(case.files, recorded=clock, **more)
+def _run_one(case: Case, clock: Recording, more: dict[str, Any], progress: Progress = silent) -> Measured:
+    """Run one case in the folder of results."""
+    existing_file(case.files.net, SEEN)
+    return run_and_measure(case.files, recorded=clock, progress=progress, **more)
 
 
 def _ego(settings: Settings, road: Road, demand: pd.DataFrame, drivers: Drivers | None) -> Ego | None:

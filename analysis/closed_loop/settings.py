@@ -60,6 +60,8 @@ class Settings:
         Of the built-in recording.
     location : str
     seed, jobs : int
+    cluster : str or None
+        Address of a dask scheduler whose workers run populations and seeds, in place of ``jobs`` processes.
     model : Path or None
         An extended model, for the populations ``own-loop`` (its causes left out) and ``extended``.
     """
@@ -82,6 +84,7 @@ class Settings:
     location: str = "us-101"
     seed: int = 1
     jobs: int | None = None
+    cluster: str | None = None
     model: Path | None = None
 
     @property

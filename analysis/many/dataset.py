@@ -8,7 +8,7 @@ from __future__ import annotations
 
 import json
 import re
-from collections.abc import Iterator
+from collections.abc import Iterator, Mapping
 from contextlib import contextmanager
 from dataclasses import dataclass
 from pathlib import Path
@@ -28,7 +28,7 @@ from .result import Result
 
 DRIVERS = "drivers.parquet"
 RECORDING, PERIOD = "recording=", "period="
-RECORDINGS, SUMMARY = "_recordings.csv", "_summary.json"
+RECORDINGS, SUMMARY, PAGE = "_recordings.csv", "_summary.json", "_report.html"
 NUMBER = re.compile(r"p*\d+")  # a label that readers would take for a number; ours gets a p in front
 
 
@@ -151,33 +151,43 @@ class DataSet:
         ]
         return pd.concat(tables, ignore_index=True) if tables else pd.DataFrame()
 
-    def file(self, name: str, file: str) -> Path:
-        """Return the path of a further file of a recording.
+    def content(self, name: str, file: str) -> dict[str, Any]:
+        """Return what a further file of a recording holds, nothing if there is none.
 
         Parameters
         ----------
         name, file : str
+            Of the recording, and of a JSON file.
         """
-        return self.folder / f"{RECORDING}{name}" / file
+        path = self.folder / f"{RECORDING}{name}" / file
+        return dict(json.loads(path.read_text(encoding="utf-8"))) if path.is_file() else {}
 
-    def conclude(self, rows: pd.DataFrame, summary: dict[str, Any], record: dict[str, Any]) -> None:
-        """Write what is about the data set: one row a recording, the summary, the manifest.
+    def conclude(
+        self, rows: pd.DataFrame, summary: dict[str, Any], record: dict[str, Any], pages: Mapping[str, str]
+    ) -> None:
+        """Write what is about the data set: one row a recording, the summary, pages, the manifest.
 
         Parameters
         ----------
         rows : pandas.DataFrame
         summary, record : dict
+        pages : mapping of str to str
+            Texts by name of the file.
         """
-        names = (RECORDINGS, SUMMARY, HIDDEN_MANIFEST)
-        with new_files([self.folder / name for name in names]) as (table, told, manifest):
-            rows.to_csv(table, index=False)
-            told.write_text(json.dumps(summary, indent=2, allow_nan=False) + "\n", encoding="utf-8")
-            files = {RECORDINGS: sha256(table), SUMMARY: sha256(told)}
+        texts = {
+            RECORDINGS: rows.to_csv(index=False),
+            SUMMARY: json.dumps(summary, indent=2, allow_nan=False) + "\n",
+            **pages,
+        }
+        with new_files([self.folder / name for name in (*texts, HIDDEN_MANIFEST)]) as (*parts, manifest):
+            for part, text in zip(parts, texts.values(), strict=True):
+                part.write_text(text, encoding="utf-8", newline="")
+            files = {name: sha256(part) for name, part in zip(texts, parts, strict=True)}
             manifest.write_text(json.dumps({**record, FILES: files}, indent=2, default=str) + "\n", encoding="utf-8")
 
     def _forget_summary(self) -> None:
         """Remove what was said of the data set, as it is about to change."""
-        for name in (HIDDEN_MANIFEST, RECORDINGS, SUMMARY):
+        for name in (HIDDEN_MANIFEST, RECORDINGS, SUMMARY, PAGE):
             (self.folder / name).unlink(missing_ok=True)
 
 

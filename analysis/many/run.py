@@ -17,7 +17,8 @@ from idm_sumo.runtime.spread import spread
 
 from ..drivers.source import Source
 from ..page.manifest import manifest
-from .dataset import DataSet, Kept, opened
+from .dataset import PAGE, DataSet, Kept, opened
+from .pages import page_of_all
 from .plan import digest, key_of, name_of
 from .result import Result
 from .summary import summary_of
@@ -112,11 +113,12 @@ def run(
         _compute(data, plan, _Job(work, key, workers), progress)
         kept = data.kept()
         rows = _rows(plan, kept)
-        diagnoses = {one.name: data.file(one.name, DIAGNOSIS) for one in kept}
-        summary = summary_of(rows, {name: path for name, path in diagnoses.items() if path.is_file()})
+        diagnoses = {one.name: found for one in kept if (found := data.content(one.name, DIAGNOSIS))}
+        summary = summary_of(rows, diagnoses.values())
         seconds = round(time.perf_counter() - begin, 1)
         record = manifest(command, {"program": program(), **workers.how}, [], seconds=seconds)
-        data.conclude(rows, summary, record)
+        pages = {PAGE: page_of_all(rows, summary, diagnoses)} if diagnoses else {}
+        data.conclude(rows, summary, record, pages)
     return Outcome(rows, summary, sum(one.is_new and not one.failure for one in plan))
 
 

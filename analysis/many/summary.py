@@ -2,10 +2,8 @@
 
 from __future__ import annotations
 
-import json
 from collections import Counter
-from collections.abc import Iterable, Mapping
-from pathlib import Path
+from collections.abc import Iterable
 from typing import Any
 
 import numpy as np
@@ -53,15 +51,15 @@ def pooled(values: npt.ArrayLike, errors: npt.ArrayLike) -> dict[str, Any] | Non
     }  # fmt: skip
 
 
-def summary_of(rows: pd.DataFrame, diagnoses: Mapping[str, Path]) -> dict[str, Any]:
+def summary_of(rows: pd.DataFrame, diagnoses: Iterable[dict[str, Any]] = ()) -> dict[str, Any]:
     """Return what many recordings say together.
 
     Parameters
     ----------
     rows : pandas.DataFrame
         One row a recording, as the data set keeps them.
-    diagnoses : mapping of str to Path
-        Of each diagnosed recording, its ``diagnosis.json``.
+    diagnoses : iterable of dict
+        Of the diagnosed recordings, as of ``diagnosis.json``.
 
     Returns
     -------
@@ -76,8 +74,8 @@ def summary_of(rows: pd.DataFrame, diagnoses: Mapping[str, Path]) -> dict[str, A
     }
     if "a_sd" in done:
         found["parameters"] = _parameters(done)
-    if diagnoses:
-        found |= _diagnosed([json.loads(path.read_text(encoding="utf-8")) for path in diagnoses.values()])
+    if contents := list(diagnoses):
+        found |= _diagnosed(contents)
     return found
 
 

@@ -21,7 +21,9 @@ from ..diagnosis.report import DRIVERS, own_drivers
 from ..drivers.calibrated import Calibration, calibrated
 from ..drivers.predicted import Prediction, predicted
 from ..drivers.source import Drivers, Source
+from .dataset import PAGE
 from .library import library_for
+from .pages import page_of_one
 from .result import Result
 
 DIAGNOSIS, MODEL = "_diagnosis.json", "_model.json"
@@ -123,9 +125,11 @@ class Diagnose:
             "causes": ",".join(cause["name"] for cause in content["causes"]),
             "gain_m": content["gain"]["difference"], "drivers": len(found.drivers),
             "rows_read": account.total, "rows_used": account.used,
-            "vehicle_seconds": round(len(recording.table) * c.FRAME_STEP, 1),
+            "vehicle_seconds": round(len(recording.table) * c.FRAME_STEP, 1), "measured": recording.is_measured,
         }  # fmt: skip
+        page = page_of_one(source.path.name, content, is_measured=recording.is_measured)
         files = {
+            PAGE: page.encode(),
             DIAGNOSIS: (json.dumps(content, indent=2, allow_nan=False) + "\n").encode(),
             MODEL: replace(found.model, drivers=DRIVERS).to_json().encode(),
         }

@@ -64,7 +64,7 @@ def manifest(command: list[str], settings: dict[str, Any], inputs: list[Path], *
 def repeated(command: list[str]) -> str:
     """Return the line that repeats a run.
 
-    The number of processes is left out: it changes no result, so it must not change a page either.
+    Who computes is left out: it changes no result, so it must not change a page either.
 
     Parameters
     ----------
@@ -72,7 +72,8 @@ def repeated(command: list[str]) -> str:
         As typed.
     """
     parser = argparse.ArgumentParser(add_help=False)
-    parser.add_argument("--jobs")
+    for name in ("--jobs", "--cluster"):
+        parser.add_argument(name)
     return shlex.join(["idm-sumo", *parser.parse_known_args(command[1:])[1]])
 
 

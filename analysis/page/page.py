@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import base64
 import re
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
@@ -35,6 +35,19 @@ def render(path: Path, template: str, **content: Any) -> None:
     **content
         What the template names.
     """
+    path.write_text(filled(template, **content), encoding="utf-8")
+
+
+def filled(template: str, **content: Any) -> str:
+    """Fill a template of `analysis`.
+
+    Parameters
+    ----------
+    template : str
+        Below `analysis`.
+    **content
+        What the template names.
+    """
     environment = Environment(
         loader=FileSystemLoader(ROOT),
         autoescape=select_autoescape(["j2"]),
@@ -44,7 +57,7 @@ def render(path: Path, template: str, **content: Any) -> None:
     environment.filters["table"] = html_table
     environment.filters["picture"] = picture
     environment.filters["script"] = script
-    path.write_text(with_contents(environment.get_template(template).render(**content)), encoding="utf-8")
+    return with_contents(environment.get_template(template).render(**content))
 
 
 def with_contents(page: str) -> str:
@@ -86,7 +99,17 @@ def not_measured(recordings: Mapping[str, Recording]) -> str:
     recordings : mapping of str to Recording
         What the page shows, by name.
     """
-    simulated = [name for name, recording in recordings.items() if not recording.is_measured]
+    return warning_of([name for name, recording in recordings.items() if not recording.is_measured])
+
+
+def warning_of(simulated: Sequence[str]) -> str:
+    """Return a page's warning of simulated recordings, or nothing.
+
+    Parameters
+    ----------
+    simulated : sequence of str
+        Their names.
+    """
     if not simulated:
         return ""
     are = "is a surrogate recording" if len(simulated) == 1 else "are surrogate recordings"

@@ -11,6 +11,7 @@ from idm_sumo.cli import many, outputs
 from idm_sumo.cli import options as shared
 from idm_sumo.cli.console import progress_bar, say, study_module, text_table
 from idm_sumo.runtime import limits
+from idm_sumo.runtime.errors import InputError
 from idm_sumo.sumo.surrogate import SURROGATE
 
 SHOWN = [
@@ -204,6 +205,7 @@ def _add_interactive(commands: Any) -> None:
         metavar="N",
         help="runs of each population, with --seed and the next ones (default 1)",
     )
+    shared.cluster_argument(parser, "run populations and seeds")
     parser.add_argument(
         "--replay-bias",
         type=shared.whole((0, limits.COUNT[1])),
@@ -251,6 +253,8 @@ def interactive(options: argparse.Namespace) -> None:
     """
     module, loop = study_module("closed_loop.run"), study_module("closed_loop.settings")
     options.recording = options.recording or SURROGATE
+    if options.gui and options.cluster is not None:
+        raise InputError("--gui shows a run on this machine; leave out --cluster")
     single = options.gui or options.ego is not None  # one population is all that can be watched or driven among
     types = tuple(dict.fromkeys(options.types or (TYPES[:1] if single else _types_for(options.drivers))))
     of_laws = tuple(loop.FITTED[law] for law in dict.fromkeys(options.law))
@@ -280,6 +284,7 @@ def interactive(options: argparse.Namespace) -> None:
         location=options.location,
         seed=options.seed,
         jobs=options.jobs,
+        cluster=shared.cluster_of(options),
         model=options.model,
     )
     with progress_bar(module.stages(settings)) as report:

@@ -36,7 +36,8 @@ verdicts (exit code 0 for each):
             when and along what is said
 
 {many.ABOUT}
-A recording's folder then holds _diagnosis.json and _model.json, and no pages.
+A recording's folder then holds _diagnosis.json, _model.json and a plain page;
+DIR/_report.html lists them all, with what they say together.
 
 reads   RECORDING ...
 leaves  DIR/report.html for people, diagnosis.json for programs, tables/,

@@ -39,9 +39,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     shared.location_argument(parser)
     shared.network_arguments(parser)
     shared.minutes_argument(parser)
-    parser.add_argument(
-        "--cluster", metavar="ADDRESS", help="dask scheduler whose workers compute, such as tcp://10.0.0.1:8786"
-    )
+    shared.cluster_argument(parser, "compute")
 
 
 def are_meant(options: argparse.Namespace) -> bool:
@@ -129,12 +127,9 @@ def computed(options: argparse.Namespace, function: Callable[..., Any], *call: A
     InputError
         If it failed.
     """
-    from idm_sumo.runtime.attempts import Failed
-    from idm_sumo.runtime.spread import spread
+    from idm_sumo.runtime.spread import gathered
 
-    ((_, result),) = spread(function, [call], cluster=options.cluster)
-    if isinstance(result, Failed):
-        raise InputError(result.reason)
+    (result,) = gathered(function, [call], cluster=options.cluster)
     return result
 
 

@@ -224,6 +224,42 @@ def desired_speed(text: str) -> float | str:
         raise argparse.ArgumentTypeError(f"{text!r} is neither a speed in m/s nor `auto`") from None
 
 
+def cluster_argument(parser: argparse.ArgumentParser, what: str) -> None:
+    """Add --cluster.
+
+    Parameters
+    ----------
+    parser : argparse.ArgumentParser
+    what : str
+        What its workers do.
+    """
+    parser.add_argument(
+        "--cluster", metavar="ADDRESS", help=f"dask scheduler whose workers {what}, such as tcp://10.0.0.1:8786"
+    )
+
+
+def cluster_of(options: argparse.Namespace) -> str | None:
+    """Return the cluster that is asked for, once it has answered.
+
+    A run that needs it late would otherwise work long in vain.
+
+    Parameters
+    ----------
+    options : argparse.Namespace
+
+    Raises
+    ------
+    InputError
+        If it cannot be worked with.
+    """
+    address: str | None = options.cluster
+    if address is not None:
+        from idm_sumo.runtime.cluster import check_cluster
+
+        check_cluster(address)
+    return address
+
+
 def output_argument(parser: argparse.ArgumentParser, metavar: str, help_text: str) -> None:
     """Add -o.
 

@@ -13,7 +13,7 @@ from idm_sumo.cli import options as shared
 from idm_sumo.cli.console import say
 from idm_sumo.runtime.errors import InputError
 
-PAGES = ("report.html", "replay.html")
+PAGES = ("report.html", "replay.html", "_report.html")
 DISPLAYS = ("DISPLAY", "WAYLAND_DISPLAY", "BROWSER")
 REPORT = """\
 open the page of a result in the browser
@@ -70,7 +70,7 @@ def page_of(folder: Path) -> Path:
             return folder / name
     below = sorted(path.parent for name in PAGES for path in folder.glob(f"*/{name}"))
     also = f"; there is one in {below[0]}" if below else "; `idm-sumo reproduce -o DIR` writes one"
-    raise InputError(f"{folder}: no {' or '.join(PAGES)} there{also}")
+    raise InputError(f"{folder}: no {', '.join(PAGES[:-1])} or {PAGES[-1]} there{also}")
 
 
 def _opened(page: Path) -> bool:

@@ -15,6 +15,7 @@ from idm_sumo.runtime.errors import InputError, one_line
 T = TypeVar("T")
 
 KILLED = "its worker was killed each time, most often for want of memory; give its worker more, or cut the recording"
+SEEN = "all machines of a cluster must see the folder of results under this path"
 PATIENCE = 10  # s, in which a scheduler answers
 
 _one_at_a_time = threading.Lock()  # a worker's threads serve one recording, as its memory does
@@ -76,6 +77,23 @@ def client_of(address: str) -> Iterator[Any]:
         ) from None
     with client:
         yield client
+
+
+def check_cluster(address: str) -> None:
+    """Raise unless calls can be computed there, before other work that would be in vain.
+
+    Parameters
+    ----------
+    address : str
+        Of a dask scheduler.
+
+    Raises
+    ------
+    InputError
+        As :func:`client_of` and :func:`refuse_others` do.
+    """
+    with client_of(address) as client:
+        refuse_others(client, address)
 
 
 def refuse_others(client: Any, address: str) -> None:

@@ -5,13 +5,14 @@ from __future__ import annotations
 import multiprocessing
 import os
 from collections import deque
-from collections.abc import Callable, Iterable, Iterator
+from collections.abc import Callable, Generator, Iterable, Iterator
 from concurrent.futures import FIRST_COMPLETED, BrokenExecutor, Future, ProcessPoolExecutor, wait
-from contextlib import contextmanager
+from contextlib import closing, contextmanager
 from typing import Any, Protocol, TypeVar
 
 from idm_sumo.runtime.attempts import Failed, attempted, with_threads
 from idm_sumo.runtime.cluster import KILLED, Cluster, client_of, refuse_others
+from idm_sumo.runtime.errors import InputError
 from idm_sumo.runtime.workers import end_with
 
 T = TypeVar("T")
@@ -40,7 +41,7 @@ def spread(
     jobs: int = 1,
     cluster: str | None = None,
     warm: Callable[[], object] | None = None,
-) -> Iterator[tuple[int, T | Failed]]:
+) -> Generator[tuple[int, T | Failed], None, None]:
     """Yield the number and the result of each call as they are done.
 
     A call whose worker is killed is computed again by another, :data:`ATTEMPTS` times in all. It gets its
@@ -84,6 +85,38 @@ def spread(
                         waiting.appendleft((number, call, attempt + 1))
                     else:
                         yield number, Failed(KILLED)
+
+
+def gathered(
+    function: Callable[..., T],
+    calls: Iterable[tuple[Any, ...]],
+    *,
+    jobs: int = 1,
+    cluster: str | None = None,
+    done: Callable[[int], object] = lambda _: None,
+) -> list[T]:
+    """Return the results of calls that belong together, in their order.
+
+    Parameters
+    ----------
+    function, calls, jobs, cluster
+        As of :func:`spread`.
+    done : callable
+        Called with the number of results whenever one more is there.
+
+    Raises
+    ------
+    InputError
+        If a call fails, at once: the others are given up. And as :func:`spread` does.
+    """
+    found: dict[int, T] = {}
+    with closing(spread(function, calls, jobs=jobs, cluster=cluster)) as results:
+        for number, result in results:
+            if isinstance(result, Failed):
+                raise InputError(result.reason)
+            found[number] = result
+            done(len(found))
+    return [found[number] for number in sorted(found)]
 
 
 @contextmanager
@@ -142,6 +175,10 @@ class _Processes:
             warming.result()
 
     def dismiss(self) -> None:
+        """End all processes, those that still compute what nobody waits for at once."""
+        for future, pool in self.busy.items():
+            for process in () if future.done() else list(pool._processes.values()):
+                process.kill()
         for pool in (*self.idle, *self.busy.values()):
             pool.shutdown(wait=False, cancel_futures=True)
 

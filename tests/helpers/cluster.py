@@ -87,6 +87,24 @@ def who(number: int) -> int:
     return os.getpid()
 
 
+def lasting(folder: Path, seconds: float | None) -> None:
+    """Leave a folder named after the process, and last; without seconds wait for such a folder, and fail."""
+    if seconds is None:
+        until(lambda: any(folder.iterdir()))
+        raise TypeError("no seconds")
+    (folder / str(os.getpid())).mkdir()
+    time.sleep(seconds)
+
+
+def runs(process: int) -> bool:
+    """Whether a process of this number runs."""
+    try:
+        os.kill(process, 0)
+    except ProcessLookupError:
+        return False
+    return True
+
+
 def killed_at_first(folder: Path, number: int, times: int = 1) -> int:
     """Kill the process that computes the number 1, as often as asked, and return the number after that."""
     marks = len(list(folder.glob("killed-*")))

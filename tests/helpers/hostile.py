@@ -6,6 +6,7 @@ from html.parser import HTMLParser
 from pathlib import Path
 
 MARK = "taken"
+OURS = ("data:image/", "#", "replays/", "recording%3D", "../_report.html")  # addresses in our pages
 SCRIPT = f"</script><script id={MARK}>document.title='{MARK}'</script>"
 HOSTILE = f"""{SCRIPT}<img id={MARK} src=x onerror=alert(1)>"'&<b id={MARK}>"""
 # A file's name holds no slash, so it cannot end an element.
@@ -22,7 +23,7 @@ class Elements(HTMLParser):
     def handle_starttag(self, tag: str, attrs: list[tuple[str, str | None]]) -> None:
         """Note an element with the mark, a handler of events, or an address elsewhere."""
         for name, value in attrs:
-            address = name in ("src", "href") and not (value or "").startswith(("data:image/", "#", "replays/"))
+            address = name in ("src", "href") and not (value or "").startswith(OURS)
             if name.startswith("on") or address or (name == "id" and MARK in (value or "")):
                 self.foreign.append(f"{tag} {name}={value}")
 

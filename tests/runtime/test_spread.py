@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import json
 import subprocess
 import sys
 from collections.abc import Iterator
@@ -12,8 +13,8 @@ import pytest
 
 from idm_sumo.cli import main
 from idm_sumo.runtime.errors import InputError
-from idm_sumo.runtime.spread import ATTEMPTS, Failed, spread
-from tests.helpers.cluster import doubled, free_address, killed_at_first, scheduler, until, who, worker
+from idm_sumo.runtime.spread import ATTEMPTS, Failed, gathered, spread
+from tests.helpers.cluster import doubled, free_address, killed_at_first, lasting, runs, scheduler, until, who, worker
 from tests.helpers.platoons import platoon_recording
 
 WINDOW = ("--observed", "10", "--horizon", "40")
@@ -37,6 +38,16 @@ def workers_of(address: str) -> int:
 
     with Client(address, set_as_default=False) as client:
         return len(client.nthreads())
+
+
+def test_calls_that_belong_together_fail_together_and_at_once(tmp_path: Path) -> None:
+    counted: list[int] = []
+    assert gathered(doubled, [(1,), ("ab",)], jobs=2, done=counted.append) == [2, "abab"]
+    assert counted == [1, 2]
+    with pytest.raises(InputError, match="TypeError"):
+        gathered(lasting, [(tmp_path, None), (tmp_path, 60.0)], jobs=2)
+    (begun,) = tmp_path.iterdir()
+    until(lambda: not runs(int(begun.name)))
 
 
 def results(*calls: tuple[object, ...], function: object = doubled, **how: object) -> list[object]:
@@ -128,6 +139,24 @@ def test_recordings_give_the_same_bytes_by_one_process_and_by_a_cluster(cluster:
     main(["calibrate", *given, *WINDOW, "-o", str(tmp_path / "here")])
     main(["calibrate", *given, *WINDOW, "--cluster", cluster, "-o", str(tmp_path / "there")])
     assert contents(tmp_path / "there") == contents(tmp_path / "here")
+
+
+def test_a_closed_loop_gives_the_same_tables_by_one_process_and_by_a_cluster(
+    cluster: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    platoon_recording(periods=1, platoons=2).to_parquet(tmp_path / "r.parquet")
+    monkeypatch.chdir(tmp_path)  # workers have other current folders
+    loop = ["interactive", "r.parquet", "--types", "krauss", "--types", "default-idm", "--seeds", "2"]
+    loop += ["--replay-bias", "0", "--jobs", "1"]
+    main([*loop, "-o", "here"])
+    main([*loop, "--cluster", cluster, "-o", "there"])
+    here, there = (contents(tmp_path / name) for name in ("here", "there"))
+    assert sorted(there) == sorted(here)
+    assert "fcd/krauss-seed2.parquet" in there
+    for name in here:
+        if name.startswith(("tables/", "figures/")):
+            assert there[name] == here[name], name
+    assert "cluster" not in json.loads(there["manifest.json"])["settings"]
 
 
 # The last of this module: of the cluster one worker is left.

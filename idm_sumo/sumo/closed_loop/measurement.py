@@ -74,18 +74,18 @@ class Measured:
     ----------
     outcome : Outcome
     measured : TrafficMeasures
-    glimpse : Recording
-        Every fifth frame, for figures.
+    glimpse : Recording or None
+        Every fifth frame, for figures, of a run that is shown.
     """
 
     outcome: Outcome
     measured: TrafficMeasures
-    glimpse: Recording
+    glimpse: Recording | None
 
 
 def run_and_measure(
     files: RunFiles, fcd: Path, recorded: Recording, *, name: str, seed: int, ego: Ego | None = None,
-    ours: ModelDrivers | None = None, gui: bool = False, progress: Progress = silent,
+    ours: ModelDrivers | None = None, gui: bool = False, shown: bool = True, progress: Progress = silent,
 ) -> Measured:  # fmt: skip
     """Run a population and measure its traffic.
 
@@ -99,6 +99,8 @@ def run_and_measure(
         The period that the demand is of.
     name : str
         Source that the run's recording names.
+    shown : bool
+        Whether figures show it.
 
     Returns
     -------
@@ -111,7 +113,7 @@ def run_and_measure(
     """
     outcome = run(files, fcd, seed=seed, ego=ego, ours=ours, gui=gui, progress=progress)
     recording = as_recording(outcome, recorded, files.demand, name)
-    return Measured(outcome, measure_traffic(recording), glimpse_of(recording))
+    return Measured(outcome, measure_traffic(recording), glimpse_of(recording) if shown else None)
 
 
 def glimpse_of(recording: Recording) -> Recording:

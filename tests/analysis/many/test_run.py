@@ -3,9 +3,11 @@
 from __future__ import annotations
 
 import json
+import re
 import shutil
 from collections.abc import Callable
 from pathlib import Path
+from urllib.parse import unquote
 
 import numpy as np
 import pandas as pd
@@ -180,6 +182,12 @@ def test_a_diagnosis_of_many_counts_verdicts_and_laws(place: Path, tmp_path: Pat
     assert summary["verdicts"] == {"none": 2}  # too few drivers for more
     assert summary["recordings"] == {"done": 2, "failed": 0}
     assert {path.name for path in next(out.glob("recording=*")).iterdir()} >= {"_diagnosis.json", "_model.json"}
+    links = re.findall(r'<a href="(recording[^"]+)"', (out / "_report.html").read_text(encoding="utf-8"))
+    pages = [out / unquote(link) for link in links]
+    assert sorted(pages) == sorted(out.glob("recording=*/_report.html"))
+    assert len(pages) == 2
+    assert "Verdict: nothing was found" in pages[0].read_text(encoding="utf-8")
+    assert len(pd.read_parquet(out))  # whose readers skip the pages
 
 
 def test_several_recordings_do_not_go_into_one_table(place: Path, capsys: pytest.CaptureFixture[str]) -> None:
