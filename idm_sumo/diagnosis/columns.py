@@ -75,8 +75,7 @@ def plan_of(windows: w.Windows, fit: Fit, *, free: bool = True) -> Plan:
     groups = [Group(MISFIT), *_of_effects(windows, fit, plan, places, times)]
     if free:
         groups += free_groups(windows, plan, places, times)
-    begins = np.cumsum([0, *(group.count for group in groups)])
-    return replace(plan, groups=tuple(replace(g, first=int(n)) for g, n in zip(groups, begins, strict=False)))
+    return plan.only(groups)
 
 
 def _of_effects(windows: w.Windows, fit: Fit, plan: Plan, places: Floats, times: Floats) -> Iterator[Group]:

@@ -141,27 +141,49 @@ def examine(subject: Subject, fit: Fit, plan: pl.Plan, chances: Sequence[Chance]
     longest = co.longest_of(windows, fit, answer, plan)
     found, by = _scores(windows, fit, answer, plan, longest)
     measure = Measure(longest, by)
-    between = np.zeros(plan.count, bool)
-    for group in plan.groups:
-        at_places = group.is_free and any(axis.is_scanned for axis in group.axes)
-        is_between = at_places or (group.competes and not group.is_free and BY_NAME[group.name].between)
-        between[group.first : group.first + group.count] = is_between
+    of_fixed, of_drawn = (_half(plan, measure, drawn=drawn) for drawn in (False, True))
+    swing = of_fixed.plan.of(pl.SWING)
+    swinging = found.part[:, plan.of(pl.SWING)]
 
-    swing = plan.of(pl.SWING)
+    def replicate(what: tuple[Half, Chance]) -> tuple[Floats, Floats]:
+        half, chance = what
+        null, drivers = driven_again(windows, fit, chance, drawn=half is of_drawn, is_smooth=subject.is_smooth)
+        own = by_driver(null, refit(null, drivers), half.plan, half.measure)
+        power_of = power(own[:, swing], swinging).mean(axis=0) if half is of_fixed else np.empty(0)
+        return np.asarray(own.sum(axis=0)), power_of
 
-    def replicate(what: tuple[bool, Chance]) -> tuple[Floats, Floats]:
-        drawn, chance = what
-        null, drivers = driven_again(windows, fit, chance, drawn=drawn, is_smooth=subject.is_smooth)
-        own = by_driver(null, refit(null, drivers), plan, measure)
-        return np.asarray(own.sum(axis=0)), power(own[:, swing], found.part[:, swing]).mean(axis=0)
-
-    each = each_in_threads(replicate, [(drawn, chance) for drawn in (False, True) for chance in chances])
-    totals = np.array([total for total, _ in each])
-    nulls = np.where(between, totals[len(chances) :], totals[: len(chances)])
+    each = each_in_threads(replicate, [(half, chance) for half in (of_fixed, of_drawn) for chance in chances])
+    nulls = np.empty((len(chances), plan.count))
+    nulls[:, of_fixed.columns] = [total for total, _ in each[: len(chances)]]
+    nulls[:, of_drawn.columns] = [total for total, _ in each[len(chances) :]]
     share = np.bincount(windows.driver, minlength=windows.drivers) / len(windows.driver)
     usual = np.mean([own for _, own in each[: len(chances)]], axis=0)
-    swings = Swings(power(found.u[:, swing], found.part[:, swing]), usual) if len(swing) else None
+    swings = Swings(power(found.u[:, plan.of(pl.SWING)], swinging), usual) if len(swing) else None
     return Evidence(plan, found.u, nulls, found.gram, found.part, windows.platoon, share, measure, swings=swings)
+
+
+class Half(NamedTuple):
+    """Those columns that replicates of fitted drivers are for, or those that replicates of drawn drivers are for."""
+
+    plan: pl.Plan
+    columns: Integers
+    measure: Measure
+
+
+def _half(plan: pl.Plan, measure: Measure, *, drawn: bool) -> Half:
+    groups = [group for group in plan.groups if _is_between(group) == drawn]
+    columns = np.array([k for g in groups for k in range(g.first, g.first + g.count)], np.int64)
+    secants = [n for n, k in enumerate(co.secants_of(plan)) if k in set(columns.tolist())]
+    known = measure.by.shape[1] - plan.count
+    by = measure.by[:, np.concatenate([np.arange(known), known + columns])]
+    return Half(plan.only(groups), columns, Measure(measure.longest[secants], by))
+
+
+def _is_between(group: pl.Group) -> bool:
+    """Return whether a hypothesis is about what differs between drivers, of which the fitted ones carry a part."""
+    if group.is_free:
+        return any(axis.is_scanned for axis in group.axes)
+    return group.competes and BY_NAME[group.name].between
 
 
 def by_driver(windows: w.Windows, fit: Fit, plan: pl.Plan, measure: Measure) -> Floats:
@@ -188,7 +210,7 @@ def by_driver(windows: w.Windows, fit: Fit, plan: pl.Plan, measure: Measure) -> 
 def trucks(windows: w.Windows) -> Floats:
     """Return one for windows of trucks and zero for others, shape ``(windows, 1, 1)``; empty in the last axis if there are no trucks."""
     truck = (windows.seen[:, w.OWN_KIND, -1] == TRUCK).astype(np.float64)[:, None, None]
-    return truck if truck.any() else truck[:, :, :0]
+    return np.asarray(truck if truck.any() else truck[:, :, :0])
 
 
 def _common(of: co.Answer, truck: Floats) -> Floats:

@@ -3,7 +3,8 @@
 from __future__ import annotations
 
 import itertools
-from dataclasses import dataclass
+from collections.abc import Iterable
+from dataclasses import dataclass, replace
 from typing import NamedTuple
 
 import numpy as np
@@ -122,6 +123,12 @@ class Plan:
     def count(self) -> int:
         """Number of columns."""
         return sum(group.count for group in self.groups)
+
+    def only(self, groups: Iterable[Group]) -> Plan:
+        """Return the plan of some of the groups, numbered anew."""
+        groups = list(groups)
+        begins = np.cumsum([0, *(group.count for group in groups)])
+        return replace(self, groups=tuple(replace(g, first=int(n)) for g, n in zip(groups, begins, strict=False)))
 
     def of(self, name: str) -> npt.NDArray[np.int64]:
         """Return the numbers of the columns of a name."""

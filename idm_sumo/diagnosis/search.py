@@ -21,7 +21,8 @@ from idm_sumo.diagnosis.law_misfit import FormEvidence
 from idm_sumo.diagnosis.library import Library, library_of
 from idm_sumo.diagnosis.model import Placed, placed_of, present_columns, whole_score
 from idm_sumo.diagnosis.settings import Settings
-from idm_sumo.runtime.progress import Progress, silent
+from idm_sumo.runtime.progress import Progress
+from idm_sumo.runtime.threads import each_in_threads
 
 Floats = npt.NDArray[np.float64]
 
@@ -94,20 +95,17 @@ class Found:
 
 
 def looking(
-    subject: Subject, settings: Settings, rng: np.random.Generator, progress: Progress = silent
+    subject: Subject, settings: Settings, rng: np.random.Generator
 ) -> Callable[[Fit, tuple[Placed, ...]], Look]:
     """Return the function that lets everything compete around a model with effects, always with the same draws."""
     chances = draws(subject.windows, subject.noises, settings.replicates, rng)
 
     def look(fit: Fit, effects: tuple[Placed, ...]) -> Look:
-        stage = "comparing hypotheses at the sizes reached" if effects else "comparing hypotheses"
-        progress(stage, 0, 1)
         plan = co.plan_of(subject.windows, fit)
         evidence = examine(subject, fit, plan, chances)
         library = library_of(plan, settings)
         score = whole_score(evidence, effects)
         selection = se.compete(evidence, library, settings, score)
-        progress(stage, 1, 1)
         return Look(fit, effects, evidence, library, score, selection, settings)
 
     return look
@@ -121,12 +119,14 @@ def search(subject: Subject, base: Fit, settings: Settings, rng: np.random.Gener
     unexplained. Everything competes anew around it, and what no longer wins leaves. It ends when chance makes as much as what is left,
     or as what a change explains.
     """
-    look = looking(subject, settings, rng, progress)
+    look = looking(subject, settings, rng)
+    progress("comparing hypotheses", 0, 1)
     first = now = look(base, ())
     road = Road(subject, base, first.library.plan)
     chance = -np.log(settings.false_alarms)  # likelier than that, nothing that is left unexplained makes the recording
     gone: set[str] = set()
-    for _ in range(ROUNDS):
+    for number in range(ROUNDS):
+        progress("driving with effects and comparing anew", number, ROUNDS)
         there = winners(now)
         kept = tuple(one for one in now.effects if one.name in there)
         if len(kept) < len(now.effects):
@@ -139,9 +139,13 @@ def search(subject: Subject, base: Fit, settings: Settings, rng: np.random.Gener
         others = [look(road.fitted(moved), moved)] if moved != now.effects else []
         if not others or others[0].unexplained > now.unexplained - chance:
             # What was not likely may be so beside what has entered since.
-            entering = _entering(now, road, gone, progress) if len(kept) < settings.components else []
+            entering = _entering(now, road, gone) if len(kept) < settings.components else []
             slopes = [_slope(now, one) for one in kept]
-            others += [look(*road.together(one.driven.effects, [*slopes, one.slope])) for one in entering]
+
+            def with_one_more(one: Entering, slopes: list[float] = slopes) -> Look:
+                return look(*road.together(one.driven.effects, [*slopes, one.slope]))
+
+            others += each_in_threads(with_one_more, entering)
         best = min(others, key=lambda one: one.unexplained, default=now)
         if best.unexplained > now.unexplained - chance:
             break
@@ -227,21 +231,20 @@ class Entering(NamedTuple):
     slope: float
 
 
-def _entering(now: Look, road: Road, gone: set[str], progress: Progress) -> list[Entering]:
+def _entering(now: Look, road: Road, gone: set[str]) -> list[Entering]:
     """Return the effects that may enter the model: the likeliest once they are driven."""
     tried = _candidates(now, gone)
     without = road.driven(now.effects)[0] if tried else np.empty(0)
-    likely: list[Entering] = []
-    for number, forms in enumerate(tried):
-        progress("driving with one more effect", number, len(tried))
+
+    def driven(forms: list[tuple[int, float]]) -> Entering:
         each = [
             (placed_of(now.library, hypothesis, size, now.effects), _null_slope(now, hypothesis))
             for hypothesis, size in forms
         ]
         one, slope = each[road.likeliest(now.effects, each, without)]
-        driven = road.sized(now.effects, one, slope, without)
-        if driven.total > 0.0:
-            likely.append(Entering(driven, slope))
+        return Entering(road.sized(now.effects, one, slope, without), slope)
+
+    likely = [one for one in each_in_threads(driven, tried) if one.driven.total > 0.0]
     return sorted(likely, key=lambda one: -one.driven.total)[:COMPARED]
 
 
