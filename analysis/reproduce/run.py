@@ -31,7 +31,13 @@ QUICK_AGENT_STEPS = 100_000  # shows that the training runs; the agent is far fr
 
 
 def reproduce(
-    settings: Settings, out: Path, *, command: list[str], jobs: int = 1, progress: Progress = silent
+    settings: Settings,
+    out: Path,
+    *,
+    command: list[str],
+    jobs: int = 1,
+    cluster: str | None = None,
+    progress: Progress = silent,
 ) -> pd.DataFrame:
     """Run the study and write its results to a folder.
 
@@ -45,6 +51,8 @@ def reproduce(
         The command line, for the manifest.
     jobs : int
         Processes that share SUMO's pass over the recording.
+    cluster : str, optional
+        Address of a dask scheduler whose workers train the agents; all machines see the user's cache.
     progress : Progress
         Called as the work proceeds.
 
@@ -60,7 +68,7 @@ def reproduce(
     """
     begin = time.perf_counter()
     with new_folder(out) as part:
-        results = compute(settings, jobs, progress)
+        results = compute(settings, jobs, progress, cluster=cluster)
         progress("writing", 0, 1)
         write_results(results, part)
         write_manifest(part / MANIFEST, record(results, command, time.perf_counter() - begin))
@@ -86,7 +94,7 @@ def stages(settings: Settings) -> tuple[str, ...]:
     return ("reading", "calibration", "driving the test drivers", *learned, "tables", "missing vehicles", "writing")
 
 
-def compute(settings: Settings, jobs: int = 1, progress: Progress = silent) -> Results:
+def compute(settings: Settings, jobs: int = 1, progress: Progress = silent, *, cluster: str | None = None) -> Results:
     """Compute every table of the study.
 
     Parameters
@@ -97,6 +105,8 @@ def compute(settings: Settings, jobs: int = 1, progress: Progress = silent) -> R
         Processes that share SUMO's pass over the recording.
     progress : Progress
         Called as the work proceeds.
+    cluster : str, optional
+        As of :func:`reproduce`.
 
     Returns
     -------
@@ -107,7 +117,7 @@ def compute(settings: Settings, jobs: int = 1, progress: Progress = silent) -> R
     study = prepare(source, settings, settings.window, progress)
     drive = _driver(settings, jobs)
     methods, driven, scores = tables.methods(study, drive, progress)
-    learned = _agents(study, settings, progress)
+    learned = _agents(study, settings, cluster, progress)
     if learned is not None:
         methods = pd.concat([methods[:1], agents.rows(learned), methods[1:]], ignore_index=True)
         driven |= {name: seeds[0] for name, seeds in learned.driven.items()}
@@ -140,16 +150,17 @@ def compute(settings: Settings, jobs: int = 1, progress: Progress = silent) -> R
     )
 
 
-def _agents(study: Study, settings: Settings, progress: Progress) -> agents.Agents | None:
+def _agents(study: Study, settings: Settings, cluster: str | None, progress: Progress) -> agents.Agents | None:
     """Learn from the training drivers and drive the test drivers.
 
     None if the settings ask for no agents.
     """
     if settings.agent_seeds == 0 and not settings.agent:
         return None
-    learners = (
-        read_learners(Path(settings.agent)) if settings.agent else learners_of(study.train, settings, None, progress)
-    )
+    if settings.agent:
+        learners = read_learners(Path(settings.agent))
+    else:
+        learners = learners_of(study.train, settings, None, progress, cluster=cluster)
     return agents.drive_agents(study.test, learners, in_sumo=settings.backend == "sumo", progress=progress)
 
 

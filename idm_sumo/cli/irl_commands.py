@@ -119,6 +119,7 @@ def _training_arguments(parser: argparse.ArgumentParser) -> None:
         metavar="N",
         help=f"agents, with --seed and the next ones (default {SEEDS})",
     )
+    shared.cluster_argument(parser, "train the agents")
 
 
 def _source_arguments(parser: argparse.ArgumentParser) -> None:
@@ -187,9 +188,9 @@ def train(options: argparse.Namespace) -> None:
     from idm_sumo.irl.learning import require_rl
 
     require_rl()
-    module = study_module("reproduce.agents.study")
+    module, cluster = study_module("reproduce.agents.study"), shared.cluster_of(options)
     with progress_bar() as report:
-        table = module.train(_settings(options), options.output, progress=report)
+        table = module.train(_settings(options), options.output, cluster=cluster, progress=report)
     say(
         text_table(table),
         f"wrote {options.output}; evaluate it with `idm-sumo irl evaluate ... --agents {options.output}`",
@@ -221,8 +222,8 @@ def variants(options: argparse.Namespace) -> None:
     from idm_sumo.irl.learning import require_rl
 
     require_rl()
-    module = study_module("reproduce.agents.variants")
+    module, cluster = study_module("reproduce.agents.variants"), shared.cluster_of(options)
     with progress_bar() as report:
-        table = module.variants(_settings(options), options.output, progress=report)
+        table = module.variants(_settings(options), options.output, cluster=cluster, progress=report)
     shown = table[["variant", "ade_m", "fde_m", "collisions", "contacts", "off_road", "weight_speed"]]
     say(text_table(shown), f"wrote {options.output}")

@@ -138,6 +138,7 @@ def _add_reproduce(commands: Any) -> None:
         help="drive by the agents of `irl train` there (default: train them, kept in the user's cache)",
     )
     learner.add_argument("--no-agents", action="store_true", help="leave the learned agents and clones out")
+    shared.cluster_argument(parser, "train the agents")
     parser.set_defaults(seed=None)
 
 
@@ -194,8 +195,11 @@ def reproduce(options: argparse.Namespace) -> None:
     if options.quick:
         settings = module.quick(settings)
     refuse_overlap(settings.recordings, [options.output])  # those that a run file names, too
+    cluster = shared.cluster_of(options)
     with progress_bar(module.stages(settings)) as report:
-        table = module.reproduce(settings, options.output, command=sys.argv, jobs=options.jobs, progress=report)
+        table = module.reproduce(
+            settings, options.output, command=sys.argv, jobs=options.jobs, cluster=cluster, progress=report
+        )
     if not options.no_agents and (missing := study_module("reproduce.agents.rows").missing_row(table)):
         note(missing)
     say(text_table(table[SHOWN]), f"open {options.output / 'report.html'}")

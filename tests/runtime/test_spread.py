@@ -159,6 +159,19 @@ def test_a_closed_loop_gives_the_same_tables_by_one_process_and_by_a_cluster(
     assert "cluster" not in json.loads(there["manifest.json"])["settings"]
 
 
+def test_agents_are_the_same_by_processes_and_by_a_cluster(cluster: str, tmp_path: Path) -> None:
+    pytest.importorskip("stable_baselines3", reason="needs the extra rl: pip install 'idm-sumo[rl]'")
+    platoon_recording().to_parquet(tmp_path / "r.parquet")
+    train = ["irl", "train", str(tmp_path / "r.parquet"), "--seeds", "2", "--agent-steps", "6400"]
+    main([*train, "-o", str(tmp_path / "here")])
+    main([*train, "--cluster", cluster, "-o", str(tmp_path / "there")])
+    here, there = (contents(tmp_path / name) for name in ("here", "there"))
+    assert sorted(there) == sorted(here)
+    for name in here:
+        if name.endswith((".json", ".npz")):
+            assert there[name] == here[name], name
+
+
 # The last of this module: of the cluster one worker is left.
 def test_a_killed_worker_loses_nothing(cluster: str, tmp_path: Path) -> None:
     calls = [(tmp_path, number) for number in range(4)]

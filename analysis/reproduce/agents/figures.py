@@ -21,8 +21,8 @@ from idm_sumo.simulation.rollout import Trajectories
 
 from ...page.style import METHOD_COLOURS, METHOD_NAMES, RECORDED, TRAFFIC, new_figure
 from ..drivers import Drivers
-from .learners import AGENT
 from .rows import Agents, clearances, recorded_paths
+from .training import AGENT
 
 Floats = npt.NDArray[np.float64]
 

@@ -5,13 +5,12 @@ from __future__ import annotations
 import hashlib
 import io
 import json
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 import pandas as pd
-from joblib import cpu_count
 
 from idm_sumo.evaluation import risk
 from idm_sumo.irl import simulation
@@ -24,7 +23,6 @@ from idm_sumo.irl.learning import (
     lessons_of,
     reward_of_json,
     rl_is_installed,
-    train_agent,
 )
 from idm_sumo.irl.policy import Policy
 from idm_sumo.runtime.cache import cache_folder
@@ -32,13 +30,13 @@ from idm_sumo.runtime.errors import InputError
 from idm_sumo.runtime.files import new_files
 from idm_sumo.runtime.inputs import parse_json, read_text
 from idm_sumo.runtime.progress import Progress, silent
-from idm_sumo.runtime.workers import in_processes
 
 from ..drivers import Drivers
 from ..settings import Settings
+from .training import AGENT, train_agents
 
 MARK = "drivers.json"  # of a folder: the fingerprint of what was learned from
-AGENT, CLONE = "irl_rl", "behaviour_cloning"
+CLONE = "behaviour_cloning"
 LEFT_OUT = f"the row {AGENT} is left out; {INSTALL} installs what its training needs"
 
 
@@ -65,7 +63,12 @@ class Learners:
 
 
 def learners_of(
-    train: Drivers, settings: Settings, folder: Path | None = None, progress: Progress = silent
+    train: Drivers,
+    settings: Settings,
+    folder: Path | None = None,
+    progress: Progress = silent,
+    *,
+    cluster: str | None = None,
 ) -> Learners:
     """Learn reward, agents and clones, or read what exists.
 
@@ -83,6 +86,8 @@ def learners_of(
         Folder of the results, by default one in the user's cache.
     progress : Progress
         Called as the work proceeds.
+    cluster : str, optional
+        Address of a dask scheduler whose workers train the agents; all machines see the folder.
 
     Returns
     -------
@@ -107,7 +112,8 @@ def learners_of(
         _learn_reward(folder, identity, lessons, settings, progress)
         _make_clones(folder, lessons, list(seeds))
         if rl_is_installed():
-            _train(folder, lessons, settings, list(seeds), progress)
+            reward = reward_of_json(read_reward(folder / "reward.json"))
+            train_agents(folder, lessons, reward, settings.agent_steps, seeds, cluster=cluster, progress=progress)
     return read_learners(folder)
 
 
@@ -258,45 +264,3 @@ def _make_clones(folder: Path, lessons: Lessons, seeds: list[int]) -> None:
         path = folder / f"{CLONE}-seed{seed}.npz"
         if not path.is_file():
             clone_drivers(lessons, seed=seed).save(path)
-
-
-def _train(folder: Path, lessons: Lessons, settings: Settings, seeds: list[int], progress: Progress) -> None:
-    """Train the missing agents, in parallel where there are cores."""
-    missing = [seed for seed in seeds if not (folder / f"{AGENT}-seed{seed}.npz").is_file()]
-    processes = min(len(missing), cpu_count())
-    if processes < 2:
-        for seed in missing:
-            train_one(folder, lessons, settings.agent_steps, seed, progress)
-        return
-    progress("training agents", 0, len(missing))
-    calls = ((folder, lessons, settings.agent_steps, seed) for seed in missing)
-    for done, _ in enumerate(in_processes(processes, calls, train_one, backend="loky")):
-        progress("training agents", done + 1, len(missing))
-
-
-def train_one(folder: Path, lessons: Lessons, steps: int, seed: int, progress: Progress = silent) -> None:
-    """Train the agent of one seed on the folder's reward.
-
-    Parameters
-    ----------
-    folder : Path
-        Folder of the results; a checkpoint in it is continued.
-    lessons : Lessons
-        Training drivers in their traffic.
-    steps : int
-        Environment steps.
-    seed : int
-        For the network and the random draws.
-    progress : Progress
-        Called as the work proceeds.
-    """
-    from idm_sumo.irl.ppo import Training
-
-    reward = reward_of_json(read_reward(folder / "reward.json"))
-    checkpoint = folder / f"{AGENT}-seed{seed}.pt"
-    training = replace(Training(), steps=steps)
-    policy, curve = train_agent(lessons, reward, training, seed=seed, checkpoint=checkpoint, progress=progress)
-    with new_files([folder / f"{AGENT}-seed{seed}.{kind}" for kind in ("csv", "npz")]) as (table, arrays):
-        curve.to_csv(table, index=False, float_format="%.6g")
-        policy.write(arrays)
-    checkpoint.unlink(missing_ok=True)

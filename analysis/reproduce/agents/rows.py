@@ -21,7 +21,8 @@ from idm_sumo.runtime.progress import Progress, silent
 from idm_sumo.simulation.rollout import Trajectories
 
 from ..drivers import Drivers
-from .learners import AGENT, LEFT_OUT, Learners
+from .learners import LEFT_OUT, Learners
+from .training import AGENT
 
 COUNTED = ("collisions", "contacts", "critical_ttc_vehicles")  # counts of a seed, averaged over seeds
 SPREAD = ("ade_m", "fde_m", "collisions")

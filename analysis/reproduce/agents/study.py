@@ -95,7 +95,7 @@ def learn(
     return agents.weights_table(report.to_json()), words
 
 
-def train(settings: Settings, out: Path, *, progress: Progress = silent) -> pd.DataFrame:
+def train(settings: Settings, out: Path, *, cluster: str | None = None, progress: Progress = silent) -> pd.DataFrame:
     """Learn reward and agents into a folder.
 
     An interrupted training continues from the folder's checkpoints.
@@ -106,6 +106,8 @@ def train(settings: Settings, out: Path, *, progress: Progress = silent) -> pd.D
         Settings of the run.
     out : Path
         Folder of the results.
+    cluster : str, optional
+        Address of a dask scheduler whose workers train the agents; all machines see the folder.
     progress : Progress
         Called as the work proceeds.
 
@@ -121,7 +123,7 @@ def train(settings: Settings, out: Path, *, progress: Progress = silent) -> pd.D
     """
     train_drivers, _ = sides(settings, progress)
     with locked(out, "training"):
-        learners = learners_of(train_drivers, settings, out, progress)
+        learners = learners_of(train_drivers, settings, out, progress, cluster=cluster)
         with new_file(out / "learning_curve.png") as part:
             save(agent_figures.learning_curve(learners.curve), part)
     return learners.curve.groupby("seed").tail(1).drop(columns="seconds")

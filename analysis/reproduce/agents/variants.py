@@ -18,8 +18,9 @@ from idm_sumo.irl.policy import drive_policy
 from idm_sumo.irl.reward import Reward
 from idm_sumo.irl.variants import VARIANTS, Variant, learn_variant
 from idm_sumo.runtime.files import new_file
+from idm_sumo.runtime.handover import handed_over, received
 from idm_sumo.runtime.progress import Progress, silent
-from idm_sumo.runtime.workers import in_processes
+from idm_sumo.runtime.spread import gathered
 
 from ..drivers import Drivers
 from ..settings import Settings
@@ -29,7 +30,12 @@ MEANS = ("ade_m", "ade_se_m", "fde_m", "fde_se_m", "collisions", "contacts")
 
 
 def variants(
-    settings: Settings, out: Path, *, which: Sequence[Variant] = VARIANTS, progress: Progress = silent
+    settings: Settings,
+    out: Path,
+    *,
+    which: Sequence[Variant] = VARIANTS,
+    cluster: str | None = None,
+    progress: Progress = silent,
 ) -> pd.DataFrame:
     """Train and score an agent on every variant's reward.
 
@@ -41,6 +47,8 @@ def variants(
         CSV file to write.
     which : sequence of Variant
         The ways.
+    cluster : str, optional
+        Address of a dask scheduler whose workers train and score; all machines see the folder of ``out``.
     progress : Progress
         Called as the work proceeds.
 
@@ -53,21 +61,21 @@ def variants(
     Raises
     ------
     InputError
-        If the extra ``rl`` is not installed, or too few drivers keep moving.
+        If the extra ``rl`` is not installed, too few drivers keep moving, or a training fails.
     """
     require_rl()
     train, test = sides(settings, progress)
     lessons = lessons_of(train.scenes)
     rewards = _rewards(lessons, which, settings.seed, progress)
     seeds = range(settings.seed, settings.seed + settings.agent_seeds)
-    calls = [(lessons, reward, settings.agent_steps, seed, test) for _, reward in rewards for seed in seeds]
-    scores = []
-    for figures in in_processes(min(len(calls), cpu_count()), calls, _train_and_score, backend="loky"):
-        scores.append(figures)
-        progress("training agents", len(scores), len(calls))
-    by_variant = [scores[i : i + len(seeds)] for i in range(0, len(scores), len(seeds))]
-    table = pd.DataFrame([_row(v, r[0], s) for v, r, s in zip(which, rewards, by_variant, strict=True)])
-    with new_file(out) as part:
+    with new_file(out) as part, handed_over((lessons, test), part.parent) as file:
+        calls = [(file, reward, settings.agent_steps, seed) for _, reward in rewards for seed in seeds]
+        scores = gathered(
+            _train_and_score, calls, jobs=min(len(calls), cpu_count()), cluster=cluster,
+            done=lambda done: progress("training agents", done, len(calls)),
+        )  # fmt: skip
+        by_variant = [scores[i : i + len(seeds)] for i in range(0, len(scores), len(seeds))]
+        table = pd.DataFrame([_row(v, r[0], s) for v, r, s in zip(which, rewards, by_variant, strict=True)])
         table.to_csv(part, index=False, float_format="%.6g")
     return table
 
@@ -89,10 +97,13 @@ def _rewards(
     return found
 
 
-def _train_and_score(lessons: Lessons, reward: Reward, steps: int, seed: int, test: Drivers) -> dict[str, float]:
-    """Return the figures of one agent over all test drivers."""
+def _train_and_score(file: Path, reward: Reward, steps: int, seed: int) -> dict[str, float]:
+    """Train an agent and score it on all test drivers."""
     from idm_sumo.irl.ppo import Training
 
+    lessons: Lessons
+    test: Drivers
+    lessons, test = received(file)
     policy, _ = train_agent(lessons, reward, replace(Training(), steps=steps), seed=seed)
     driven = [drive_policy(scenes, policy) for scenes in test.scenes]
     left = [

@@ -8,8 +8,9 @@ from idm_sumo.evaluation import risk
 
 from ..drivers import Drivers
 from ..paper import METHODS
-from .learners import AGENT, CLONE
+from .learners import CLONE
 from .rows import Agents, clearances, recorded_paths, rewards_a_step
+from .training import AGENT
 
 ON_TOP, FAR_OFF, BRUSH = 1.0, 10.0, 0.5  # m
 
