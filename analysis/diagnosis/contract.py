@@ -115,7 +115,7 @@ class Unexplained(_Part):
 
 
 class RuledOut(_Part):
-    """A hypothesis that was tested and not kept, with its size as far as it was estimated."""
+    """A tested hypothesis that was not kept, and its size."""
 
     name: str
     p_value: Probability
