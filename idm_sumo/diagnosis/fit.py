@@ -311,8 +311,7 @@ def for_rollouts(windows: Windows, fit: Fit, *, known: bool = False) -> Fit:
     Population and magnitudes stay as they are. Unless the drivers are ``known``, the windows may be of others than those of the
     fit. The likelihood's own fit weighs moments by how they vary together: it says what is there, but drives farther from the
     recording than need be. Nor may a start be off here, as rollouts begin where the recording does: where it may, a driver at the
-    edge of stability, whom a start a little off leads anywhere, is excused wherever he ends (one held-out driver of 107 ended 17 m off,
-    and a hysteresis that spared the typical one a third gained nothing on average).
+    edge of stability, whom a start a little off leads anywhere, is excused wherever he ends.
     """
     own = fit.own if known else np.tile(fit.mean, (windows.drivers, 1))
     alike = np.diag(np.full(len(fit.residual), np.diag(fit.residual).mean()))

@@ -26,8 +26,7 @@ Floats = npt.NDArray[np.float64]
 # Drivers, and rounds of their fits, by which laws are compared before the best one is fitted to all.
 SOME, FEW_ROUNDS = 120, 8
 FITTED_TO_ALL = 3  # of the likeliest other laws, at most
-# Standard errors of the log-likelihood's gain, by which another law must be likelier than the IDM. (Of 42 recordings of IDM drivers, with
-# effects hidden or without, the surest was 0.1; in one of 60 later ones drivers who relax and make room for others reached 6.)
+# Standard errors of the log-likelihood's gain, by which another law must be likelier than the IDM.
 SURE = 3.0
 
 
