@@ -94,6 +94,24 @@ class Found:
     settings: Settings
 
 
+class Trial(NamedTuple):
+    """A model that may take the place of another one."""
+
+    look: Look
+    now: Look
+    explained: float | None = None
+
+    @property
+    def better(self) -> float:
+        """How much likelier the recording is by it (a log-likelihood ratio).
+
+        Where a little of an effect says what much of it does, what its entering explains is what it leaves less to explain. Where they
+        differ, neither alone is right, and their mean is taken.
+        """
+        less = self.now.unexplained - self.look.unexplained
+        return less if self.explained is None else 0.5 * (self.explained + less)
+
+
 def looking(
     subject: Subject, settings: Settings, rng: np.random.Generator
 ) -> Callable[[Fit, tuple[Placed, ...]], Look]:
@@ -115,7 +133,7 @@ def search(subject: Subject, base: Fit, settings: Settings, rng: np.random.Gener
     """Return what competes best, each effect at its size.
 
     The linear competition says what is worth driving, the likelihood of the driven effect at which size. Of the two that are likeliest so,
-    and of the effects in the model at the sizes that null replicates of it say, that model is taken around which least is left
+    and of the effects in the model at the sizes that null replicates of it say, that model is taken that explains most and leaves least
     unexplained. Everything competes anew around it, and what no longer wins leaves. It ends when chance makes as much as what is left,
     or as what a change explains.
     """
@@ -136,20 +154,21 @@ def search(subject: Subject, base: Fit, settings: Settings, rng: np.random.Gener
         if now.unexplained < chance:
             break
         moved = _resized(now)
-        others = [look(road.fitted(moved), moved)] if moved != now.effects else []
-        if not others or others[0].unexplained > now.unexplained - chance:
+        others = [Trial(look(road.fitted(moved), moved), now)] if moved != now.effects else []
+        if not others or others[0].better < chance:
             # What was not likely may be so beside what has entered since.
             entering = _entering(now, road, gone) if len(kept) < settings.components else []
             slopes = [_slope(now, one) for one in kept]
 
-            def with_one_more(one: Entering, slopes: list[float] = slopes) -> Look:
-                return look(*road.together(one.driven.effects, [*slopes, one.slope]))
+            def with_one_more(one: Entering, slopes: list[float] = slopes, now: Look = now) -> Trial:
+                driven = look(*road.together(one.driven.effects, [*slopes, one.slope]))
+                return Trial(driven, now, one.driven.total)
 
             others += each_in_threads(with_one_more, entering)
-        best = min(others, key=lambda one: one.unexplained, default=now)
-        if best.unexplained > now.unexplained - chance:
+        best = max(others, key=lambda one: one.better, default=Trial(now, now))
+        if best.better < chance:
             break
-        now = best
+        now = best.look
     return Found(base, first, now, settings)
 
 
