@@ -124,25 +124,27 @@ def some_who_differ(subject: Subject, found: Found, rng: np.random.Generator) ->
         return None
     hypothesis, placed = worth[best]
     by_lane = with_effects(found.base, (placed,), first.library.plan).by_lane
-    if found_share.support < max(_of_replicates(subject, found, by_lane, rng)) + chance:
+    if found_share.support - beside < max(_of_replicates(subject, found, by_lane, rng)) + chance:
         return None
     return _refined(windows, found, hypothesis, placed, having, beside)
 
 
 def _of_replicates(subject: Subject, found: Found, by_lane: Floats, rng: np.random.Generator) -> list[float]:
-    """Return the support of a mixture in null replicates of the model without effects: what noise and refitting make of it.
+    """Return by how much a mixture beats models of all alike in replicates of the model that all have: noise and refitting make that of it.
 
     Where a cause shows in a few moments only, drivers err in them more than the covariance of all moments says.
     """
+    alike = (found.base.by_lane, found.last.fit.by_lane) if found.last.effects else (found.base.by_lane,)
 
-    def support(chance: Chance) -> float:
-        null, _ = driven_again(subject.windows, found.base, chance, drawn=False, is_smooth=subject.is_smooth)
-        models = (found.base.by_lane, by_lane)
-        fits = (fit_drivers(null, one, found.base.start_variance, rounds=FEW_ROUNDS) for one in models)
-        without, with_it = (log_likelihood(null, fit) for fit in fits)
-        return mixture(with_it - without).support
+    def beaten(chance: Chance) -> float:
+        null, _ = driven_again(subject.windows, found.last.fit, chance, drawn=False, is_smooth=subject.is_smooth)
+        fits = (fit_drivers(null, one, found.base.start_variance, rounds=FEW_ROUNDS) for one in (by_lane, *alike))
+        with_it, without, *named = (log_likelihood(null, fit) for fit in fits)
+        gain = with_it - without
+        beside = max(0.0, float(gain.sum()), *(float((one - without).sum()) for one in named))
+        return mixture(gain).support - beside
 
-    return each_in_threads(support, draws(subject.windows, subject.noises, found.settings.replicates, rng))
+    return each_in_threads(beaten, draws(subject.windows, subject.noises, found.settings.replicates, rng))
 
 
 def _refined(
