@@ -18,13 +18,12 @@ from idm_sumo.diagnosis import rollout as ro
 from idm_sumo.diagnosis import windows as w
 from idm_sumo.diagnosis.bins import edges_of, numbered, pulse_means, response_by_bin
 from idm_sumo.diagnosis.fit import Fit, Linear, linearise
-from idm_sumo.diagnosis.free_fields import RESPONSE, SPEEDS, content_of, covariates, free_groups, moving
+from idm_sumo.diagnosis.free_fields import RESPONSE, content_of, covariates, free_groups, moving
 from idm_sumo.diagnosis.plan import (
     BASIS,
     FREE_BINS,
     MISFIT,
     MOST_BINS,
-    MOVING,
     PERIODS,
     WIDTH,
     Axis,
@@ -161,7 +160,7 @@ def _linear(windows: w.Windows, state: Floats, see: Moments, response: Floats, p
     """Return the columns that are linear in an acceleration, through a response to pulses; the others are zero."""
     seen = windows.seen[:, :, w.LEAD : -1]
     known = covariates(seen, state) | {POSITION: see.position, TIME: see.time, LANE: see.lane}
-    known |= {f"{MOVING}{speed:g} m/s": moving(speed, see.position, see.time, plan.span) for speed in SPEEDS}
+    known |= moving(see.position, see.time, plan.span)
     period = np.unique(windows.period, return_inverse=True)[1][windows.driver] if periods_of(windows) > 1 else None
     out = np.zeros((*response.shape[:2], plan.count))
     values: dict[object, Floats] = {}
@@ -259,7 +258,7 @@ def longest_of(windows: w.Windows, fit: Fit, answer: Answer, plan: Plan, most: i
     Where a simulated vehicle nearly hits its leader, a little more of anything moves it by kilometres. Some of the windows tell.
     """
     rows = np.arange(0, len(windows.seen), max(1, len(windows.seen) // most))
-    size = np.abs(_secants(windows.of_rows(rows), fit, _of_rows(answer, rows), plan)).max(axis=1)
+    size = np.abs(_secants(windows.of_rows(rows), fit, of_rows(answer, rows), plan)).max(axis=1)
     usual = [float(np.percentile(one[one > NOTHING], 90)) if (one > NOTHING).any() else 1.0 for one in size.T]
     return LONGEST * np.array(usual)
 
@@ -281,12 +280,8 @@ def chunks(windows: w.Windows, most: int = 400) -> Iterator[slice]:
             begin = end
 
 
-def of_chunk(answer: Answer, rows: slice) -> Answer:
-    """Return the rollouts of a slice of the windows."""
-    return _of_rows(answer, rows)
-
-
-def _of_rows(answer: Answer, rows: slice | Integers) -> Answer:
+def of_rows(answer: Answer, rows: slice | Integers) -> Answer:
+    """Return the rollouts of some windows."""
     line = answer.line
     some = Linear(*(part[rows] for part in (line.error, line.jacobian, line.shared, line.simulated, line.whitener)))
     return Answer(some, answer.response[rows], answer.state[rows])

@@ -173,7 +173,7 @@ class Half(NamedTuple):
 def _half(plan: pl.Plan, measure: Measure, *, drawn: bool) -> Half:
     groups = [group for group in plan.groups if _is_between(group) == drawn]
     columns = np.array([k for g in groups for k in range(g.first, g.first + g.count)], np.int64)
-    secants = [n for n, k in enumerate(co.secants_of(plan)) if k in set(columns.tolist())]
+    secants = np.isin(co.secants_of(plan), columns)
     known = measure.by.shape[1] - plan.count
     by = measure.by[:, np.concatenate([np.arange(known), known + columns])]
     return Half(plan.only(groups), columns, Measure(measure.longest[secants], by))
@@ -192,7 +192,7 @@ def by_driver(windows: w.Windows, fit: Fit, plan: pl.Plan, measure: Measure) -> 
     prior = np.asarray(np.linalg.inv(fit.spread), dtype=np.float64)
     u = np.zeros((windows.drivers, len(measure.by) + plan.count))
     for rows in co.chunks(windows):
-        some, of = windows.of_rows(np.arange(rows.start, rows.stop)), co.of_chunk(answer, rows)
+        some, of = windows.of_rows(np.arange(rows.start, rows.stop)), co.of_rows(answer, rows)
         left = of.line.whitener @ np.concatenate([of.line.error[:, :, None], of.line.jacobian], axis=2)
         vectors = left.transpose(0, 2, 1) @ of.line.whitener
         seen = co.seen_through(some, fit, of, plan, vectors, measure.longest)
@@ -224,12 +224,12 @@ def _scores(
 ) -> tuple[gls.Scores, Floats]:
     """Return the scores, orthogonal to what drivers, trucks as drivers and the population absorb, and how much of each column that is."""
     truck = trucks(windows)
-    known = _common(co.of_chunk(answer, slice(0, 1)), truck[:1]).shape[2]
+    known = _common(co.of_rows(answer, slice(0, 1)), truck[:1]).shape[2]
     count = known + plan.count
     prior = np.asarray(np.linalg.inv(fit.spread), dtype=np.float64)
     u, part, gram = np.zeros((windows.drivers, count)), np.zeros((windows.drivers, count)), np.zeros((count, count))
     for rows in co.chunks(windows):
-        some, line = windows.of_rows(np.arange(rows.start, rows.stop)), co.of_chunk(answer, rows)
+        some, line = windows.of_rows(np.arange(rows.start, rows.stop)), co.of_rows(answer, rows)
         of = co.columns(some, fit, line, plan, longest)
         white = line.line.whitener @ np.concatenate([_common(line, truck[rows]), of], axis=2)
         error = (line.line.whitener @ line.line.error[:, :, None])[:, :, 0]

@@ -81,12 +81,18 @@ def _moving(plan: Plan, places: Floats) -> Iterator[Group]:
         half = 0.5 * abs(speed) * seconds
         bands = edges_of(np.array([places[0] - half, places[-1] + half]), WIDEST_BAND, MOST_BANDS)
         if half > bands[1] - bands[0]:
-            yield Group("", content=ACCELERATION, axes=(Axis(f"{MOVING}{speed:g} m/s", bands),))
+            yield Group("", content=ACCELERATION, axes=(Axis(_band(speed), bands),))
 
 
-def moving(speed: float, position: Floats, time: Floats, span: tuple[float, float]) -> Floats:
-    """Return where the band is in the middle of the recording that has a speed and passes a place at a time."""
-    return position - speed * (time - 0.5 * (span[0] + span[1]))
+def moving(position: Floats, time: Floats, span: tuple[float, float]) -> dict[str, Floats]:
+    """Return, by the axis of each speed, where the band is in the middle of the recording that passes a place at a time."""
+    middle = 0.5 * (span[0] + span[1])
+    return {_band(speed): position - speed * (time - middle) for speed in SPEEDS}
+
+
+def _band(speed: float) -> str:
+    """Return the name of the axis of bands of a speed."""
+    return f"{MOVING}{speed:g} m/s"
 
 
 def _times_of(windows: w.Windows, period: int, times: Floats) -> Floats:
