@@ -7,17 +7,22 @@ import subprocess
 import sys
 from collections.abc import Iterator
 from contextlib import ExitStack
+from dataclasses import replace
 from pathlib import Path
 
 import pytest
 
+from analysis.reproduce.agents.variants import variants
+from analysis.reproduce.settings import Settings
 from idm_sumo.cli import main
+from idm_sumo.irl.variants import VARIANTS
 from idm_sumo.runtime.errors import InputError
 from idm_sumo.runtime.spread import ATTEMPTS, Failed, gathered, spread
 from tests.helpers.cluster import doubled, free_address, killed_at_first, lasting, runs, scheduler, until, who, worker
 from tests.helpers.platoons import platoon_recording
 
 WINDOW = ("--observed", "10", "--horizon", "40")
+TWO_UPDATES = 12_800  # environment steps of an agent: the rate falls to zero, so that one update alone changes nothing
 
 
 @pytest.fixture(scope="module")
@@ -162,7 +167,7 @@ def test_a_closed_loop_gives_the_same_tables_by_one_process_and_by_a_cluster(
 def test_agents_are_the_same_by_processes_and_by_a_cluster(cluster: str, tmp_path: Path) -> None:
     pytest.importorskip("stable_baselines3", reason="needs the extra rl: pip install 'idm-sumo[rl]'")
     platoon_recording().to_parquet(tmp_path / "r.parquet")
-    train = ["irl", "train", str(tmp_path / "r.parquet"), "--seeds", "2", "--agent-steps", "6400"]
+    train = ["irl", "train", str(tmp_path / "r.parquet"), "--seeds", "2", "--agent-steps", str(TWO_UPDATES)]
     main([*train, "-o", str(tmp_path / "here")])
     main([*train, "--cluster", cluster, "-o", str(tmp_path / "there")])
     here, there = (contents(tmp_path / name) for name in ("here", "there"))
@@ -170,6 +175,21 @@ def test_agents_are_the_same_by_processes_and_by_a_cluster(cluster: str, tmp_pat
     for name in here:
         if name.endswith((".json", ".npz")):
             assert there[name] == here[name], name
+
+
+def test_variants_of_the_reward_are_the_same_by_one_process_and_by_a_cluster(
+    cluster: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    pytest.importorskip("stable_baselines3", reason="needs the extra rl: pip install 'idm-sumo[rl]'")
+    platoon_recording().to_parquet(tmp_path / "r.parquet")
+    settings = Settings(recordings=(str(tmp_path / "r.parquet"),), agent_steps=TWO_UPDATES, agent_seeds=1)
+    which = [replace(VARIANTS[number], demonstrations=2) for number in (0, 4)]  # with a penalty, and without
+    table = variants(settings, tmp_path / "there.csv", which=which, cluster=cluster)
+    monkeypatch.setattr("analysis.reproduce.agents.variants.cpu_count", lambda: 1)
+    variants(settings, tmp_path / "here.csv", which=which)
+    assert table["ade_m"].nunique() == len(which)  # so that a row in another's place shows
+    assert (tmp_path / "there.csv").read_bytes() == (tmp_path / "here.csv").read_bytes()
+    assert sorted(path.name for path in tmp_path.iterdir()) == ["here.csv", "r.parquet", "there.csv"]
 
 
 # The last of this module: of the cluster one worker is left.
