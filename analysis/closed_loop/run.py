@@ -6,7 +6,7 @@ The simulated traffic is compared with the recording.
 from __future__ import annotations
 
 import time
-from dataclasses import asdict
+from dataclasses import asdict, replace
 from pathlib import Path
 from typing import Any
 
@@ -24,8 +24,10 @@ from idm_sumo.roads import Road
 from idm_sumo.runtime.cluster import SEEN
 from idm_sumo.runtime.errors import InputError
 from idm_sumo.runtime.files import MANIFEST, new_folder
+from idm_sumo.runtime.handover import handed_back
 from idm_sumo.runtime.inputs import existing_file
 from idm_sumo.runtime.progress import Progress, silent
+from idm_sumo.runtime.siblings import scratch
 from idm_sumo.runtime.spread import gathered
 from idm_sumo.sumo import network
 from idm_sumo.sumo.closed_loop.demand import demand_of
@@ -184,40 +186,73 @@ def _run_all(
     progress: Progress,
 ) -> list[tuple[Case, Measured]]:
     """Run the cases, several at once."""
-    (part / "fcd").mkdir()
+    fcd = part / "fcd"
+    fcd.mkdir()
     jobs = min(settings.jobs or cpu_count(), len(cases))
     # All that a worker needs of the recording: road, period and first frame.
     clock = Recording(recorded.table.iloc[[0]], recorded.road, recorded.source)
-    work: list[tuple[Case, Recording, dict[str, Any]]] = [
-        (
-            case,
-            clock,
-            {
-                "fcd": part / "fcd" / f"{case.name.replace(', ', '-').replace(' ', '')}.parquet",
-                "name": case.name,
-                "seed": case.seed or settings.seed,
-                "ego": _ego(settings, recorded.road, demand, drivers),
-                "ours": case.ours,
-                "gui": settings.gui,
-                "shown": case.seed in (0, settings.seed),  # pictures show the first run of a population
-            },
-        )
-        for case in cases
-    ]
-    if jobs == 1 and settings.cluster is None:
-        return [(one[0], _run_one(*one, progress=progress)) for one in work]
-    progress("simulating", 0, len(cases))
-    measured = gathered(
-        _run_one, work, jobs=jobs, cluster=settings.cluster,
-        done=lambda done: progress("simulating", done, len(cases)),
-    )  # fmt: skip
+    with scratch(part.parent) as workshop:
+        work: list[tuple[Path, Path, Case, Recording, dict[str, Any]]] = [
+            (
+                fcd,
+                workshop,
+                case,
+                clock,
+                {
+                    "name": case.name,
+                    "seed": case.seed or settings.seed,
+                    "ego": _ego(settings, recorded.road, demand, drivers),
+                    "ours": case.ours,
+                    "gui": settings.gui,
+                    "shown": case.seed in (0, settings.seed),  # pictures show the first run of a population
+                },
+            )
+            for case in cases
+        ]
+        if jobs == 1 and settings.cluster is None:
+            measured = [run_case(*one, progress=progress) for one in work]
+        else:
+            progress("simulating", 0, len(cases))
+            measured = gathered(
+                run_case, work, jobs=jobs, cluster=settings.cluster,
+                done=lambda done: progress("simulating", done, len(cases)),
+            )  # fmt: skip
     return list(zip(cases, measured, strict=True))
 
 
-def _run_one(case: Case, clock: Recording, more: dict[str, Any], progress: Progress = silent) -> Measured:
-    """Run one case in the folder of results."""
+def run_case(
+    folder: Path, workshop: Path, case: Case, clock: Recording, more: dict[str, Any], progress: Progress = silent
+) -> Measured:
+    """Run one case; its trajectories have their name when they are whole.
+
+    Parameters
+    ----------
+    folder : Path
+        Of the trajectories.
+    workshop : Path
+        Where they are written, see :func:`idm_sumo.runtime.handover.handed_back`.
+    case : Case
+    clock : Recording
+        Rows enough to tell road, period and first frame.
+    more : dict
+        Further arguments of :func:`idm_sumo.sumo.closed_loop.measurement.run_and_measure`.
+    progress : Progress
+        Called with the steps done and their total.
+
+    Returns
+    -------
+    Measured
+
+    Raises
+    ------
+    InputError
+        If this machine does not see SUMO's inputs, or SUMO refuses them.
+    """
     existing_file(case.files.net, SEEN)
-    return run_and_measure(case.files, recorded=clock, progress=progress, **more)
+    name = f"{case.name.replace(', ', '-').replace(' ', '')}.parquet"
+    with handed_back(folder, workshop) as own:
+        measured = run_and_measure(case.files, own / name, clock, progress=progress, **more)
+    return replace(measured, outcome=replace(measured.outcome, fcd=folder / name))
 
 
 def _ego(settings: Settings, road: Road, demand: pd.DataFrame, drivers: Drivers | None) -> Ego | None:

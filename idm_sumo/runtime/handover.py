@@ -1,7 +1,8 @@
-"""A value that many workers read from one file, where it is too large to go with every call."""
+"""Between a program and its workers: a value that all read from one file, files that each leaves."""
 
 from __future__ import annotations
 
+import os
 import pickle
 from collections.abc import Iterator
 from contextlib import contextmanager
@@ -45,3 +46,24 @@ def received(file: Path) -> Any:
     """
     with existing_file(file, SEEN).open("rb") as stream:
         return pickle.load(stream)
+
+
+@contextmanager
+def handed_back(folder: Path, workshop: Path) -> Iterator[Path]:
+    """Yield a folder of one's own, whose files move into another when the block succeeds.
+
+    A cluster that loses touch with a worker has another do the same work, while the first may still write. Then
+    each writes on its own, and what bears a result's name is whole whoever comes last. A worker that comes when
+    the program has ended finds neither folder and fails alone.
+
+    Parameters
+    ----------
+    folder : Path
+        Of the results.
+    workshop : Path
+        On the same file system; the program removes it when it no longer waits for workers.
+    """
+    with scratch(workshop) as own:
+        yield own
+        for file in sorted(own.iterdir()):
+            os.replace(file, folder / file.name)

@@ -12,8 +12,11 @@ from collections.abc import Iterator
 from contextlib import ExitStack, contextmanager
 from pathlib import Path
 
+from idm_sumo.runtime.handover import handed_back
+
 ROOT = Path(__file__).parents[2]
 PATIENCE = 60.0  # s
+HALF = "12.5,3.25\n" * 10_000
 OLDER = "import idm_sumo\nidm_sumo.__version__ = '0.1.0'\n"
 
 
@@ -94,6 +97,18 @@ def lasting(folder: Path, seconds: float | None) -> None:
         raise TypeError("no seconds")
     (folder / str(os.getpid())).mkdir()
     time.sleep(seconds)
+
+
+def leaving(folder: Path, workshop: Path, marks: Path, first: int, second: int) -> None:
+    """Leave a table, each half of it written when there are so many marks; the first half leaves one itself."""
+    with handed_back(folder, workshop) as own:
+        until(lambda: len(list(marks.iterdir())) >= first)
+        with (own / "table.csv").open("w") as file:
+            file.write(HALF)
+            file.flush()
+            (marks / str(os.getpid())).touch()
+            until(lambda: len(list(marks.iterdir())) >= second)
+            file.write(HALF)
 
 
 def runs(process: int) -> bool:

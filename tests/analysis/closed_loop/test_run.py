@@ -8,6 +8,8 @@ import numpy as np
 import pandas as pd
 import pytest
 
+from analysis.closed_loop.run import run_case
+from analysis.closed_loop.settings import Case
 from idm_sumo.cli import main
 from idm_sumo.recordings import columns as c
 from idm_sumo.recordings.columns import FRAME_STEP
@@ -61,13 +63,20 @@ def run(
     ego: Ego | None = None,
     model: str = "LC2013", downstream: bool = True,
 ) -> closed_loop.Outcome:  # fmt: skip
+    files = written(folder, recorded, demand, theta, model=model, downstream=downstream)
+    return closed_loop.run(files, folder / "run.parquet", seed=seed, ego=ego)
+
+
+def written(
+    folder: Path, recorded: Recording, demand: pd.DataFrame, theta: np.ndarray = DRIVER, *, model: str = "LC2013",
+    downstream: bool = True,
+) -> closed_loop.RunFiles:  # fmt: skip
     lane_change = populations.lane_change_attributes(model, {})
     types = populations.calibrated_types(demand, np.tile(theta, (len(demand), 1)), lane_change, US101.speed_limit)
-    files = closed_loop.write_run(
+    return closed_loop.write_run(
         folder / "simulation", "drivers", recorded, demand, types, options=populations.SUBLANE.get(model, ()),
         signs=boundary_signs(recorded) if downstream else [],
     )  # fmt: skip
-    return closed_loop.run(files, folder / "run.parquet", seed=seed, ego=ego)
 
 
 def test_everybody_departs_in_time_or_is_reported(tmp_path: Path, recorded: Recording, demand: pd.DataFrame) -> None:
@@ -97,6 +106,27 @@ def test_who_finds_no_room_is_reported_with_its_delay(tmp_path: Path) -> None:
 def test_the_same_seed_gives_the_same_file(tmp_path: Path, recorded: Recording, demand: pd.DataFrame) -> None:
     tables = [pd.read_parquet(run(tmp_path / str(n), recorded, demand).fcd) for n in range(2)]
     pd.testing.assert_frame_equal(*tables)
+
+
+def test_trajectories_have_their_name_when_they_are_whole(
+    tmp_path: Path, recorded: Recording, demand: pd.DataFrame
+) -> None:
+    """Of a worker that a cluster has lost touch with, a second one's are not touched."""
+    folder, workshop = tmp_path / "fcd", tmp_path / "workshop"
+    folder.mkdir()
+    workshop.mkdir()
+    seen: list[list[Path]] = []
+    case = Case("drivers", 3, written(tmp_path, recorded, demand), 0)
+    measured = run_case(
+        folder, workshop, case, recorded, {"name": "drivers", "seed": 3},
+        progress=lambda *_: seen.append(list(folder.iterdir())),
+    )  # fmt: skip
+    assert len(seen) > 1
+    assert not any(seen)
+    assert measured.outcome.fcd == folder / "drivers-seed3.parquet"
+    assert len(pd.read_parquet(measured.outcome.fcd)) > 1000
+    assert sorted(path.name for path in folder.iterdir()) == ["drivers-seed3.lane_changes.xml", "drivers-seed3.parquet"]
+    assert list(workshop.iterdir()) == []
 
 
 @pytest.mark.parametrize("model", populations.LANE_CHANGE_MODELS)
