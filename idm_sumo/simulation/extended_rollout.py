@@ -208,17 +208,32 @@ def drive_extended(
 def _remember_observed(drivers, view, vehicles, x, speed):  # type: ignore[no-untyped-def]
     """Fill the past with what was seen before the start."""
     for i in range(len(x)):
-        past, before = drivers.past[i], NOBODY_YET
+        past, before = drivers.past[i], drivers.leader[i]
         for k in range(vehicles.start):
             row, gap = perceive(
                 vehicles.cell[i] + k, x[i, k], vehicles.vehicle[i], view.offsets, view.x, view.length, view.vehicle
             )
             leader_speed = view.speed[row] if row != NOBODY else speed[i, k]
-            past[k] = (gap, speed[i, k], speed[i, k] - leader_speed)
+            note(past[k], gap, speed[i, k], speed[i, k] - leader_speed)
             who = view.others.who[row] if row != NOBODY else 0
             meet(past, k, before, who, drivers.magnitudes[i])
             before = who
         drivers.leader[i] = before
+
+
+@njit(cache=True)
+def note(row, first, second, third):  # type: ignore[no-untyped-def]
+    """Write three numbers into a row.
+
+    Assigned at once they could be too many or too few: numba then compiles the words of that error into every kernel.
+
+    Parameters
+    ----------
+    row : float64, shape (3,)
+        Changed.
+    first, second, third : float
+    """
+    row[0], row[1], row[2] = first, second, third
 
 
 @njit(cache=True)
@@ -272,11 +287,11 @@ def decide(i, k, front, speed, row, gap, drivers, view, vehicles):  # type: igno
     m, theta, recorded, now = drivers.magnitudes[i], drivers.theta[i], view.recorded, vehicles.start + k
     past, elapsed = drivers.past[i], k * FRAME_STEP
     leader_speed = view.speed[row] if row != NOBODY else speed
-    past[now] = (gap, speed, speed - leader_speed)
+    note(past[now], gap, speed, speed - leader_speed)
     who = view.others.who[row] if row != NOBODY else 0
     gap_before = past[now - 1, 0]
     if meet(past, now, drivers.leader[i], who, m):
-        drivers.changed[i] = (gap_before - gap, elapsed, headway_after(gap, speed))
+        note(drivers.changed[i], gap_before - gap, elapsed, headway_after(gap, speed))
     drivers.leader[i] = who
     drivers.driven[i, 0] += speed
     drivers.driven[i, 1] += 1.0

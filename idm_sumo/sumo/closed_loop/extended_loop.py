@@ -23,7 +23,7 @@ from idm_sumo.recordings import columns as c
 from idm_sumo.recordings.columns import FRAME_STEP
 from idm_sumo.roads import Road
 from idm_sumo.scenes.traffic import NOBODY
-from idm_sumo.simulation.extended_rollout import meet
+from idm_sumo.simulation.extended_rollout import meet, note
 from idm_sumo.simulation.rollout import perceive
 from idm_sumo.simulation.surroundings import TrafficDetails
 from idm_sumo.simulation.traffic_around import NOBODY_YET, look
@@ -313,11 +313,13 @@ def _remember(vehicle, gap, speed, approach_rate, who, now, memory, m):  # type:
     past = memory.past[vehicle]
     gap_before = past[PAST - 1, 0]
     if memory.moments[vehicle] == 0:
-        past[:] = np.array([gap, speed, approach_rate])  # before its first step it saw the same
-    past[:-1] = past[1:].copy()
-    past[PAST - 1] = (gap, speed, approach_rate)
+        for k in range(PAST):
+            note(past[k], gap, speed, approach_rate)  # before its first step it saw the same
+    for k in range(PAST - 1):
+        note(past[k], past[k + 1, 0], past[k + 1, 1], past[k + 1, 2])
+    note(past[PAST - 1], gap, speed, approach_rate)
     if meet(past, PAST - 1, memory.leader[vehicle], who, m):
-        memory.changed[vehicle] = (gap_before - gap, now, headway_after(gap, speed))
+        note(memory.changed[vehicle], gap_before - gap, now, headway_after(gap, speed))
     memory.leader[vehicle] = who
     memory.moments[vehicle] += 1
     memory.driven[vehicle] += speed
