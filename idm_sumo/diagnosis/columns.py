@@ -125,8 +125,8 @@ def present_form(fit: Fit, effect: Effect) -> Form | None:
 def basis(speed: Floats, rate: Floats, gap: Floats, pivot: float) -> Floats:
     """Return smooth accelerations (m/s²) of speed, approach rate and gap, of about one; the last axis is of functions."""
     parts = (speed - pivot) / 10.0, rate / 3.0, np.log(np.maximum(gap, 1.0) / (2.0 + 1.2 * np.maximum(speed, 0.0)))
-    bounded = [np.tanh(0.5 * part) * 2.0 for part in parts]
-    return np.stack([bounded[0] ** a * bounded[1] ** b * bounded[2] ** c for a, b, c in BASIS], axis=-1)
+    powers = [(1.0, one, one * one, one * one * one) for one in (np.tanh(0.5 * part) * 2.0 for part in parts)]
+    return np.stack([powers[0][a] * powers[1][b] * powers[2][c] for a, b, c in BASIS], axis=-1)
 
 
 def _moments(windows: w.Windows, state: Floats, plan: Plan) -> Moments:

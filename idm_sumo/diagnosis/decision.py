@@ -130,7 +130,7 @@ def _of_some(windows: Windows, found: Found, some: Some, base: Errors, rng: np.r
     z, having = float(np.sqrt(2.0 * some.support)), some.windows.seen[:, WITHOUT, 0] == 0.0
     claim = Claim(
         placed.name, some.hypothesis, placed, placed.value, found.settings.doubt * placed.magnitude.typical, some.support,
-        -float(np.log(found.settings.false_alarms)), z, float(min(1.0, 2.0 * families * norm.sf(z))),
+        found.settings.chance, z, float(min(1.0, 2.0 * families * norm.sf(z))),
         1.0 / (1.0 + float(np.exp(-some.support))), (), float(len(np.unique(windows.driver[having]))), gain,
     )  # fmt: skip
     return Decision((claim,), (), (), some.fit, base, extended, found.last, some)
@@ -148,7 +148,7 @@ def claims_of(found: Found) -> list[Claim]:
     """Return everything significant on enough drivers, at sizes that are more than systematic errors."""
     look, settings = found.last, found.settings
     library = look.library
-    arena = look.arena()
+    arena = look.selection.arena
     parts = [arena.contribution(one) for one in look.selection.components]
     claims: list[Claim] = []
     for n, component in enumerate(look.selection.components):
@@ -184,7 +184,7 @@ def _claim(
     likely = [n for n in np.argsort(-probability) if n != family and probability[n] > OTHERS]
     return Claim(
         library.names[family], winner, placed, value, error, float(exact.by_family[family]),
-        float(look.selection.threshold[family]), z, float(min(1.0, 2.0 * len(library.names) * norm.sf(abs(z)))),
+        look.selection.arena.threshold(family), z, float(min(1.0, 2.0 * len(library.names) * norm.sf(abs(z)))),
         min(float(probability[family]), 1.0), tuple(library.names[n] for n in likely), drivers,
     )  # fmt: skip
 
@@ -214,7 +214,7 @@ def _fitted(subject: Subject, found: Found, claims: list[Claim] | tuple[Claim, .
     effects = [one.placed for one in claims if one.placed is not None]
     if {one.name for one in effects} == {one.name for one in found.last.effects}:
         return found.last.fit
-    return refitted(subject, with_effects(found.last.fit, effects, found.last.library.plan), 4)
+    return refitted(subject.windows, with_effects(found.last.fit, effects, found.last.library.plan))
 
 
 def _by_fold(found: Found, fit: Fit, claims: list[Claim] | tuple[Claim, ...], fold: npt.NDArray[np.int64]) -> list[Fit]:

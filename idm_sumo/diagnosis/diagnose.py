@@ -114,7 +114,8 @@ def prepared(
     measurement = no.measurement_noise(recording)
     motion = no.motion_noise(recording, measurement)
     own = _follower_filter(measurement, rng)
-    windows = cut_windows(recording, own, posterior_mean(measurement, motion) if recording.has_leader_rows else own)
+    leaders = posterior_mean(measurement, motion) if recording.has_leader_rows else own
+    windows = cut_windows(recording, own, leaders, rng)
     if only is not None:
         windows = windows.of_drivers(np.flatnonzero(np.isin(windows.vehicle, list(only))))
     clock.append(("windows", time.perf_counter()))

@@ -1,4 +1,4 @@
-r"""Sizes by driving: how likely the recording is with an effect at each size, all drivers fitted anew.
+r"""Sizes by driving: how likely the recording is with an effect at each size, all drivers adapted to it.
 
 A column says what a little of an effect does. At the size of a real one drivers absorb and give back what no straight line does, so
 that what is in the model is judged by its likelihood at the size reached, less the slope that null replicates show.
@@ -13,10 +13,10 @@ import numpy as np
 import numpy.typing as npt
 
 from idm_sumo.diagnosis import plan as pl
-from idm_sumo.diagnosis.evidence import Subject
-from idm_sumo.diagnosis.fit import Fit, fit_drivers
+from idm_sumo.diagnosis.fit import Fit
 from idm_sumo.diagnosis.likelihood import log_likelihood
-from idm_sumo.diagnosis.model import Placed, with_effects
+from idm_sumo.diagnosis.model import Placed, refitted, with_effects
+from idm_sumo.diagnosis.windows import Windows
 
 Floats = npt.NDArray[np.float64]
 
@@ -48,21 +48,22 @@ class Driven:
     support: float
 
 
+@dataclass(frozen=True)
 class Road:
-    """A recording, and the base model into which effects are put."""
+    """A recording, and a fit from which drivers adapt to whatever effects are put into the model."""
 
-    def __init__(self, subject: Subject, base: Fit, plan: pl.Plan) -> None:
-        self.subject, self.base, self.plan = subject, base, plan
+    windows: Windows
+    start: Fit
+    plan: pl.Plan
 
     def fitted(self, effects: Sequence[Placed]) -> Fit:
-        """Return drivers, population and noise fitted from scratch beside some effects."""
-        by_lane = with_effects(self.base, effects, self.plan).by_lane
-        return fit_drivers(self.subject.windows, by_lane, self.base.start_variance)
+        """Return drivers, population and noise fitted beside some effects."""
+        return refitted(self.windows, with_effects(self.start, effects, self.plan))
 
     def driven(self, effects: Sequence[Placed]) -> tuple[Floats, Fit]:
         """Return how likely each driver is with some effects, and the fit."""
         fit = self.fitted(effects)
-        return log_likelihood(self.subject.windows, fit), fit
+        return log_likelihood(self.windows, fit), fit
 
     def sized(self, rest: Sequence[Placed], one: Placed, slope: float, without: Floats) -> Driven:
         """Return an effect at its likeliest size beside others; how likely drivers are without it is known."""
@@ -77,7 +78,7 @@ class Road:
         best = max((value for value in curve if value), key=lambda value: curve[value])
         likely, fit = kept[best]
         each = likely - without - each_slope * best
-        support = agreed(each, self.subject.windows.platoon)
+        support = agreed(each, self.windows.platoon)
         return Driven((*rest, replace(one, value=best)), fit, float(each.sum()), support)
 
     def likeliest(self, rest: Sequence[Placed], forms: Sequence[tuple[Placed, float]], without: Floats) -> int:

@@ -97,7 +97,7 @@ class Evidence:
         """What the replicates show, shape ``(columns,)``: their median, as one may have driven into its leader."""
         return np.asarray(np.median(self.nulls, axis=0))
 
-    @property
+    @cached_property
     def score(self) -> Floats:
         """Total scores less what the replicates show, shape ``(columns,)``."""
         return np.asarray(self.u.sum(axis=0) - self.usual)
@@ -227,21 +227,35 @@ def _scores(
     known = _common(co.of_rows(answer, slice(0, 1)), truck[:1]).shape[2]
     count = known + plan.count
     prior = np.asarray(np.linalg.inv(fit.spread), dtype=np.float64)
-    u, part, gram = np.zeros((windows.drivers, count)), np.zeros((windows.drivers, count)), np.zeros((count, count))
-    for rows in co.chunks(windows):
+
+    def of_chunk(rows: slice) -> Chunk:
         some, line = windows.of_rows(np.arange(rows.start, rows.stop)), co.of_rows(answer, rows)
         of = co.columns(some, fit, line, plan, longest)
         white = line.line.whitener @ np.concatenate([_common(line, truck[rows]), of], axis=2)
         error = (line.line.whitener @ line.line.error[:, :, None])[:, :, 0]
-        _add(white, error, prior, some.driver, u, part, gram)
+        return _of_chunk(white, error, prior, some.driver)
+
+    each = each_in_threads(of_chunk, co.chunks(windows))
+    u, part, gram = np.zeros((windows.drivers, count)), np.zeros((windows.drivers, count)), np.zeros((count, count))
+    for one in each:
+        u[one.drivers], part[one.drivers] = one.u, one.part
+        gram += one.gram
     by = gls.scaled_inverse(gram[:known, :known]) @ gram[:known]
     u -= u[:, :known] @ by
     gram -= gram[:, :known] @ by
     return gls.Scores(u[:, known:], gram[known:, known:], part[:, known:]), by
 
 
-def _add(white: Floats, error: Floats, prior: Floats, driver: Integers, u: Floats, part: Floats, gram: Floats) -> None:
-    """Add the scores of some windows, after the drivers' own parameters took what they can."""
+class Chunk(NamedTuple):
+    """Scores of the windows of some drivers, after the drivers' own parameters took what they can."""
+
+    drivers: slice
+    u: Floats
+    part: Floats
+    gram: npt.NDArray[np.float32]
+
+
+def _of_chunk(white: Floats, error: Floats, prior: Floats, driver: Integers) -> Chunk:
     first = int(driver[0])
     local, drivers = driver - first, int(driver[-1]) - first + 1
     own = white[:, :, :PARAMETERS]
@@ -249,13 +263,11 @@ def _add(white: Floats, error: Floats, prior: Floats, driver: Integers, u: Float
     inner = np.linalg.inv(gls.by_driver(turned @ own, local, drivers) + prior)
     own_r = gls.by_driver((turned @ error[:, :, None])[:, :, 0], local, drivers)
     own_g = gls.by_driver(turned @ white, local, drivers)
-    direct = gls.by_driver(np.einsum("wk,wka->wa", error, white), local, drivers)
+    direct = gls.by_driver((error[:, None, :] @ white)[:, 0], local, drivers)
     taken = inner @ own_g
-    rows = slice(first, first + drivers)
-    u[rows] += direct - np.einsum("ipa,ip->ia", taken, own_r)
-    part[rows] += gls.by_driver(np.einsum("wka,wka->wa", white, white), local, drivers) - np.einsum(
-        "ipa,ipa->ia", own_g, taken
-    )
+    u = direct - np.einsum("ipa,ip->ia", taken, own_r)
+    part = gls.by_driver((white * white).sum(axis=1), local, drivers) - (own_g * taken).sum(axis=1)
     count = white.shape[2]
     flat, held = white.reshape(-1, count).astype(np.float32), own_g.reshape(-1, count).astype(np.float32)
-    gram += flat.T @ flat - held.T @ taken.reshape(-1, count).astype(np.float32)
+    gram = flat.T @ flat - held.T @ taken.reshape(-1, count).astype(np.float32)
+    return Chunk(slice(first, first + drivers), u, part, gram)

@@ -9,14 +9,17 @@ import numpy as np
 import numpy.typing as npt
 
 from idm_sumo.diagnosis import plan as pl
-from idm_sumo.diagnosis.evidence import Evidence, Subject
+from idm_sumo.diagnosis.evidence import Evidence
 from idm_sumo.diagnosis.fit import Fit, improve
 from idm_sumo.diagnosis.library import Library, magnitude_of
 from idm_sumo.diagnosis.rollout import ROWS
+from idm_sumo.diagnosis.windows import Windows
 from idm_sumo.models.effects import BY_NAME, Parameter
 from idm_sumo.models.effects.form import Form
 
 Floats = npt.NDArray[np.float64]
+
+STEPS = 4  # of a fit to changed magnitudes
 
 
 @dataclass(frozen=True)
@@ -98,10 +101,14 @@ def with_effects(base: Fit, effects: Sequence[Placed], plan: pl.Plan) -> Fit:
     return replace(base, by_lane=by_lane, rolled=None)
 
 
-def refitted(subject: Subject, fit: Fit, rounds: int) -> Fit:
-    """Return the fit with drivers, population and noise adapted to its magnitudes."""
-    for _ in range(rounds):
-        fit = improve(subject.windows, fit)
+def refitted(windows: Windows, fit: Fit) -> Fit:
+    """Return the fit with drivers, population and noise adapted to its magnitudes.
+
+    Likelihoods are compared of fits that have taken equally many steps from the same one: the noise's covariance goes on
+    changing a little at every step, which says nothing of what was put into the model.
+    """
+    for _ in range(STEPS):
+        fit = improve(windows, fit)
     return fit
 
 
@@ -113,5 +120,7 @@ def present_columns(plan: pl.Plan, effects: Sequence[Placed]) -> list[int]:
 
 def whole_score(evidence: Evidence, effects: Sequence[Placed]) -> Floats:
     """Return the scores as if no effect were in the model yet: what is in it competes anew."""
+    if not effects:
+        return evidence.score
     columns = present_columns(evidence.plan, effects)
     return np.asarray(evidence.score + evidence.gram[:, columns] @ np.array([one.value for one in effects]))

@@ -214,7 +214,7 @@ def _ruled_out(look: Look, named: set[str]) -> tuple[RuledOut, ...]:
         half, value = Z95 * float(component.deviation[best]), float(component.size[best])
         low, high = max(value - half, first.lower), min(value + half, first.upper)
         estimate = Estimate(value, first.unit, (min(low, value), max(high, value)))
-        chance = component.by_family[family] <= max(look.selection.threshold[family], 0.0)
+        chance = look.selection.is_by_chance(family, float(component.by_family[family]))
         why = (
             "chance makes as much"
             if chance

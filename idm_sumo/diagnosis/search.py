@@ -49,20 +49,10 @@ class Look:
         """Return a component's likeliest hypothesis if its family is significant and more likely than not, else None."""
         probability = component.probability(self.library)
         family = int(np.argmax(probability))
-        if probability[family] < SURE or component.by_family[family] < max(self.selection.threshold[family], 0.0):
+        if probability[family] < SURE or self.selection.is_by_chance(family, float(component.by_family[family])):
             return None
         inside = np.where(self.library.family == family, component.weight, 0.0)
         return int(np.argmax(inside))
-
-    def arena(self, score: Floats | None = None) -> se.Competition:
-        """Return the competition with the law's misfit that is likeliest, over another score if one is given."""
-        score = self.score if score is None else score
-        return se.Competition(self.evidence, self.library, self.settings, score, self.selection.tau)
-
-    @cached_property
-    def unexplained(self) -> float:
-        """How much likelier the recording is with something beside the effects in the model (a log-likelihood ratio)."""
-        return se.support(self.evidence, self.library, self.settings, self.evidence.score)
 
     @property
     def of_form(self) -> FormEvidence:
@@ -94,12 +84,19 @@ class Found:
     settings: Settings
 
 
-class Trial(NamedTuple):
-    """A model that may take the place of another one."""
+@dataclass(frozen=True)
+class Trial:
+    """A model that may take the place of another one; ``entered`` names what it has more, and ``explained`` is what that explains."""
 
     look: Look
     now: Look
-    explained: float | None = None
+    entered: str = ""
+    explained: float = 0.0
+
+    @cached_property
+    def is_refused(self) -> bool:
+        """Whether what entered does not win where it is in the model: it would leave at once."""
+        return bool(self.entered) and self.entered not in winners(self.look)
 
     @property
     def better(self) -> float:
@@ -108,13 +105,16 @@ class Trial(NamedTuple):
         Where a little of an effect says what much of it does, what its entering explains is what it leaves less to explain. Where they
         differ, neither alone is right, and their mean is taken.
         """
-        less = self.now.unexplained - self.look.unexplained
-        return less if self.explained is None else 0.5 * (self.explained + less)
+        if self.is_refused:
+            return -np.inf
+        less = self.now.selection.unexplained - self.look.selection.unexplained
+        return 0.5 * (self.explained + less) if self.entered else less
 
 
-def looking(
-    subject: Subject, settings: Settings, rng: np.random.Generator
-) -> Callable[[Fit, tuple[Placed, ...]], Look]:
+Looking = Callable[[Fit, tuple[Placed, ...]], Look]
+
+
+def looking(subject: Subject, settings: Settings, rng: np.random.Generator) -> Looking:
     """Return the function that lets everything compete around a model with effects, always with the same draws."""
     chances = draws(subject.windows, subject.noises, settings.replicates, rng)
 
@@ -140,36 +140,45 @@ def search(subject: Subject, base: Fit, settings: Settings, rng: np.random.Gener
     look = looking(subject, settings, rng)
     progress("comparing hypotheses", 0, 1)
     first = now = look(base, ())
-    road = Road(subject, base, first.library.plan)
-    chance = -np.log(settings.false_alarms)  # likelier than that, nothing that is left unexplained makes the recording
-    gone: set[str] = set()
+    left: set[str] = set()  # what left does not come back
+    refused: set[str] = set()  # by the model as it is
     for number in range(ROUNDS):
         progress("driving with effects and comparing anew", number, ROUNDS)
+        road = Road(subject.windows, now.fit, first.library.plan)
         there = winners(now)
         kept = tuple(one for one in now.effects if one.name in there)
         if len(kept) < len(now.effects):
-            gone |= {one.name for one in now.effects} - {one.name for one in kept}
+            left |= {one.name for one in now.effects} - {one.name for one in kept}
             now = look(*road.together(kept, [_slope(now, one) for one in kept])) if kept else first
             continue
-        if now.unexplained < chance:
+        if now.selection.unexplained < settings.chance:
             break
-        moved = _resized(now)
-        others = [Trial(look(road.fitted(moved), moved), now)] if moved != now.effects else []
-        if not others or others[0].better < chance:
-            # What was not likely may be so beside what has entered since.
-            entering = _entering(now, road, gone) if len(kept) < settings.components else []
-            slopes = [_slope(now, one) for one in kept]
-
-            def with_one_more(one: Entering, slopes: list[float] = slopes, now: Look = now) -> Trial:
-                driven = look(*road.together(one.driven.effects, [*slopes, one.slope]))
-                return Trial(driven, now, one.driven.total)
-
-            others += each_in_threads(with_one_more, entering)
-        best = max(others, key=lambda one: one.better, default=Trial(now, now))
-        if best.better < chance:
+        trials = _trials(now, road, look, left | refused)
+        best = max(trials, key=lambda one: one.better, default=Trial(now, now))
+        if best.better >= settings.chance:
+            now, refused = best.look, set()
+            continue
+        anew = {one.entered for one in trials if one.is_refused}
+        if not anew:
             break
-        now = best.look
+        refused |= anew
     return Found(base, first, now, settings)
+
+
+def _trials(now: Look, road: Road, look: Looking, gone: set[str]) -> list[Trial]:
+    """Return models that may take the place of this one: other sizes of its effects, or if those say no more, one effect more."""
+    moved = _resized(now)
+    trials = [Trial(look(road.fitted(moved), moved), now)] if moved != now.effects else []
+    enough = len(now.effects) >= now.settings.components
+    if enough or (trials and trials[0].better >= now.settings.chance):
+        return trials
+    slopes = [_slope(now, one) for one in now.effects]
+
+    def with_one_more(one: Entering) -> Trial:
+        driven = look(*road.together(one.driven.effects, [*slopes, one.slope]))
+        return Trial(driven, now, one.driven.effects[-1].name, one.driven.total)
+
+    return trials + each_in_threads(with_one_more, _entering(now, road, gone))
 
 
 def winners(now: Look) -> dict[str, int]:
@@ -187,7 +196,7 @@ def _resized(now: Look) -> tuple[Placed, ...]:
 
     Null replicates of the model that has them show what measurement makes of an effect of this size; those of the model without it do not.
     """
-    arena = now.arena()
+    arena = now.selection.arena
     parts = [arena.contribution(one) for one in now.selection.components]
     moved = {}
     for n, component in enumerate(now.selection.components):
@@ -214,28 +223,30 @@ def _candidates(now: Look, refused: set[str]) -> list[list[tuple[int, float]]]:
     Of an effect that is linear the likeliest hypothesis is enough. How others act at their size a little of them does not say: of these
     every form is driven, each where it is likeliest.
     """
-    there = {one.name for one in now.effects}
-    if not set(winners(now)) - there:
+    there, won = {one.name for one in now.effects}, winners(now)
+    if not set(won) - there:
         return []
-    library, arena = now.library, now.arena()
+    library, arena = now.library, now.selection.arena
     held: list[se.Component] = []
     others: list[se.Component] = []
     for component in now.selection.components:
         own = library.names[int(np.argmax(component.probability(library)))]
         (held if own in there else others).append(component)
     alone = arena.component(sum((arena.contribution(one) for one in held), arena.nothing))
-    close: list[tuple[float, str, list[tuple[int, float]]]] = []
+    close: list[tuple[bool, float, str, list[tuple[int, float]]]] = []
     for one in (alone, *others):
-        for family in np.flatnonzero(one.by_family > np.maximum(now.selection.threshold, 0.0)):
+        for family, said in enumerate(one.by_family.tolist()):
+            if now.selection.is_by_chance(family, said):
+                continue
             name = library.names[family]
             inside = np.where(library.family == family, one.log_bf + np.log(library.within), -np.inf)
             best = int(np.argmax(inside))
-            if library.is_free(best) or name in there | refused | {other for _, other, _ in close}:
+            if library.is_free(best) or name in there | refused | {other for _, _, other, _ in close}:
                 continue
             if now.effective_drivers(best) >= now.settings.least_drivers:
                 forms = [best] if library.is_linear(best) else library.best_of_forms(inside)
-                close.append((float(one.by_family[family]), name, [(n, float(one.size[n])) for n in forms]))
-    return [forms for _, _, forms in sorted(close, reverse=True)[:TRIED]]
+                close.append((name in won, said, name, [(n, float(one.size[n])) for n in forms]))
+    return [forms for *_, forms in sorted(close, reverse=True)[:TRIED]]
 
 
 def name_of(library: Library, hypothesis: int) -> str:
@@ -251,7 +262,10 @@ class Entering(NamedTuple):
 
 
 def _entering(now: Look, road: Road, gone: set[str]) -> list[Entering]:
-    """Return the effects that may enter the model: the likeliest once they are driven."""
+    """Return the effects that may enter the model: the likeliest once they are driven.
+
+    One that is likeliest beyond all that drivers can have of it is not what they have.
+    """
     tried = _candidates(now, gone)
     without = road.driven(now.effects)[0] if tried else np.empty(0)
 
@@ -263,8 +277,13 @@ def _entering(now: Look, road: Road, gone: set[str]) -> list[Entering]:
         one, slope = each[road.likeliest(now.effects, each, without)]
         return Entering(road.sized(now.effects, one, slope, without), slope)
 
-    likely = [one for one in each_in_threads(driven, tried) if one.driven.total > 0.0]
-    return sorted(likely, key=lambda one: -one.driven.total)[:COMPARED]
+    each = each_in_threads(driven, tried)
+    likely = [one for one in each if one.driven.total > 0.0 and not one.driven.effects[-1].at_bound]
+    likely = sorted(likely, key=lambda one: -one.driven.total)[:COMPARED]
+    # None leaves less than nothing unexplained: who cannot be better than the likeliest of them, or than chance, is not looked at.
+    left = now.selection.unexplained
+    least = max([2.0 * now.settings.chance - left, *(one.driven.total - left for one in likely[:1])])
+    return [one for one in likely if one.driven.total > least]
 
 
 def _null_slope(now: Look, hypothesis: int) -> float:

@@ -16,6 +16,7 @@ Wakefield (2009), Bayes factors for genome-wide association studies.
 
 from __future__ import annotations
 
+import copy
 from dataclasses import dataclass
 from functools import cached_property
 
@@ -85,17 +86,19 @@ class Selection:
         In which they settled.
     explained : float64, shape (columns,)
         Sizes that the components expect together.
+    unexplained : float
+        How much likelier the recording is with something beside the effects in the model (a log-likelihood ratio).
     """
 
     components: tuple[Component, ...]
     tau: float
     arena: Competition
     explained: Floats
+    unexplained: float
 
-    @cached_property
-    def threshold(self) -> Floats:
-        """What each family's mean Bayes factor exceeds by chance, shape ``(names,)``."""
-        return self.arena.thresholds(np.random.default_rng(0))
+    def is_by_chance(self, family: int, log_bf: float) -> bool:
+        """Return whether chance makes a family's mean Bayes factor as large as this, or it speaks for nothing."""
+        return log_bf <= 0.0 or log_bf <= self.arena.threshold(family)
 
 
 def misfit_columns(library: Library, tau: float) -> tuple[Integers, Floats]:
@@ -113,19 +116,16 @@ class Competition:
     """Scores and Gram matrix of all hypotheses, the law's misfit integrated out."""
 
     def __init__(self, evidence: Evidence, library: Library, settings: Settings, score: Floats, tau: float) -> None:
-        self.library, self.settings = library, settings
-        score, gram = score / evidence.inflation, evidence.gram / evidence.inflation
+        self.library, self.settings, self.inflation = library, settings, evidence.inflation
+        gram = evidence.gram / evidence.inflation
         self.unsure = 1.0 + evidence.replicate_error(library.mix)
-        rough, precision = misfit_columns(library, tau)
-        inner = gram[np.ix_(rough, rough)]
-        held = np.linalg.inv(inner + np.diag(precision))
-        pull = held @ score[rough]
-        self.misfit_evidence = 0.5 * float(score[rough] @ pull)
-        self.misfit_evidence -= 0.5 * float(np.linalg.slogdet(np.eye(len(rough)) + inner / precision)[1])
-        by = gram[:, rough] @ held
-        score, gram = score - by @ score[rough], gram - by @ gram[rough]
-        self.score, self.gram = score, gram
-        self.mixed = library.mix @ gram
+        self.rough, precision = misfit_columns(library, tau)
+        inner = gram[np.ix_(self.rough, self.rough)]
+        self.held = np.linalg.inv(inner + np.diag(precision))
+        self.log_volume = float(np.linalg.slogdet(np.eye(len(self.rough)) + inner / precision)[1])
+        self.by = gram[:, self.rough] @ self.held
+        self.gram = gram - self.by @ gram[self.rough]
+        self.mixed = library.mix @ self.gram
         self.information = np.maximum(np.asarray(library.mix.multiply(self.mixed).sum(axis=1)).ravel(), LEAST)
         shares = np.maximum(evidence.part @ (library.mix.multiply(library.mix)).T, 0.0)
         shares /= np.maximum(shares.sum(axis=0), 1e-300)
@@ -134,6 +134,20 @@ class Competition:
         doubt = (settings.doubt * library.size) ** 2 + library.selection**2
         self.fixed = settings.spread**2 * self.slab * self.few + doubt
         self.is_positive = library.lower >= 0.0
+        self._thresholds: dict[int, float] = {}
+        self._take(score)
+
+    def _take(self, score: Floats) -> None:
+        score = score / self.inflation
+        known = score[self.rough]
+        self.misfit_evidence = 0.5 * float(known @ self.held @ known) - 0.5 * self.log_volume
+        self.score = score - self.by @ known
+
+    def over(self, score: Floats) -> Competition:
+        """Return the same competition over another score."""
+        other = copy.copy(self)
+        other._take(score)
+        return other
 
     def component(self, others: Floats, *, careful: bool = False) -> Component:
         """Return the single effect that explains what other effects, as sizes of columns, leave.
@@ -169,24 +183,26 @@ class Competition:
         """Return the sizes of columns that a component expects."""
         return np.asarray(self.library.mix.T @ (component.weight * component.size))
 
-    def thresholds(self, rng: np.random.Generator) -> Floats:
-        """Return what each family's mean Bayes factor exceeds by chance at the stated rate of false alarms."""
+    def threshold(self, family: int) -> float:
+        """Return what a family's mean Bayes factor exceeds by chance at the stated rate of false alarms."""
+        if family not in self._thresholds:
+            which = self.library.family == family
+            information = self.information[which]
+            keep = (self.slab[which] / (self.unsure[which] / information + self.slab[which]))[:, None]
+            z = (self.library.mix[which] @ self._by_chance) / np.sqrt(information)[:, None]
+            log_bf = 0.5 * np.log1p(-keep) + 0.5 * z**2 * keep
+            log_bf = np.where(self.is_positive[which, None] & (z < 0.0), np.log1p(-keep), log_bf)
+            most = logsumexp(log_bf + np.log(self.library.within[which])[:, None], axis=0)
+            rate = self.settings.false_alarms / len(self.library.names)
+            self._thresholds[family] = float(np.quantile(most, 1.0 - rate))
+        return self._thresholds[family]
+
+    @cached_property
+    def _by_chance(self) -> Floats:
+        """Scores of columns where nothing is hidden, shape ``(columns, NULL_DRAWS)``; always the same draws."""
         values, vectors = np.linalg.eigh(self.gram)
         root = vectors * np.sqrt(np.maximum(values, 0.0))
-        library = self.library
-        left = library.mix @ (root @ rng.standard_normal((len(values), NULL_DRAWS)))
-        variance = self.unsure / self.information
-        keep = (self.slab / (variance + self.slab))[:, None]
-        z = left / np.sqrt(self.information)[:, None]
-        log_bf = 0.5 * np.log1p(-keep) + 0.5 * z**2 * keep
-        log_bf = np.where(self.is_positive[:, None] & (z < 0.0), np.log1p(-keep), log_bf)
-        log_bf += np.log(library.within)[:, None]
-        out = np.empty(len(library.names))
-        rate = self.settings.false_alarms / len(library.names)
-        for n in range(len(out)):
-            most = logsumexp(log_bf[library.family == n], axis=0)
-            out[n] = np.quantile(most, 1.0 - rate)
-        return out
+        return np.asarray(root @ np.random.default_rng(0).standard_normal((len(values), NULL_DRAWS)))
 
 
 def _by_family(values: Floats, library: Library) -> Floats:
@@ -199,18 +215,20 @@ def _by_family(values: Floats, library: Library) -> Floats:
 
 def compete(evidence: Evidence, library: Library, settings: Settings, score: Floats) -> Selection:
     """Return the sum of single effects that explains a score best, with the likeliest size of the law's misfit."""
-    tried = [_at(Competition(evidence, library, settings, score, tau)) for tau in TAUS]
-    best = int(np.argmax([support for support, _ in tried]))
-    arena = Competition(evidence, library, settings, score, TAUS[best])
-    components = _settled(arena, tried[best][1])
+    best, most, unexplained = None, -np.inf, -np.inf
+    for tau in TAUS:
+        arena = Competition(evidence, library, settings, score, tau)
+        support, components = _at(arena)
+        if support > most:
+            best, most = (tau, arena, components), support
+        left = support if score is evidence.score else _at(arena.over(evidence.score))[0]
+        unexplained = max(unexplained, left)
+    assert best is not None
+    tau, arena, components = best
+    components = _settled(arena, components)
     order = sorted(components, key=lambda one: -float(one.by_family.max()))
     explained = np.sum([arena.contribution(one) for one in components], axis=0)
-    return Selection(tuple(order), TAUS[best], arena, explained)
-
-
-def support(evidence: Evidence, library: Library, settings: Settings, score: Floats) -> float:
-    """Return how much likelier a score is with a sum of single effects and the law's misfit than without."""
-    return max(_at(Competition(evidence, library, settings, score, tau))[0] for tau in TAUS)
+    return Selection(tuple(order), tau, arena, explained, unexplained)
 
 
 def _at(arena: Competition) -> tuple[float, list[Component]]:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from math import log
 
 
 @dataclass(frozen=True)
@@ -44,6 +45,11 @@ class Settings:
     folds: int = 4
     gain_level: float = 0.9
     least_drivers: float = 5.0
+
+    @property
+    def chance(self) -> float:
+        """How much likelier chance makes a recording, at the rate of false alarms (a log-likelihood ratio)."""
+        return -log(self.false_alarms)
 
 
 SETTINGS = Settings()

@@ -17,6 +17,7 @@ import numpy.typing as npt
 from scipy.optimize import minimize_scalar
 
 from idm_sumo.diagnosis.chance import Chance, draws
+from idm_sumo.diagnosis.driving import Road
 from idm_sumo.diagnosis.evidence import Subject
 from idm_sumo.diagnosis.fit import Fit, fit_drivers, fit_to_population
 from idm_sumo.diagnosis.likelihood import log_likelihood
@@ -34,7 +35,6 @@ Booleans = npt.NDArray[np.bool_]
 
 MULTIPLES = (1.0, 2.0)  # of the typical size, at which those who have it may have it
 DRIVEN = 2  # effects, of those of which a mixture of the scores says most
-FEW_ROUNDS = 8  # of the fits that are compared
 LEAST_SHARE, SHARES = 1e-4, np.linspace(0.002, 0.998, 250)
 RARELY = 3.84  # twice the log-likelihood, that chance takes off a share in one of twenty cases
 
@@ -100,14 +100,13 @@ def some_who_differ(subject: Subject, found: Found, rng: np.random.Generator) ->
     than chance makes at the stated rate of false alarms beside what null replicates show, and so many have it that it rests on enough drivers.
     """
     windows, settings, first = subject.windows, found.settings, found.first
-    chance = -np.log(settings.false_alarms)
-    base = log_likelihood(windows, found.base)
-    named = float((log_likelihood(windows, found.last.fit) - base).sum())
+    chance = settings.chance
+    road = Road(windows, found.base, first.library.plan)
+    base, _ = road.driven(())
+    named = float((road.driven(found.last.effects)[0] - base).sum()) if found.last.effects else 0.0
 
     def driven(tried: tuple[int, Placed]) -> tuple[Mixture, Floats]:
-        by_lane = with_effects(found.base, (tried[1],), first.library.plan).by_lane
-        fit = fit_drivers(windows, by_lane, found.base.start_variance, rounds=FEW_ROUNDS)
-        gain = log_likelihood(windows, fit) - base
+        gain = road.driven((tried[1],))[0] - base
         return mixture(gain), gain
 
     worth = list(_worth_driving(first))
@@ -123,23 +122,22 @@ def some_who_differ(subject: Subject, found: Found, rng: np.random.Generator) ->
     if min(having.sum(), (~having).sum()) < settings.least_drivers:
         return None
     hypothesis, placed = worth[best]
-    by_lane = with_effects(found.base, (placed,), first.library.plan).by_lane
-    if found_share.support - beside < max(_of_replicates(subject, found, by_lane, rng)) + chance:
+    if found_share.support - beside < max(_of_replicates(subject, found, placed, rng)) + chance:
         return None
     return _refined(windows, found, hypothesis, placed, having, beside)
 
 
-def _of_replicates(subject: Subject, found: Found, by_lane: Floats, rng: np.random.Generator) -> list[float]:
+def _of_replicates(subject: Subject, found: Found, placed: Placed, rng: np.random.Generator) -> list[float]:
     """Return by how much a mixture beats models of all alike in replicates of the model that all have: noise and refitting make that of it.
 
     Where a cause shows in a few moments only, drivers err in them more than the covariance of all moments says.
     """
-    alike = (found.base.by_lane, found.last.fit.by_lane) if found.last.effects else (found.base.by_lane,)
+    models = ((placed,), (), *filter(None, [found.last.effects]))
 
     def beaten(chance: Chance) -> float:
         null, _ = driven_again(subject.windows, found.last.fit, chance, drawn=False, is_smooth=subject.is_smooth)
-        fits = (fit_drivers(null, one, found.base.start_variance, rounds=FEW_ROUNDS) for one in (by_lane, *alike))
-        with_it, without, *named = (log_likelihood(null, fit) for fit in fits)
+        road = Road(null, found.base, found.first.library.plan)
+        with_it, without, *named = (road.driven(effects)[0] for effects in models)
         gain = with_it - without
         beside = max(0.0, float(gain.sum()), *(float((one - without).sum()) for one in named))
         return mixture(gain).support - beside
@@ -173,7 +171,7 @@ def _worth_driving(look: Look) -> Iterator[tuple[int, Placed]]:
     for number, said in more.items():
         name = library.group_of(number).name
         by_family[name] = max(said, by_family.get(name, 0.0))
-    chance = -np.log(look.settings.false_alarms)
+    chance = look.settings.chance
     likely = sorted((name for name in by_family if by_family[name] > chance), key=lambda name: -by_family[name])
     driven: set[tuple[object, ...]] = set()
     for number in more:

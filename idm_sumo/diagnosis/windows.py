@@ -21,6 +21,7 @@ LEAD = 25  # frames before the start: the past that a delay reaches into, and a 
 HORIZON = 120  # frames, 12 s
 LEAST_HORIZON = 50  # frames, 5 s: below, a driver has not answered yet
 EVERY = 10  # frames between compared positions
+MOST = 8000  # windows of a diagnosis, of about a thousand drivers: effects worth a hundredth of the error show in fewer
 STANDING = 0.5  # m/s
 MOVING = 1.0  # m/s: a window in which nobody is faster says nothing
 UNREST_FRAMES = 150
@@ -133,8 +134,20 @@ def several_periods(windows: Windows) -> bool:
     return len(np.unique(windows.period)) > 1
 
 
-def cut_windows(recording: Recording, own: Smoother, leaders: Smoother) -> Windows:
+def cut_windows(
+    recording: Recording, own: Smoother, leaders: Smoother, rng: np.random.Generator, most: int = MOST
+) -> Windows:
     """Smooth a recording (unless it is smooth), followers and leaders each by their filter, and cut it into windows.
+
+    Parameters
+    ----------
+    recording : Recording
+    own, leaders : Smoother
+        Of followers and of leaders.
+    rng : numpy.random.Generator
+        Of the neighbours that are drawn where there are more windows.
+    most : int
+        Windows, about: whole blocks of neighbours are drawn, so that neither time nor memory grows with what was recorded.
 
     Notes
     -----
@@ -160,16 +173,19 @@ def cut_windows(recording: Recording, own: Smoother, leaders: Smoother) -> Windo
     blurred = np.where(np.isfinite(blurred), blurred, seen[LEADERS, :])
     keys, driver = np.unique(key[rows[:, LEAD]] if len(rows) else np.empty(0, np.int64), return_inverse=True)
     entry = np.array([np.searchsorted(key, one) for one in keys], dtype=np.int64)
+    platoon = _platoons(code[entry], table[c.LANE].to_numpy()[entry], table[c.FRAME].to_numpy()[entry])
+    drawn = _drawn(np.bincount(driver, minlength=len(keys)), platoon, most, rng)
     excluded = {
         f"no leader for {horizon * FRAME_STEP:g} s": len(np.unique(key)) - len(np.unique(key[first])),
         "standing": len(np.unique(key[first])) - len(keys),
+        f"not drawn: about {most:,} windows of all drivers are enough": len(keys) - int(drawn.sum()),
     }
+    rows, driver, entry = rows[drawn[driver]], np.cumsum(drawn)[driver[drawn[driver]]] - 1, entry[drawn]
     periods = np.asarray(table[c.PERIOD].astype(str))
     return Windows(
         seen=_cut(seen, rows), blurred=_cut(blurred, rows), driver=driver.astype(np.int64),
         vehicle=table[c.VEHICLE].to_numpy(np.int64)[entry], period=periods[entry],
-        platoon=_platoons(code[entry], table[c.LANE].to_numpy()[entry], table[c.FRAME].to_numpy()[entry]),
-        own=own, leaders=leaders,
+        platoon=np.unique(platoon[drawn], return_inverse=True)[1].astype(np.int64), own=own, leaders=leaders,
         excluded={reason: number for reason, number in excluded.items() if number},
     )  # fmt: skip
 
@@ -177,6 +193,18 @@ def cut_windows(recording: Recording, own: Smoother, leaders: Smoother) -> Windo
 def _cut(columns: Floats, rows: Integers) -> Floats:
     """Return the columns of each window's rows, one after the other in memory, shape ``(windows, columns, frames)``."""
     return np.ascontiguousarray(columns[:, rows].transpose(1, 0, 2))
+
+
+def _drawn(count: Integers, platoon: Integers, most: int, rng: np.random.Generator) -> npt.NDArray[np.bool_]:
+    """Return which drivers take part, by how many windows each has: all, or blocks drawn at random until they have so many."""
+    if count.sum() <= most:
+        return np.ones(len(count), dtype=bool)
+    of_block = np.bincount(platoon, count)
+    order = rng.permutation(len(of_block))
+    before = np.cumsum(of_block[order]) - of_block[order]
+    taken = np.zeros(len(of_block), dtype=bool)
+    taken[order[before < most]] = True
+    return taken[platoon]
 
 
 def _stretches(good: npt.NDArray[np.bool_], same: npt.NDArray[np.bool_]) -> tuple[Integers, Integers]:

@@ -61,7 +61,7 @@ def test_stages_of_a_diagnosis(benchmark, recording: Recording) -> None:
 def test_rollouts_side_by_side(benchmark, recording: Recording) -> None:
     """Eight rollouts of every window in one pass, against one after the other."""
     own = local_cubic(21)
-    windows = cut_windows(recording, own, own)
+    windows = cut_windows(recording, own, own, np.random.default_rng(0))
     theta = np.repeat(np.tile(np.exp(TEXTBOOK), (windows.drivers, 1))[:, :, None], 8, axis=2)
     start = np.zeros((2, 8))
     one = np.ascontiguousarray(theta[:, :, 0])

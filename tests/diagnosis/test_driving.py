@@ -8,11 +8,8 @@ import pytest
 from idm_sumo.diagnosis import driving as dr
 from idm_sumo.diagnosis import plan as pl
 from idm_sumo.diagnosis import windows as w
-from idm_sumo.diagnosis.chance import Noises
-from idm_sumo.diagnosis.evidence import Subject
 from idm_sumo.diagnosis.fit import fit_drivers
 from idm_sumo.diagnosis.model import Placed
-from idm_sumo.diagnosis.noise import QUIET
 from idm_sumo.diagnosis.rollout import PLAIN
 from idm_sumo.models.effects import BY_NAME
 from tests.helpers.followers import followers
@@ -34,7 +31,7 @@ def late() -> dr.Road:
     windows, _ = followers(by_lane, np.random.default_rng(5))
     windows.seen[:, w.X] += 0.05 * np.random.default_rng(6).standard_normal(windows.seen[:, w.X].shape)
     base = fit_drivers(windows, PLAIN.copy(), START)
-    return dr.Road(Subject(windows, Noises(QUIET, QUIET), True), base, pl.Plan((), 10.0, (1,), (0.0, 60.0)))
+    return dr.Road(windows, base, pl.Plan((), 10.0, (1,), (0.0, 60.0)))
 
 
 @pytest.mark.parametrize("top", [0.02, 0.15, 0.4, 1.3, 2.4, -0.3])

@@ -12,7 +12,7 @@ from idm_sumo.diagnosis import plan as pl
 from idm_sumo.diagnosis import selection as se
 from idm_sumo.diagnosis.evidence import Evidence
 from idm_sumo.diagnosis.library import library_of
-from idm_sumo.diagnosis.search import Look
+from idm_sumo.diagnosis.search import Look, Trial
 from idm_sumo.diagnosis.settings import SETTINGS
 from idm_sumo.models.effects import BY_NAME
 
@@ -99,6 +99,14 @@ def test_nothing_wins_where_nothing_is_hidden():
 )
 def test_what_is_hidden_wins(name, size):
     assert winners(look(hidden(**{name: size}), 3))[:1] == [name]
+
+
+def test_what_does_not_win_where_it_is_in_the_model_does_not_enter():
+    around, before = look(hidden(hysteresis=0.25), 3), look(hidden(hysteresis=0.25, location=0.25), 3)
+    less = before.selection.unexplained - around.selection.unexplained
+    assert Trial(around, before, "location", 50.0).better == -np.inf
+    assert Trial(around, before, "hysteresis", 50.0).better == pytest.approx(0.5 * (50.0 + less))
+    assert Trial(around, before).better == less > 0.0
 
 
 def test_of_two_both_win():

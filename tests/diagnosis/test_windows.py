@@ -16,7 +16,7 @@ BRAKES = 60  # frame of its own
 
 def seen_of(*cars: Car) -> dict[int, w.Floats]:
     """What the first window of each driver shows, by vehicle."""
-    cut = w.cut_windows(recording(*cars), local_cubic(WINDOW), local_cubic(WINDOW))
+    cut = w.cut_windows(recording(*cars), local_cubic(WINDOW), local_cubic(WINDOW), np.random.default_rng(0))
     return {int(cut.vehicle[driver]): cut.seen[n] for n, driver in enumerate(cut.driver)}
 
 
@@ -46,3 +46,20 @@ def test_hard_braking_is_remembered_and_a_steady_drive_has_none(followers):
     np.testing.assert_allclose(since[after], clock[after] - end, atol=1.0)
     assert (since[clock < 0.1 * BRAKES - 1.0] > 1e5).all()
     assert (followers[3][w.SINCE_BRAKING] > 1e5).all()
+
+
+def test_of_many_windows_whole_blocks_of_neighbours_are_drawn():
+    cars = [Car(1 + n, x=30.0 * n, lane=1 + lane, frames=FRAMES) for lane in range(2) for n in range(lane, 80, 2)]
+    whole, some = (
+        w.cut_windows(
+            recording(*cars), local_cubic(WINDOW), local_cubic(WINDOW), np.random.default_rng(3), **most
+        ) for most in ({}, {"most": 30})
+    )  # fmt: skip
+    assert 30 <= len(some.seen) < 30 + 5 * 2
+    assert len(whole.seen) > 60
+    place = np.searchsorted(whole.vehicle, some.vehicle)
+    for block in np.unique(whole.platoon[place]):
+        assert np.isin(whole.vehicle[whole.platoon == block], some.vehicle).all()
+    both = np.concatenate([whole.seen[np.isin(whole.driver, place)], some.seen]).reshape(2, len(some.seen), -1)
+    np.testing.assert_array_equal(both[0], both[1])
+    assert sum(some.excluded.values()) - sum(whole.excluded.values()) == whole.drivers - some.drivers

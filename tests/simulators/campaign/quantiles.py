@@ -40,7 +40,7 @@ def z_of(file: Path, seed: int) -> dict[str, float]:
     if isinstance(ready, Windows):
         return {}
     now = looking(ready.subject, SETTINGS, rng)(ready.followed.fit, ())
-    arena, library = now.arena(), now.library
+    arena, library = now.selection.arena, now.library
     z = arena.component(arena.nothing).z
     members = {name: np.flatnonzero(library.family == n) for n, name in enumerate(library.names) if name in BY_NAME}
     return {name: float(z[each[len(each) // 2]]) for name, each in members.items()}
