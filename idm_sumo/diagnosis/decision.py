@@ -104,27 +104,34 @@ def decide(subject: Subject, found: Found, rng: np.random.Generator) -> Decision
     there = [one for one in claims if one.placed is not None]
     free = tuple(one for one in claims if one.placed is None)
     fold = folds_of(windows.platoon, settings.folds, rng)
-    base = by_folds(windows, [found.base] * settings.folds, fold)
+    base = by_folds(windows, [_fitted(subject, found, ())] * settings.folds, fold)
     measured = _with_gains(subject, found, there, base, fold, rng)
     named = tuple(one for one in measured if one.gain and lower_bound(one.gain, settings.gain_level) > 0.0)
     without = tuple(one for one in measured if one not in named)
+    fit = _fitted(subject, found, named)
+    extended = by_folds(windows, _by_fold(found, fit, named, fold), fold) if named else base
     some = some_who_differ(subject, found, rng)
     if some is not None:
-        apart = _of_some(windows, found, some, base, rng)
+        apart = _of_some(windows, found, some, base, extended, rng)
         if apart is not None:
             return apart
     if not named:
         return Decision((), without, free, found.base, base, base, found.last, swing=_swing(found.last))
-    fit = _fitted(subject, found, named)
-    extended = by_folds(windows, _by_fold(found, fit, named, fold), fold)
     return Decision(named, without, free, fit, base, extended, found.last)
 
 
-def _of_some(windows: Windows, found: Found, some: Some, base: Errors, rng: np.random.Generator) -> Decision | None:
-    """Return that some drivers have a cause, if it improves windows that did not say who has it; else None."""
+def _of_some(
+    windows: Windows, found: Found, some: Some, base: Errors, alike: Errors, rng: np.random.Generator
+) -> Decision | None:
+    """Return that some drivers have a cause, or None.
+
+    It must improve windows that did not say who has it, and more than what is named of all drivers alike improves them.
+    """
     extended = driven(by_their_other_windows(windows, some.fit, some.share.value), some.fit)
-    gain = typical_gain(base.ade_m, extended.ade_m, windows.platoon, rng, held_out=True)
-    if lower_bound(gain, found.settings.gain_level) <= 0.0:
+    gain, more = (
+        typical_gain(other.ade_m, extended.ade_m, windows.platoon, rng, held_out=True) for other in (base, alike)
+    )
+    if min(lower_bound(one, found.settings.gain_level) for one in (gain, more)) <= 0.0:
         return None
     placed, families = some.placed, len(found.first.library.names)
     z, having = float(np.sqrt(2.0 * some.support)), some.windows.seen[:, WITHOUT, 0] == 0.0
@@ -210,7 +217,7 @@ def _with_gains(
 
 
 def _fitted(subject: Subject, found: Found, claims: list[Claim] | tuple[Claim, ...]) -> Fit:
-    """Return the model with claims: the search's own if they are all that is in it."""
+    """Return the model with claims: the search's own if they are all that is in it, else one whose drivers adapt from there."""
     effects = [one.placed for one in claims if one.placed is not None]
     if {one.name for one in effects} == {one.name for one in found.last.effects}:
         return found.last.fit

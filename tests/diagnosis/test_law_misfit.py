@@ -84,7 +84,8 @@ def test_an_idm_lacks_what_drivers_of_another_law_do(number: int, *, lacks: bool
     plan = co.plan_of(windows, fit, free=False)
     evidence = ev.examine(subject, fit, plan, chances)
     library = library_of(plan, SETTINGS)
-    nothing = se.Selection((), 0.0, np.zeros(len(library.names)), np.zeros(plan.count))
+    arena = se.Competition(evidence, library, SETTINGS, evidence.score, 0.0)
+    nothing = se.Selection((), 0.0, arena, np.zeros(plan.count), 0.0)
     look = Look(fit, (), evidence, library, evidence.score, nothing, SETTINGS)
     found = law_misfit(windows, look.of_form, plan.speed)
     assert (found.p_value < 1e-3) is lacks
