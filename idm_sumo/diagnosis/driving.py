@@ -35,17 +35,20 @@ class Driven:
     Attributes
     ----------
     effects : tuple of Placed
-    fit : Fit
     total : float
         Log-likelihood over that without the last effect, less what null replicates show.
-    support : float
-        The same as far as blocks of drivers agree on it.
+    slope : float
+        Of what they show, by the last effect's size.
     """
 
     effects: tuple[Placed, ...]
-    fit: Fit
     total: float
-    support: float
+    slope: float
+
+    @property
+    def last(self) -> Placed:
+        """The effect that is judged."""
+        return self.effects[-1]
 
 
 @dataclass(frozen=True)
@@ -67,19 +70,14 @@ class Road:
 
     def sized(self, rest: Sequence[Placed], one: Placed, slope: float, without: Floats) -> Driven:
         """Return an effect at its likeliest size beside others; how likely drivers are without it is known."""
-        kept: dict[float, tuple[Floats, Fit]] = {}
-        each_slope = slope / max(len(without), 1)
 
         def at(value: float) -> float:
-            kept[value] = self.driven([*rest, replace(one, value=value)])
-            return float((kept[value][0] - without - each_slope * value).sum())
+            likely, _ = self.driven([*rest, replace(one, value=value)])
+            return float((likely - without).sum()) - slope * value
 
         curve = _climbed(at, one)
         best = max((value for value in curve if value), key=lambda value: curve[value])
-        likely, fit = kept[best]
-        each = likely - without - each_slope * best
-        support = agreed(each, self.windows.platoon)
-        return Driven((*rest, replace(one, value=best)), fit, float(each.sum()), support)
+        return Driven((*rest, replace(one, value=best)), curve[best], slope)
 
     def likeliest(self, rest: Sequence[Placed], forms: Sequence[tuple[Placed, float]], without: Floats) -> int:
         """Return which of several forms of an effect, each with its size and slope, is likeliest as it is driven."""
@@ -109,28 +107,6 @@ class Road:
                 states[value] = float(likely.sum()), fit, moved
                 curve[value] = states[value][0] - slope * value
         return states[max(curve, key=lambda value: curve[value])]
-
-
-def agreed(each: Floats, block: npt.NDArray[np.int64]) -> float:
-    r"""Return a difference of log-likelihoods as far as blocks of drivers agree on it.
-
-    Of a model that is right, the differences' mean is half of its squared standard errors :math:`z^2`, and their deviation :math:`z`; so
-    twice the squared ratio of both says as much as the difference itself. It says less where few drivers say it all.
-
-    Parameters
-    ----------
-    each : float64, shape (drivers,)
-    block : int64, shape (drivers,)
-        Of neighbours.
-
-    References
-    ----------
-    Vuong (1989), Likelihood ratio tests for model selection and non-nested hypotheses.
-    """
-    sums = np.bincount(np.unique(block, return_inverse=True)[1], each)
-    deviation = float(np.sqrt(len(sums)) * sums.std(ddof=1)) if len(sums) > 1 else np.inf
-    ratio = float(sums.sum()) / max(deviation, 1e-12)
-    return float(np.sign(ratio) * min(abs(float(sums.sum())), 2.0 * ratio**2))
 
 
 def _within(one: Placed, value: float) -> float:

@@ -57,8 +57,8 @@ def detectable(
     for done, (name, multiple) in enumerate(plans):
         progress(STAGE, done, len(plans))
         injected = _usual(look, name, multiple)
-        trial = Trial(subject, look, injected)
-        hits = each_in_threads(trial.finds, draws(subject.windows, subject.noises, number, rng))
+        injection = Injection(subject, look, injected)
+        hits = each_in_threads(injection.finds, draws(subject.windows, subject.noises, number, rng))
         first = injected.magnitude
         out.append(Detectable(name, first.symbol, first.unit, injected.value, int(sum(hits)), number))
     return tuple(out)
@@ -80,7 +80,7 @@ def _of_name(library: Library, name: str) -> npt.NDArray[np.bool_]:
 
 
 @dataclass(frozen=True)
-class Trial:
+class Injection:
     """The recording's followers at a look's model, with an effect beside."""
 
     subject: ev.Subject

@@ -5,7 +5,6 @@ from __future__ import annotations
 from collections.abc import Callable
 from dataclasses import dataclass, replace
 from functools import cached_property
-from typing import NamedTuple
 
 import numpy as np
 import numpy.typing as npt
@@ -174,9 +173,9 @@ def _trials(now: Look, road: Road, look: Looking, gone: set[str]) -> list[Trial]
         return trials
     slopes = [_slope(now, one) for one in now.effects]
 
-    def with_one_more(one: Entering) -> Trial:
-        driven = look(*road.together(one.driven.effects, [*slopes, one.slope]))
-        return Trial(driven, now, one.driven.effects[-1].name, one.driven.total)
+    def with_one_more(one: Driven) -> Trial:
+        around = look(*road.together(one.effects, [*slopes, one.slope]))
+        return Trial(around, now, one.last.name, one.total)
 
     return trials + each_in_threads(with_one_more, _entering(now, road, gone))
 
@@ -254,14 +253,7 @@ def name_of(library: Library, hypothesis: int) -> str:
     return library.names[int(library.family[hypothesis])]
 
 
-class Entering(NamedTuple):
-    """An effect that enters the model, driven beside those in it."""
-
-    driven: Driven
-    slope: float
-
-
-def _entering(now: Look, road: Road, gone: set[str]) -> list[Entering]:
+def _entering(now: Look, road: Road, gone: set[str]) -> list[Driven]:
     """Return the effects that may enter the model: the likeliest once they are driven.
 
     One that is likeliest beyond all that drivers can have of it is not what they have.
@@ -269,21 +261,21 @@ def _entering(now: Look, road: Road, gone: set[str]) -> list[Entering]:
     tried = _candidates(now, gone)
     without = road.driven(now.effects)[0] if tried else np.empty(0)
 
-    def driven(forms: list[tuple[int, float]]) -> Entering:
+    def driven(forms: list[tuple[int, float]]) -> Driven:
         each = [
             (placed_of(now.library, hypothesis, size, now.effects), _null_slope(now, hypothesis))
             for hypothesis, size in forms
         ]
         one, slope = each[road.likeliest(now.effects, each, without)]
-        return Entering(road.sized(now.effects, one, slope, without), slope)
+        return road.sized(now.effects, one, slope, without)
 
     each = each_in_threads(driven, tried)
-    likely = [one for one in each if one.driven.total > 0.0 and not one.driven.effects[-1].at_bound]
-    likely = sorted(likely, key=lambda one: -one.driven.total)[:COMPARED]
+    likely = [one for one in each if one.total > 0.0 and not one.last.at_bound]
+    likely = sorted(likely, key=lambda one: -one.total)[:COMPARED]
     # None leaves less than nothing unexplained: who cannot be better than the likeliest of them, or than chance, is not looked at.
     left = now.selection.unexplained
-    least = max([2.0 * now.settings.chance - left, *(one.driven.total - left for one in likely[:1])])
-    return [one for one in likely if one.driven.total > least]
+    least = max([2.0 * now.settings.chance - left, *(one.total - left for one in likely[:1])])
+    return [one for one in likely if one.total > least]
 
 
 def _null_slope(now: Look, hypothesis: int) -> float:

@@ -13,7 +13,7 @@ from idm_sumo.diagnosis import injection
 from idm_sumo.diagnosis import selection as se
 from idm_sumo.diagnosis.chance import Noises, draws
 from idm_sumo.diagnosis.fit import fit_drivers
-from idm_sumo.diagnosis.injection import Trial, detectable
+from idm_sumo.diagnosis.injection import Injection, detectable
 from idm_sumo.diagnosis.library import library_of
 from idm_sumo.diagnosis.noise import Noise
 from idm_sumo.diagnosis.replicates import make_replicate
@@ -53,7 +53,7 @@ def test_twice_the_typical_size_wins_and_next_to_nothing_does_not(
     chances = draws(subject.windows, subject.noises, 4, np.random.default_rng(3))
 
     def share(effect: injection.Placed) -> int:
-        trial = Trial(subject, found.last, effect)
+        trial = Injection(subject, found.last, effect)
         return sum(trial.finds(chance) for chance in chances)
 
     assert share(large) >= 3
