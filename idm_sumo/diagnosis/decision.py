@@ -108,16 +108,17 @@ def decide(subject: Subject, found: Found, rng: np.random.Generator) -> Decision
     measured = _with_gains(subject, found, there, base, fold, rng)
     named = tuple(one for one in measured if one.gain and lower_bound(one.gain, settings.gain_level) > 0.0)
     without = tuple(one for one in measured if one not in named)
-    fit = _fitted(subject, found, named)
-    extended = by_folds(windows, _by_fold(found, fit, named, fold), fold) if named else base
+    fit, extended = found.base, base
+    if named:
+        fit = _fitted(subject, found, named)
+        extended = by_folds(windows, _by_fold(found, fit, named, fold), fold)
     some = some_who_differ(subject, found, rng)
     if some is not None:
         apart = _of_some(windows, found, some, base, extended, rng)
         if apart is not None:
             return apart
-    if not named:
-        return Decision((), without, free, found.base, base, base, found.last, swing=_swing(found.last))
-    return Decision(named, without, free, fit, base, extended, found.last)
+    swing = None if named else _swing(found.last)
+    return Decision(named, without, free, fit, base, extended, found.last, swing=swing)
 
 
 def _of_some(

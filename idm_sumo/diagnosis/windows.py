@@ -21,9 +21,7 @@ LEAD = 25  # frames before the start: the past that a delay reaches into, and a 
 HORIZON = 120  # frames, 12 s
 LEAST_HORIZON = 50  # frames, 5 s: below, a driver has not answered yet
 EVERY = 10  # frames between compared positions
-MOST = (
-    6000  # windows of a diagnosis, of about seven hundred drivers: effects worth a hundredth of the error show in fewer
-)
+MOST = 6000  # windows of a diagnosis, of about seven hundred drivers: more cost time and memory in proportion
 STANDING = 0.5  # m/s
 MOVING = 1.0  # m/s: a window in which nobody is faster says nothing
 UNREST_FRAMES = 150
